@@ -33,7 +33,7 @@ KINDS: dict[str, Callable[[], Any]] = {
 OUTPUTS = {"decode": "o.npz", "edit": "o.iso", "plot": "o.png"}
 """Commands that open a file and write one."""
 VALUES = {
-    "isovalue": "80.5", "isovalues": "80.5", "frame": "0", "layers": "1", "max_bytes": "1M", "box": "4:20,4:20",
+    "isovalue": "80.5", "isovalues": "80.5", "frame": "0", "layers": "1", "max_bytes": "1M", "window": "4:20,4:20",
     "within": "2", "what": "mesh", "side": "below", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
     "steps": "2", "index": "2", "title": "t", "dpi": "50", "seen_from": "top", "map_interval": "20", "offset": "1",
     "limit_memory": "900M", "limit_work": "100000000", "limit_samples": "100000", "mesh": "known.npz", "kind": "iso",

@@ -94,8 +94,8 @@ def check_info(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
 def check_contour(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     contour = file.contour(level_of(kind))
     assert contour.complete and len(contour.cells) and contour.isovalue == level_of(kind)
-    box = [(3.0, 6.0), (2.0, 7.0)] if kind == "mesh" else [(4, 20), (10, 30)]
-    part = file.contour(level_of(kind), box=box)
+    window = [(3.0, 6.0), (2.0, 7.0)] if kind == "mesh" else [(4, 20), (10, 30)]
+    part = file.contour(level_of(kind), window=window)
     assert 0 < len(part.cells) < len(contour.cells)
     beginning = file.contour(level_of(kind), max_bytes=len(data) - 1, partial=True)
     assert beginning.points.shape[1] == 2
@@ -174,8 +174,8 @@ def check_size(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     assert edited(data, kind, size=len(data) - 20).size <= len(data) - 20
 
 
-def check_box(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
-    part = edited(data, kind, box=[(4, 20), (10, 30)])
+def check_window(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    part = edited(data, kind, window=[(4, 20), (10, 30)])
     assert part.shape == (17, 21)
     contour = part.contour()
     assert len(contour.cells) and {tuple(p) for p in contour.placed} <= {tuple(p) for p in file.contour().placed}

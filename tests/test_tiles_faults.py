@@ -214,7 +214,7 @@ def test_servers_that_do_it_their_way(noise: bytes, how: str) -> None:
         if how == "whole":
             assert pieces(file.contour()) == pieces(wanted.window())
         else:
-            assert pieces(file.contour(box=BOX)) == pieces(wanted.window(BOX))
+            assert pieces(file.contour(window=BOX)) == pieces(wanted.window(BOX))
             assert sum(sent) < len(noise) // 2
 
 
@@ -226,7 +226,7 @@ def test_servers_that_fail(noise: bytes, how: str, tmp_path: Path, monkeypatch: 
     with served(noise, how) as (url, _):
         started = time.monotonic()
         with pytest.raises((IsoError, OSError)) as raised:
-            isocodec.open(url).contour(box=BOX)
+            isocodec.open(url).contour(window=BOX)
         assert time.monotonic() - started < 10
         assert str(raised.value)
         assert not how.startswith("hangs") or "not answered" in str(raised.value)

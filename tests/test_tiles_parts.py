@@ -48,7 +48,7 @@ def test_a_window_in_one_piece(tmp_path: Path, n: int, integers: bool) -> None:
         ]
         for each in options:
             data = encoded(tmp_path, field, 0.5, **each)
-            part = isocodec.decode(isocodec.open(data).edited(box=box.tolist()))
+            part = isocodec.decode(isocodec.open(data).edited(window=box.tolist()))
             assert part.shape == field[window].shape
             assert np.allclose(matrix(part), [[0, 1, low[1]], [1, 0, low[0]]] if n == 2 else np.c_[np.eye(3), low])
             if each:
@@ -68,7 +68,7 @@ def test_the_same_bytes_as_of_the_samples(tmp_path: Path) -> None:
     """Exact values: what the field's samples themselves would give, but for the placement."""
     field = hilly()
     file = isocodec.open(encoded(tmp_path, field, [30.5, 60.5], precision="exact"))
-    made = file.edited(box=[(20, 120), (31, 150)])
+    made = file.edited(window=[(20, 120), (31, 150)])
     wanted = isocodec.encode(
         isocodec.Field(field[20:121, 30:151], placement=[[0, 1, 30], [1, 0, 20]]), [30.5, 60.5], precision="exact",
     )
@@ -83,7 +83,7 @@ def test_a_tile_as_it_is(tmp_path: Path) -> None:
         file = tiled_of(data)
         index = (2, 3)
         window = file.head.grid.window(index)
-        made = isocodec.open(data).edited(box=[(w.start, w.stop - 1) for w in window])
+        made = isocodec.open(data).edited(window=[(w.start, w.stop - 1) for w in window])
         for number, isovalue in enumerate((30.5, 60.5)):
             mask, segments = file.tiles([index], number, 3)[0][2:]
             assert mask in made and all(segment in made for segment in segments)
@@ -100,21 +100,21 @@ def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
     data = encoded(tmp_path, field, 30.5, precision=1.0)
     coarse = isocodec.open(data)
     with pytest.raises(OptionError, match="one tile"):
-        coarse.edited(box=[(0, 100), (0, 100)])
-    tile = coarse.edited(box=[(32, 64), (64, 96)])
+        coarse.edited(window=[(0, 100), (0, 100)])
+    tile = coarse.edited(window=[(32, 64), (64, 96)])
     assert pieces(isocodec.decode(tile)) == pieces(isocodec.decode(tiled_of(data).plain((1, 2))))
     file = isocodec.open(encoded(tmp_path, field, 30.5))
     for box in ([(200, 210), (0, 3)], [(0, 3)], [(3, 0), (0, 3)]):
         with pytest.raises(OptionError):
-            file.edited(box=box)
+            file.edited(window=box)
     with pytest.raises(OptionError, match="no isovalue"):
-        file.edited(box=[(0, 9), (0, 9)], isovalues=[3])
+        file.edited(window=[(0, 9), (0, 9)], isovalues=[3])
     small = isocodec.open(encoded(tmp_path, field, 30.5), limits=isocodec.Limits(samples=100))
     with pytest.raises(LimitError):
-        small.edited(box=[(0, 20), (0, 20)])
+        small.edited(window=[(0, 20), (0, 20)])
     # a point, and the field's last corner
-    assert isocodec.decode(file.edited(box=[(4, 4), (6, 6)])).shape == (2, 2)
-    assert isocodec.decode(file.edited(box=[(149, 149), (209, 209)])).shape == (2, 2)
+    assert isocodec.decode(file.edited(window=[(4, 4), (6, 6)])).shape == (2, 2)
+    assert isocodec.decode(file.edited(window=[(149, 149), (209, 209)])).shape == (2, 2)
 
 
 @pytest.mark.parametrize("options", [{}, {"precision": "signs"}, {"precision": "exact"}])

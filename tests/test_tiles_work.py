@@ -302,7 +302,7 @@ def test_a_window_of_a_url(tmp_path: Path) -> None:
     with served(data) as (url, sent):
         file = isocodec.open(url)
         assert file.kind == "tiles" and len(sent) == 1
-        part = file.contour(box=[(300, 330), (400, 430)])
+        part = file.contour(window=[(300, 330), (400, 430)])
         assert pieces(part) == pieces(tiled_of(data).window([(300, 330), (400, 430)]))
         assert len(sent) <= 8 and sum(sent) < len(data) // 2
         assert file.complete

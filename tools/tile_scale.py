@@ -87,7 +87,7 @@ def fetched(path: Path) -> None:
     print(f"whole curve within 20 samples: {len(Ranges.asked)} requests, {sum(Ranges.asked):,} bytes, "
           f"{len(whole.points):,} points")
     before = len(Ranges.asked)
-    part = file.contour(box=[(int(at * file.shape[0]), int(at * file.shape[0]) + 1000) for at in WINDOW])
+    part = file.contour(window=[(int(at * file.shape[0]), int(at * file.shape[0]) + 1000) for at in WINDOW])
     later = Ranges.asked[before:]
     print(f"a window of 1000 x 1000 at full precision: {len(later)} requests, {sum(later):,} bytes, "
           f"{len(part.points):,} points")

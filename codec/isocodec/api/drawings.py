@@ -52,8 +52,8 @@ class Drawings(Collection[Contour]):
         self.n = len(self.shape)
         self.counts: list[Counts] = []
         self._decoder, self._view, self._cost = decoder, view, cost
-        if view.box is not None:
-            bounds_of(view.box, self.n)
+        if view.window is not None:
+            bounds_of(view.window, self.n)
 
     def __len__(self) -> int:
         return len(self._decoder.isovalues)
@@ -66,7 +66,7 @@ class Drawings(Collection[Contour]):
         for number in range(len(self)):
             contour = decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes)
             decoder.discard(number)
-            contour = clipped(contour, view.box)
+            contour = clipped(contour, view.window)
             counts = Counts.of(contour)
             size = contour.points.nbytes + contour.cells.nbytes
             decoder.hold(kept + size + self._cost.peak(counts.points, counts.cells))

@@ -27,7 +27,7 @@ class Edit:
 
     layers: int | None = None
     size: int | None = None
-    box: Sequence[Sequence[float]] | None = None
+    window: Sequence[Sequence[float]] | None = None
     isovalues: Sequence[float] | None = None
     profile: ProfileName | None = None
     precision: Any = None
@@ -35,28 +35,30 @@ class Edit:
 
     def __post_init__(self) -> None:
         if all(getattr(self, each.name) in (None, False) for each in fields(self)):
-            raise OptionError("nothing to change", code="edit", remedy="give layers, size, box, isovalues or profile")
+            raise OptionError(
+                "nothing to change", code="edit", remedy="give layers, size, window, isovalues or profile"
+            )
         if self.layers is not None and self.size is not None:
             raise OptionError("layers and size cannot be combined", code="options", remedy="choose one")
 
 
 def edited(held: WholeFile | TileFile, edit: Edit) -> bytes:
-    """Make the changes one after the other: box, isovalues, profile and precision, layers or size."""
+    """Make the changes one after the other: window, isovalues, profile and precision, layers or size."""
     if isinstance(held, TileFile):
         recoded = edit.profile is not None or edit.precision is not None
-        if edit.box is None and not recoded and edit.isovalues is None:
+        if edit.window is None and not recoded and edit.isovalues is None:
             return _shorter_tiles(held.tiled, edit.layers, edit.size)
-        data = extracted(held.tiled, edit.box, edit.isovalues)
+        data = extracted(held.tiled, edit.window, edit.isovalues)
         limits = held.limits
         rest = Edit(edit.layers, edit.size, None, None, edit.profile, edit.precision, edit.keep_topology) if (
             recoded or edit.layers or edit.size
         ) else None
         return data if rest is None else edited(WholeFile(data, limits), rest)
     data, limits = held.data, held.limits
-    if edit.box is not None and ("box", held.kind) in IMPOSSIBLE:
-        raise impossible("box", held.kind)
-    if edit.box is not None:
-        data = _cropped(WholeFile(data, limits), edit.box)
+    if edit.window is not None and ("window", held.kind) in IMPOSSIBLE:
+        raise impossible("window", held.kind)
+    if edit.window is not None:
+        data = _cropped(WholeFile(data, limits), edit.window)
     if edit.isovalues is not None:
         data = _with_isovalues(WholeFile(data, limits), edit.isovalues)
     if edit.profile is not None or edit.precision is not None:
@@ -80,10 +82,10 @@ def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> by
     raise OptionError(f"{size} bytes are too few for the first layer of all tiles", code="max-bytes")
 
 
-def _cropped(whole: WholeFile, box: Sequence[Sequence[float]]) -> bytes:
-    """A box of samples of the file of a grid, in all frames."""
+def _cropped(whole: WholeFile, window: Sequence[Sequence[float]]) -> bytes:
+    """A window of samples of the file of a grid, in all frames."""
     held = held_by(whole.data, whole.limits)
-    low, size = box_of(held.header.shape, box, whole.limits or Limits())
+    low, size = box_of(held.header.shape, window, whole.limits or Limits())
     frames = [[cropped(one, low, size) for one in sources] for sources in held.frames]
     held = replace(held, frames=frames, metadata=moved_notes(held.metadata, low))
     return same_again(held, Options(profile=held.profile, metadata=held.metadata), expected=False)

@@ -32,13 +32,12 @@ _KINDS: Mapping[str, Kind] = {
 }
 """Things that can be written of a file, as writers call them."""
 _APART: Mapping[str, tuple[str, ...]] = {
-    "above": ("layers", "max_bytes", "box", "within"),
-    "valid": ("layers", "max_bytes", "box", "within", "frame"),
-    "labels": ("layers", "max_bytes", "box", "within", "frame", "partial"),
-    "surface": ("layers", "box", "within", "frame", "smooth"),
+    "above": ("layers", "max_bytes", "window", "within"),
+    "valid": ("layers", "max_bytes", "window", "within", "frame"),
+    "labels": ("layers", "max_bytes", "window", "within", "frame", "partial"),
+    "surface": ("layers", "window", "within", "frame", "smooth"),
 }
 """Parts of a file that cannot be chosen of what is decoded."""
-_WRITTEN = {"box": "window", "max_bytes": "max-bytes"}
 _ARRAY = ".npy"
 """Suffix of arrays: of labels, and of the picture that a surface makes."""
 _LISTED = 5
@@ -190,8 +189,7 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     suffix = check_export(path, what, wanted.options)
     for name in _APART.get(what, ()):
         if name in wanted.view:
-            option = _WRITTEN.get(name, name)
-            raise OptionError(f"--{option} does not apply to {what}", code=name, remedy="leave it out")
+            raise OptionError(f"--{name.replace('_', '-')} does not apply to {what}", code=name, remedy="leave it out")
     made = _MAKERS[what](file, suffix, wanted, progress)
     made.options = wanted.options
     # what lies behind the part that was decoded may be damaged
@@ -215,7 +213,8 @@ def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Export
         return _of_contours(contours, contours, [])
     remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others_in(file, contours[0].isovalue)
     thing: Any = contours if len(contours) > 1 else contours[0]
-    if suffix == ".pmtiles" and file.kind == "tiles" and not (set(wanted.view) - {"box"} or wanted.options.in_samples):
+    parts = set(wanted.view) - {"window"}
+    if suffix == ".pmtiles" and file.kind == "tiles" and not (parts or wanted.options.in_samples):
         thing = Pyramid([_by_width(file, wanted, contour) for contour in contours])
     return _of_contours(thing, contours, remarks)
 
@@ -282,7 +281,7 @@ def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float
     def at(width: float) -> Contour:
         edge = max((each for each in edges if 2.0**each <= width), default=edges[0])
         if edge not in drawn:
-            drawn[edge] = file.contour(finest.isovalue, box=wanted.view.get("box"), within=float(1 << edge))
+            drawn[edge] = file.contour(finest.isovalue, window=wanted.view.get("window"), within=float(1 << edge))
         return drawn[edge]
 
     return at

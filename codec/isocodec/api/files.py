@@ -34,8 +34,8 @@ IMPOSSIBLE: dict[tuple[str, str], str] = {
     ("surface", "series"): "it holds what lies next to its curves, not the values of a surface",
     ("surface", "mesh"): "it holds what lies next to its curves, not the values of a surface",
     ("surface", "tiles"): "it holds what lies next to its curves, not the values of a surface",
-    ("box", "mesh"): "cells and signs follow from the mesh as a whole",
-    ("box", "surface"): "its triangles follow from all of its points",
+    ("window", "mesh"): "cells and signs follow from the mesh as a whole",
+    ("window", "surface"): "its triangles follow from all of its points",
     ("decoder", "tiles"): "its pieces are read as they are asked for, not in order",
     ("labels", "mesh"): "labels belong to the samples of a grid",
     ("labels", "surface"): "labels belong to the samples of a grid",
@@ -45,9 +45,12 @@ IMPOSSIBLE: dict[tuple[str, str], str] = {
 """Operations that a kind of file cannot have, each with the reason; `OPERATIONS` lists them all."""
 OPERATIONS = (
     "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
-    "statistics", "verify", "notebook", "layers", "size", "box", "isovalues", "profile", "merge", "decoder",
+    "statistics", "verify", "notebook", "layers", "size", "window", "isovalues", "profile", "merge", "decoder",
 )
 """Operations on files."""
+
+ONE_FRAME = "it holds one frame only; a series is made of isocodec.Frames, or with --frames"
+"""Remedy where a frame is asked for that is not there."""
 
 
 def impossible(operation: str, kind: str) -> OptionError:
@@ -67,7 +70,7 @@ class ViewOptions(TypedDict, total=False):
     frame: int | None
     layers: int | None
     max_bytes: int | None
-    box: Sequence[Sequence[float]] | None
+    window: Sequence[Sequence[float]] | None
     within: float | Callable[..., float] | None
     smooth: bool
     through_holes: bool
@@ -82,7 +85,7 @@ class Viewed:
     frame: int | None = None
     layers: int | None = None
     max_bytes: int | None = None
-    box: Sequence[Sequence[float]] | None = None
+    window: Sequence[Sequence[float]] | None = None
     within: Any = None
     smooth: bool = False
     through_holes: bool = False
@@ -161,11 +164,11 @@ class WholeFile:
         if self.kind == "surface":
             view.refuse("surface", "smooth", "through_holes", "within")
             drawn = self._surface_decoder(view).contour(isovalue=isovalue)
-            return clipped(drawn, view.box)
+            return clipped(drawn, view.window)
         if self.kind == "mesh":
             view.refuse("mesh", "smooth", "through_holes", "within")
         decoder, number = self.decoded(isovalue, view)
-        return clipped(_drawn(decoder, [number], view)[0], view.box)
+        return clipped(_drawn(decoder, [number], view)[0], view.window)
 
     def contours(self, view: Viewed) -> list[Contour]:
         """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
@@ -176,7 +179,7 @@ class WholeFile:
         if view.layers is not None or view.within is not None:
             return [self.contour(isovalue, view) for isovalue in self.info.isovalues]
         decoder = self.received(None, view)
-        return [clipped(one, view.box) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
+        return [clipped(one, view.window) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
 
     def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
         """The contours of frame after frame; no more than two frames are in memory."""
@@ -359,7 +362,7 @@ class TileFile:
         )
 
     def contour(self, isovalue: float | None, view: Viewed) -> Contour:
-        """The curve or surface of an isovalue in a box; see `IsoFile.contour`."""
+        """The curve or surface of an isovalue in a window; see `IsoFile.contour`."""
         view.refuse("tiles", "smooth", "through_holes")
         self._check_frame(view.frame)
         tiled = self.tiled
@@ -367,7 +370,7 @@ class TileFile:
             tiled = self._beginning(view.max_bytes)
         layer = None if view.layers is None else min(view.layers, len(tiled.head.stages)) - 1
         partial = view.partial or view.max_bytes is not None
-        drawn = tiled.window(view.box, isovalue=isovalue, within=view.within, layer=layer, partial=partial)
+        drawn = tiled.window(view.window, isovalue=isovalue, within=view.within, layer=layer, partial=partial)
         if view.progress is not None:
             view.progress(1, 1)
         return drawn
@@ -382,7 +385,7 @@ class TileFile:
     @staticmethod
     def _check_frame(frame: int | None) -> None:
         if frame:
-            raise OptionError(f"the file has no frame {frame}", code="frame", remedy="it holds one frame only")
+            raise OptionError(f"the file has no frame {frame}", code="frame", remedy=ONE_FRAME)
 
     def contours(self, view: Viewed) -> list[Contour]:
         """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
@@ -392,9 +395,9 @@ class TileFile:
         """The contours of its one frame."""
         yield self.contours(Viewed(smooth=smooth))
 
-    def whole(self, box: Sequence[Sequence[float]] | None = None) -> WholeFile:
-        """A box of it, or all of it, as a file in one piece."""
-        return WholeFile(extracted(self.tiled, box), self.limits)
+    def whole(self, window: Sequence[Sequence[float]] | None = None) -> WholeFile:
+        """A window of it, or all of it, as a file in one piece."""
+        return WholeFile(extracted(self.tiled, window), self.limits)
 
     def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         """See `IsoFile.above`."""
@@ -404,7 +407,7 @@ class TileFile:
         """A file in one piece with the samples and simplices of a view."""
         view.refuse("tiles", "smooth", "through_holes", "within", "max_bytes")
         self._check_frame(view.frame)
-        return self.whole(view.box)
+        return self.whole(view.window)
 
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """See `IsoFile.valid`."""
@@ -439,19 +442,21 @@ def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> 
     return out
 
 
-def bounds_of(box: Sequence[Sequence[float]], d: int) -> NDArray[np.float64]:
-    """A box along d axes as (d, 2) numbers; raises `OptionError` if it is none."""
-    bounds = np.array(box, np.float64)
+def bounds_of(window: Sequence[Sequence[float]], d: int) -> NDArray[np.float64]:
+    """A window along d axes as (d, 2) numbers; raises `OptionError` if it is none."""
+    bounds = np.array(window, np.float64)
     if bounds.shape != (d, 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
-        raise OptionError(f"the box is {box!r}; it must be {d} pairs, from where to where along each axis", code="box")
+        raise OptionError(
+            f"the window is {window!r}; it must be {d} pairs, from where to where along each axis", code="window"
+        )
     return bounds
 
 
-def clipped(contour: Contour, box: Sequence[Sequence[float]] | None) -> Contour:
-    """The cells of a contour that reach into a box of index coordinates (of a mesh: of its coordinates)."""
-    if box is None:
+def clipped(contour: Contour, window: Sequence[Sequence[float]] | None) -> Contour:
+    """The cells of a contour that reach into a window of index coordinates (of a mesh: of its coordinates)."""
+    if window is None:
         return contour
-    bounds = bounds_of(box, contour.points.shape[1])
+    bounds = bounds_of(window, contour.points.shape[1])
     corners = contour.points[contour.cells]
     inside = ((corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])).all(axis=1)
     used, number = np.unique(contour.cells[inside], return_inverse=True)
@@ -513,5 +518,5 @@ def _check_frame(decoder: Decoder, frame: int) -> None:
         return
     if not decoder.complete:
         raise TruncatedError(f"the file ends before frame {frame} begins", code="truncated")
-    remedy = f"its frames are 0 to {last}" if last else "it holds one frame only"
+    remedy = f"its frames are 0 to {last}" if last else ONE_FRAME
     raise OptionError(f"the file has no frame {frame}", code="frame", remedy=remedy)

@@ -145,7 +145,7 @@ class IsoFile:
 
     def contour(
         self, isovalue: float | None = None, *, frame: int | None = None, layers: int | None = None,
-        max_bytes: int | None = None, box: Sequence[Sequence[float]] | None = None,
+        max_bytes: int | None = None, window: Sequence[Sequence[float]] | None = None,
         within: float | Callable[..., float] | None = None, smooth: bool = False, through_holes: bool = False,
         partial: bool = False, progress: Callable[[int, int], object] | None = None,
     ) -> Contour:
@@ -161,12 +161,12 @@ class IsoFile:
             Decode that many layers only; all if the file has fewer.
         max_bytes : int, optional
             Decode the first bytes of the file only, whatever curve they give.
-        box : n pairs of numbers, optional
+        window : n pairs of numbers, optional
             From where to where along each axis, in samples (on a mesh: in its coordinates): the cells that reach into
             it. From a file in tiles nothing else is read.
         within : float or callable, optional
             For grids: stop at cubes of the mesh no wider than this many samples. For tiles also a function that gives
-            this number for the box of a tile, n pairs of samples.
+            this number for the window of a tile, n pairs of samples.
         smooth : bool
             Where the file only knows which grid edges are crossed, place the points so that the curve bends smoothly
             instead of at the midpoints: nearer to the curve in the mean where the field is smooth, by up to a half,
@@ -195,7 +195,7 @@ class IsoFile:
             If the mesh given is not the one that the file was made on.
         """
         return self.held.contour(isovalue, Viewed(
-            frame=frame, layers=layers, max_bytes=max_bytes, box=box, within=within, smooth=smooth,
+            frame=frame, layers=layers, max_bytes=max_bytes, window=window, within=within, smooth=smooth,
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
@@ -322,7 +322,7 @@ class IsoFile:
         return verified(self.held, field, frame, within)
 
     def edited(
-        self, *, layers: int | None = None, size: int | None = None, box: Sequence[Sequence[float]] | None = None,
+        self, *, layers: int | None = None, size: int | None = None, window: Sequence[Sequence[float]] | None = None,
         isovalues: Sequence[float] | None = None, profile: ProfileName | None = None, precision: Any = None,
         keep_topology: bool = False,
     ) -> bytes:
@@ -334,8 +334,8 @@ class IsoFile:
             Keep the first layers; all if the file has fewer.
         size : int, optional
             Keep as many symbols or layers as fit into this many bytes.
-        box : n pairs of numbers, optional
-            Keep a box of samples, grown to whole ones, and to even ones where it begins; no point moves.
+        window : n pairs of numbers, optional
+            Keep a window of samples, grown to whole ones, and to even ones where it begins; no point moves.
         isovalues : sequence of float, optional
             Keep these.
         profile : str, optional
@@ -357,7 +357,7 @@ class IsoFile:
             If nothing is asked for, or the file cannot be changed in this way.
         FormatError, LimitError
         """
-        return edited(self.held, Edit(layers, size, box, isovalues, profile, precision, keep_topology))
+        return edited(self.held, Edit(layers, size, window, isovalues, profile, precision, keep_topology))
 
 
 def open(
@@ -432,7 +432,7 @@ def decode(
     mesh, limits
         As of `open`.
     view
-        Parameters of `IsoFile.contour`: ``frame``, ``layers``, ``max_bytes``, ``box``, ``within``, ``smooth``,
+        Parameters of `IsoFile.contour`: ``frame``, ``layers``, ``max_bytes``, ``window``, ``within``, ``smooth``,
         ``through_holes``, ``partial``, ``progress``.
 
     Returns

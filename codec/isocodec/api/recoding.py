@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 
 
 def extracted(
-    tiled: TiledFile, box: Sequence[Sequence[float]] | None, isovalues: Sequence[float] | None = None
+    tiled: TiledFile, window: Sequence[Sequence[float]] | None, isovalues: Sequence[float] | None = None
 ) -> bytes:
-    """A box of a file in tiles as a file in one piece, in which no point moves.
+    """A window of a file in tiles as a file in one piece, in which no point moves.
 
-    If the box is that of one tile, the bytes of its layers stay as they are; otherwise they are coded anew from what
+    If the window is that of one tile, the bytes of its layers stay as they are; otherwise they are coded anew from what
     the tiles hold: what this file promises of its curve holds for the result.
 
     Raises
     ------
     OptionError
-        If the box lies outside; or if meshes are coarser than the samples and the box is not that of one tile.
+        If the window lies outside; or if meshes are coarser than the samples and the window is not that of one tile.
     """
     from ..tiles.extraction import Extract
 
-    part = Extract(tiled, box)
+    part = Extract(tiled, window)
     numbers = list(range(len(tiled.isovalues))) if isovalues is None else [tiled.number_of(one) for one in isovalues]
     taken = part.strands(numbers)
     if taken is not None:

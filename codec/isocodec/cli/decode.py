@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import OptionError, TruncatedError
-from .option_records import COUNT, DRAWING, OUTPUT, PART, BoxType, SizeType, Viewing, Writing, command, option
+from .option_records import COUNT, DRAWING, OUTPUT, PART, SizeType, Viewing, WindowType, Writing, command, option
 from .report import PARTIAL, STANDARD, Failure, concerning, named, progress_bar, result, warn, written_to
 
 if TYPE_CHECKING:
@@ -33,9 +33,9 @@ class DecodeArguments(Writing, Viewing):
                                 help="Decode the first N layers of an isovalue.")
     max_bytes: int | None = option("--max-bytes", heading=PART, type=SizeType(), metavar="N",
                                    help="Decode the first N bytes.")
-    box: tuple[tuple[float, float], ...] | None = option(
-        "--window", heading=PART, type=BoxType(), metavar="A:B,C:D",
-        help="Decode a box of samples, from:to for each axis; of a file in tiles only this part is read.",
+    window: tuple[tuple[float, float], ...] | None = option(
+        "--window", heading=PART, type=WindowType(), metavar="A:B,C:D",
+        help="Decode a window of samples, from:to for each axis; of a file in tiles only this part is read.",
     )
     within: float | None = option("--within", heading=PART, type=float, metavar="N",
                                   help="Stop at cubes of the mesh no wider than N samples.")
@@ -59,7 +59,7 @@ class DecodeArguments(Writing, Viewing):
     @property
     def view(self) -> dict[str, Any]:
         """Keywords of `IsoFile.contour`, as far as they were given."""
-        names = ("frame", "layers", "max_bytes", "box", "within", "partial", "smooth")
+        names = ("frame", "layers", "max_bytes", "window", "within", "partial", "smooth")
         given = {name: getattr(self, name) for name in names}
         return {name: value for name, value in given.items() if value is not None and value is not False}
 

@@ -11,10 +11,10 @@ from .option_records import (
     COUNT,
     PART,
     PRECISION,
-    BoxType,
     NumberType,
     Opening,
     SizeType,
+    WindowType,
     Writing,
     argument,
     command,
@@ -22,7 +22,7 @@ from .option_records import (
 )
 from .report import concerning, counted, named, progress_bar, result, warn, write_output
 
-ASKED = ("layers", "size", "box", "isovalues", "profile", "precision", "keep_topology")
+ASKED = ("layers", "size", "window", "isovalues", "profile", "precision", "keep_topology")
 """Options that change a file."""
 
 
@@ -35,9 +35,9 @@ class EditArguments(Writing, Opening):
                                 help="Keep the first N layers, of all isovalues.")
     size: int | None = option("--size", heading=PART, type=SizeType(), metavar="SIZE",
                               help="Keep as much as fits into this size: 900, 20K.")
-    box: tuple[tuple[float, float], ...] | None = option(
-        "--window", heading=PART, type=BoxType(), metavar="A:B,C:D",
-        help="Keep a box of samples, from:to for each axis.",
+    window: tuple[tuple[float, float], ...] | None = option(
+        "--window", heading=PART, type=WindowType(), metavar="A:B,C:D",
+        help="Keep a window of samples, from:to for each axis.",
     )
     isovalues: tuple[float, ...] = option("--isovalue", heading=PART, type=NumberType(), multiple=True, metavar="V",
                                           help="Keep this isovalue. Repeatable.")

@@ -79,11 +79,11 @@ def _facts(info: FileInfo) -> list[tuple[str, str]]:
         out.append(("mesh", f"{info.domain.vertices:,} points, {info.domain.cells:,} cells"))
     for number, isovalue in enumerate(info.isovalues):
         lean = info.leans[number] if info.leans else None
-        leaning = "" if lean is None else f", leans on {info.isovalues[lean]:.17g}"
-        out.append((f"isovalue {number}" if number else "isovalue", f"{isovalue:.17g}{leaning}"))
+        leaning = "" if lean is None else f", leans on {shortest(info.isovalues[lean])}"
+        out.append((f"isovalue {number}" if number else "isovalue", f"{shortest(isovalue)}{leaning}"))
     out += info.metadata.items()
     if any(info.topology):
-        kept = [f"{v:.17g}" for v, kept in zip(info.isovalues, info.topology, strict=True) if kept]
+        kept = [shortest(v) for v, kept in zip(info.isovalues, info.topology, strict=True) if kept]
         whose = "" if all(info.topology) else f" of {', '.join(kept)}"
         out.append(("topology", f"promised in every layer{whose}"))
     if info.coordinates is not None:
@@ -158,7 +158,12 @@ def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
         parts = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
         counts = ((pixel, one.pixels), ("vertex", one.vertices), (face, one.faces))
         rows = [[name, f"{count:,}", *(f"{part / count:.3f}" for part in parts)] for name, count in counts if count]
-        console.print(_table((columns, rows), f"Bits, isovalue {one.isovalue:.17g}"))
+        console.print(_table((columns, rows), f"Bits, isovalue {shortest(one.isovalue)}"))
+
+
+def shortest(number: float) -> str:
+    """Write a number with the fewest digits from which it can be read back."""
+    return repr(float(number)).removesuffix(".0")
 
 
 def _number(number: Any) -> str:

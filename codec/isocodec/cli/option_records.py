@@ -75,10 +75,10 @@ class NumbersType(click.ParamType):
             self.fail(f"{value!r} is not a list of numbers separated by commas", param, ctx)
 
 
-class BoxType(click.ParamType):
-    """A box of samples: ``0:100,50:90``."""
+class WindowType(click.ParamType):
+    """A window of samples: ``0:100,50:90``."""
 
-    name = "box"
+    name = "window"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None

@@ -21,6 +21,7 @@ SuffixOf = Callable[[str, bytes], str | None]
 """The suffix of a format, by the name of a file (or nothing) and its first `HEAD` bytes."""
 HEAD = 512
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(://|::)")
+MISSING = "the server has no such file"
 _PIECE = 1 << 20
 _SAMPLE = 16
 """Bytes of a file for each sample that may be read of it, at most."""
@@ -48,6 +49,9 @@ def opened(url: str) -> Iterator[Any]:
     try:
         with fsspec.open(url, "rb") as file:
             yield file
+    except FileNotFoundError as exc:
+        # all that libraries say is the URL
+        raise InputError(MISSING, code="url", remedy="check the URL") from exc
     except ImportError as exc:
         raise InputError(f"cannot be opened ({exc})", code="url", remedy="install what it names") from exc
     except ValueError as exc:

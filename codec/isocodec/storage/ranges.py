@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import InputError, LimitError, TruncatedError
 from ..extras import optional
-from .content import is_url
+from .content import MISSING, is_url
 
 Fetch = Callable[[int, int], bytes]
 """Bytes of a file from one place up to another."""
@@ -66,7 +66,7 @@ class Pieces:
             if end - start > self._limit:
                 raise LimitError(
                     f"{end - start:,} bytes would be fetched, more than the limit of {self._limit:,}",
-                    code="limit-bytes", clause="11.2", remedy="ask for a smaller box or a coarser layer",
+                    code="limit-bytes", clause="11.2", remedy="ask for a smaller window or a coarser layer",
                 )
             data = self._fetch(start, end)
             if len(data) != end - start and not partial:
@@ -137,6 +137,8 @@ def _remote(url: str) -> Fetch:
             raise InputError(
                 f"the server has not answered within {PATIENCE:g} seconds", code="timeout", remedy="try again later"
             ) from exc
+        except FileNotFoundError as exc:
+            raise InputError(MISSING, code="url", remedy="check the URL") from exc
         except OSError:
             raise
         except Exception as exc:

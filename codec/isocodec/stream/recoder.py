@@ -153,10 +153,10 @@ def bounds_of(
     bounds = np.array(box, np.float64)
     if bounds.shape != (len(last), 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
         raise OptionError(
-            f"the box is {box!r}; it must be {len(last)} pairs, from where to where along each axis", code="box"
+            f"the window is {box!r}; it must be {len(last)} pairs, from where to where along each axis", code="window"
         )
     if (bounds[:, 1] < 0).any() or (bounds[:, 0] > last).any():
-        raise OptionError(f"the box lies outside the field of {tuple(shape)} samples", code="box")
+        raise OptionError(f"the window lies outside the field of {tuple(shape)} samples", code="window")
     return np.clip(bounds[:, 0], 0, last), np.clip(bounds[:, 1], 0, last)
 
 
@@ -182,8 +182,8 @@ def box_of(
     size = np.maximum(np.ceil(last).astype(np.int64), low + 1) - low + 1
     if math.prod(size.tolist()) > limits.samples:
         raise LimitError(
-            f"the box has {math.prod(size.tolist()):,} samples, more than the limit of {limits.samples:,}",
-            code="limit-samples", clause="11.2", remedy="ask for a smaller box, or raise Limits.samples",
+            f"the window has {math.prod(size.tolist()):,} samples, more than the limit of {limits.samples:,}",
+            code="limit-samples", clause="11.2", remedy="ask for a smaller window, or raise Limits.samples",
         )
     return tuple(low.tolist()), tuple(size.tolist())
 
