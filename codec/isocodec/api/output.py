@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from ..io.writers.output_formats import Kind
     from .isofile import IsoFile
 
-__all__ = ["STANDARD", "check_output", "engine_of", "formats", "read_of", "undo_all", "undoing", "write_bytes"]
+__all__ = [
+    "STANDARD", "check_output", "engine_of", "formats", "other_format", "read_of", "undo_all", "undoing", "write_bytes",
+]
 
 STANDARD = "-"
 """Name of standard input and output."""
@@ -58,13 +60,13 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
     check_target(target)
     if target.exists() and os.path.exists(source) and target.samefile(source):
         raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
-    if iso and (suffix := _other_format(target.name.lower())):
+    if iso and (suffix := other_format(target.name.lower())):
         raise OptionError(
             f"the output is an .iso file, not {suffix}", code="suffix", remedy="choose a name that ends in .iso"
         )
 
 
-def _other_format(name: str) -> str | None:
+def other_format(name: str) -> str | None:
     """The suffix of a name, if it is that of another format."""
     from ..io import FIELD_SUFFIXES
     from ..io.writers.registry import SUFFIXES

@@ -92,7 +92,7 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
 def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = False) -> None:
     """Raise `InputError` if a field has another shape than a file, or each frame of a series."""
     if found != shape:
-        of, remedy = ("each frame", "choose a frame") if series else ("the file", None)
+        of, remedy = ("each frame", "choose a frame: frame=.. (--frame)") if series else ("the file", None)
         raise InputError(f"the field has shape {found}, that of {of} {shape}", code="shape", remedy=remedy)
 
 

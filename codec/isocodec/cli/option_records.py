@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from ..errors import FormatError
 from ..limits import FIELD_SAMPLES, Limits
 from .report import STANDARD, concerning, one_warning
 
@@ -96,6 +97,12 @@ class From(click.IntRange):
 
     def _describe_range(self) -> str:
         return ""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        number: int = click.INT.convert(value, param, ctx)
+        if self.min is not None and number < self.min:
+            self.fail(f"{number} is less than {self.min:g}", param, ctx)
+        return number
 
 
 WHOLE, COUNT = From(min=0), From(min=1)
@@ -267,6 +274,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
     Failure
     """
     from ..api.isofile import open
+    from ..api.output import other_format
 
     known = None
     if mesh is not None:
@@ -275,7 +283,12 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
         with concerning(mesh), one_warning(mesh):
             known = mesh_in(mesh)
     with concerning(source):
-        return open(stream(source), mesh=known, limits=limits)
+        try:
+            return open(stream(source), mesh=known, limits=limits)
+        except FormatError as error:
+            if error.code == "signature" and (suffix := other_format(Path(source).name.lower())) is not None:
+                error.remedy = f"{suffix} files are encoded, not decoded; verify takes the field before the .iso file"
+            raise
 
 
 @dataclass(frozen=True, kw_only=True)

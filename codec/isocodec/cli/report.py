@@ -119,6 +119,12 @@ class Program(click.Group):
         sys.exit(code)
 
 
+def _is_damage(cause: IsoError) -> bool:
+    """Whether an error is about a file that begins as an .iso file, and is not cut."""
+    whole = isinstance(cause, FormatError) and not isinstance(cause, TruncatedError)
+    return whole and cause.code not in ("tiled", "signature")
+
+
 def _report(exc: Exception, verb: str) -> int:
     """Print one line about an error; returns the exit code."""
     if isinstance(exc, click.Abort):
@@ -141,8 +147,7 @@ def _report(exc: Exception, verb: str) -> int:
     if isinstance(cause, IsoError):
         if str(cause).startswith(where):
             where = ""  # the library names the file, too
-        damaged = isinstance(cause, FormatError) and not isinstance(cause, TruncatedError) and cause.code != "tiled"
-        say(f"{where}{'not a valid .iso file: ' if damaged else ''}{cause}")
+        say(f"{where}{'not a valid .iso file: ' if _is_damage(cause) else ''}{cause}")
         return cause.exit_code
     if isinstance(cause, OSError):
         if path is None and cause.filename is not None:
