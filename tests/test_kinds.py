@@ -28,20 +28,22 @@ RADII = (2.0, 3.0)
 
 @cache
 def encoded(kind: str, values: tuple[float, ...] | None = None) -> bytes:
-    """A file of a kind."""
+    """A file of a kind, its notes the values that it is not encoded at by default."""
+    notes = {"of": str(values), f"of {values}": "this"}
+    given: dict[str, Any] = {"independent": True, "metadata": notes}
     if kind == "grid":
-        return isocodec.encode(HILL, values or LEVELS, precision="exact", independent=True)
+        return isocodec.encode(HILL, values or LEVELS, precision="exact", **given)
     if kind == "series":
-        return isocodec.encode(Frames([HILL, OTHER]), values or LEVELS, precision="exact", independent=True)
+        return isocodec.encode(Frames([HILL, OTHER]), values or LEVELS, precision="exact", **given)
     if kind == "mesh":
-        return isocodec.encode(Mesh(POINTS, None, VALUES), values or RADII, independent=True)
+        return isocodec.encode(Mesh(POINTS, None, VALUES), values or RADII, **given)
     return isocodec.encode(isocodec.thin(HILL.astype(float), error=5.0, layers=3))
 
 
 @pytest.fixture(scope="module")
 def tiles(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("tiles") / "tiles.iso"
-    isocodec.save(path, HILL, LEVELS, precision="exact", tile=32)
+    isocodec.save(path, HILL, LEVELS, precision="exact", tile=32, metadata={"of": "None"})
     return path.read_bytes()
 
 
@@ -99,6 +101,7 @@ def check_contour(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     assert 0 < len(part.cells) < len(contour.cells)
     beginning = file.contour(level_of(kind), max_bytes=len(data) - 1, partial=True)
     assert beginning.points.shape[1] == 2
+    assert not file.contour(level_of(kind), max_bytes=len(data) // 2, partial=True).complete
     assert len(file.contour(level_of(kind), layers=99).cells) == len(contour.cells)
 
 
@@ -199,6 +202,8 @@ def check_merge(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     other = encoded("grid" if kind == "tiles" else kind, more)
     merged = isocodec.open(isocodec.merge([data, other]))
     assert merged.isovalues == (*file.isovalues, *more) and merged.frames == file.frames
+    # of notes that both have, the first one's stay
+    assert (merged.metadata["of"], merged.metadata[f"of {more}"]) == ("None", "this")
     assert len(merged.contour(more[1]).cells) == len(isocodec.open(other).contour(more[1]).cells) > 0
 
 
