@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -47,6 +48,13 @@ def tiles(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
+class Slow(io.BytesIO):
+    """An open file that gives a few bytes at a time, as pipes and sockets may."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        return super().read(3 if size is None or not 0 <= size < 3 else size)
+
+
 def field_of(kind: str) -> Any:
     return Mesh(POINTS, None, VALUES) if kind == "mesh" else HILL.astype(float) if kind == "surface" else HILL
 
@@ -84,6 +92,7 @@ def check_open(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     (path / "file.iso").write_bytes(data)
     with (path / "file.iso").open("rb") as stream:
         opened = [isocodec.open(source) for source in (path / "file.iso", str(path / "file.iso"), stream)]
+        opened.append(isocodec.open(Slow(data)))
     assert {one.kind for one in opened} == {kind} and {one.size for one in opened} == {len(data)}
 
 
