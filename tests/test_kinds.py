@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import isocodec
-from isocodec import Decoder, Frames, IsoFile, Mesh
+from isocodec import Decoder, Field, Frames, IsoFile, Limits, Mesh
 from isocodec.api.files import IMPOSSIBLE, OPERATIONS
-from isocodec.errors import OptionError
+from isocodec.errors import InputError, LimitError, OptionError
+from isocodec.field.placement import Placement
 
 KINDS = ("grid", "series", "mesh", "surface", "tiles")
 MOST_IMPOSSIBLE = 12
@@ -25,6 +26,8 @@ LEVELS = (150.5, 300.5)
 POINTS = np.random.default_rng(0).random((300, 2)) * 10
 VALUES = np.hypot(*(POINTS - 5).T)
 RADII = (2.0, 3.0)
+SKEWED = Placement([[3.0, 20.0, 500.0], [-7.0, 1.0, -40.0]], crs="EPSG:32631")
+"""Its rows, columns and signs all differ, so that none can stand for another."""
 
 
 @cache
@@ -33,9 +36,10 @@ def encoded(kind: str, values: tuple[float, ...] | None = None) -> bytes:
     notes = {"of": str(values), f"of {values}": "this"}
     given: dict[str, Any] = {"independent": True, "metadata": notes}
     if kind == "grid":
-        return isocodec.encode(HILL, values or LEVELS, precision="exact", **given)
+        return isocodec.encode(Field(HILL, placement=SKEWED), values or LEVELS, precision="exact", **given)
     if kind == "series":
-        return isocodec.encode(Frames([HILL, OTHER]), values or LEVELS, precision="exact", **given)
+        frames = Frames([Field(each, placement=SKEWED) for each in (HILL, OTHER)])
+        return isocodec.encode(frames, values or LEVELS, precision="exact", **given)
     if kind == "mesh":
         return isocodec.encode(Mesh(POINTS, None, VALUES), values or RADII, **given)
     return isocodec.encode(isocodec.thin(HILL.astype(float), error=5.0, layers=3))
@@ -44,7 +48,8 @@ def encoded(kind: str, values: tuple[float, ...] | None = None) -> bytes:
 @pytest.fixture(scope="module")
 def tiles(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("tiles") / "tiles.iso"
-    isocodec.save(path, HILL, LEVELS, precision="exact", tile=32, metadata={"of": "None"})
+    given: dict[str, Any] = {"precision": "exact", "tile": 32, "metadata": {"of": "None"}}
+    isocodec.save(path, Field(HILL, placement=SKEWED), LEVELS, **given)
     return path.read_bytes()
 
 
@@ -92,8 +97,13 @@ def check_open(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     (path / "file.iso").write_bytes(data)
     with (path / "file.iso").open("rb") as stream:
         opened = [isocodec.open(source) for source in (path / "file.iso", str(path / "file.iso"), stream)]
-        opened.append(isocodec.open(Slow(data)))
+        opened += [isocodec.open(source, limits=Limits(bytes=len(data))) for source in (Slow(data), path / "file.iso")]
     assert {one.kind for one in opened} == {kind} and {one.size for one in opened} == {len(data)}
+    for source in (data, path / "file.iso", io.BytesIO(data)):
+        with pytest.raises(LimitError):
+            isocodec.open(source, limits=Limits(memory=1000)).contour(level_of(kind))
+    with pytest.raises(LimitError):
+        isocodec.open(io.BytesIO(data), limits=Limits(bytes=len(data) - 1)).contour(level_of(kind))
 
 
 def check_info(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
@@ -171,6 +181,11 @@ def check_verify(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     assert all(one.kept and not one.wrong for one in found) and len(found) == (len(file.isovalues) or 1)
     wrong = file.verify(field_of(kind), within=1e-12) if kind in ("mesh", "surface") else []
     assert all(not one.kept for one in wrong)
+    if kind == "mesh":  # distances are in the unit of the points
+        large = isocodec.open(isocodec.encode(Mesh(10 * POINTS, None, VALUES), RADII, precision=3.0))
+        small = isocodec.open(isocodec.encode(Mesh(POINTS, None, VALUES), RADII, precision=0.3))
+        (one, _), (other, _) = small.verify(field_of(kind)), large.verify(Mesh(10 * POINTS, None, VALUES))
+        assert (other.there, other.back) == pytest.approx((10 * one.there, 10 * one.back), rel=0.1) and one.there > 0
 
 
 def check_notebook(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
@@ -183,14 +198,17 @@ def check_layers(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
 
 
 def check_size(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
-    assert edited(data, kind, size=len(data) - 20).size <= len(data) - 20
+    shorter = edited(data, kind, size=len(data) - 20).size
+    assert shorter <= len(data) - 20
+    assert edited(data, kind, size=shorter).size == shorter > edited(data, kind, size=shorter - 1).size
 
 
 def check_window(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     part = edited(data, kind, window=[(4, 20), (10, 30)])
     assert part.shape == (17, 21)
     contour = part.contour()
-    assert len(contour.cells) and {tuple(p) for p in contour.placed} <= {tuple(p) for p in file.contour().placed}
+    far = contour.placed[:, None] - file.contour().placed
+    assert len(contour.cells) and np.hypot(*np.moveaxis(far, 2, 0)).min(1).max() < 1e-9
 
 
 def check_isovalues(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
@@ -210,7 +228,13 @@ def check_merge(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     more = (1.0, 4.0) if kind == "mesh" else (50.5, 200.5)
     other = encoded("grid" if kind == "tiles" else kind, more)
     merged = isocodec.open(isocodec.merge([data, other]))
+    assert merged.crs == file.crs and (merged.crs is None) == (kind == "mesh")
     assert merged.isovalues == (*file.isovalues, *more) and merged.frames == file.frames
+    if merged.crs is not None:
+        elsewhere = {"placement": Placement(SKEWED.matrix, crs="EPSG:32632")}
+        frames = [Field(each, **elsewhere) for each in (HILL, OTHER)]
+        with pytest.raises(InputError, match="crs"):
+            isocodec.merge([data, isocodec.encode(Frames(frames) if kind == "series" else frames[0], 99.5)])
     # of notes that both have, the first one's stay
     assert (merged.metadata["of"], merged.metadata[f"of {more}"]) == ("None", "this")
     assert len(merged.contour(more[1]).cells) == len(isocodec.open(other).contour(more[1]).cells) > 0

@@ -69,6 +69,7 @@ def test_groups_have_a_thousand_bytes() -> None:
 
 def test_ranges_are_joined_over_small_gaps() -> None:
     assert together([(5, 9), (0, 5), (20, 30)]) == [(0, 9), (20, 30)]
+    assert together([(0, 100), (10, 20)]) == [(0, 100)]
     many = [(100 * i, 100 * i + 10) for i in range(20)]
     assert len(together(many)) == 5
     assert len(together([(i << 30, (i << 30) + 10) for i in range(20)])) == 20
