@@ -1,28 +1,26 @@
-"""SimpleITK reads NRRD, MetaImage and DICOM, and images that are in memory; all in coordinates right, front and up."""
+"""SimpleITK reads NRRD and MetaImage, and images that are in memory; all in coordinates right, front and up."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, plain
+from ...errors import InputError
 from ...extras import optional
 from ...field.placement import Placement
 from .detached import meta_files, nrrd_files
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
-from .place_of_samples import EVEN, SLICE, placed, to_right_front_up
+from .place_of_samples import SLICE, placed, to_right_front_up
 from .reading import reading
 from .slices import Slices
-from .source import InputFile, is_dicom
+from .source import InputFile
 from .volumes import is_series_of_volumes, single, squeezed
 
 Array = NDArray[Any]
 _META, _NRRD = (".mha", ".mhd"), (".nrrd", ".nhdr")
-_LISTED = 20
 
 
 class _Volume(Opened):
@@ -53,38 +51,6 @@ class _Volume(Opened):
             return _volumes(self._whole()) if is_series_of_volumes(self._reader.GetSize()) else None
 
 
-class _Dicom(Opened):
-    """A series of slices of DICOM in a folder, or one file, rescaled as they state; axes i, j, k."""
-
-    def _open(self, choice: Choice) -> None:
-        with reading("DICOM"):
-            self._names, self._size, self._matrix = _dicom_series(self._source, choice.key)
-            sitk = _sitk("DICOM")
-            first = sitk.ImageFileReader()
-            first.SetImageIO("GDCMImageIO")
-            first.SetFileName(self._names[0])
-            first.ReadImageInformation()
-            self.dtype = _dtype_of(first.GetPixelIDValue())
-        self.shape = squeezed(self._size)
-
-    def _values(self, frame: int | None) -> Array:
-        with reading("DICOM"):
-            sitk, names = _sitk("DICOM"), self._names
-            reader = sitk.ImageSeriesReader() if len(names) > 1 else sitk.ImageFileReader()
-            reader.SetImageIO("GDCMImageIO")
-            reader.SetFileNames(names) if len(names) > 1 else reader.SetFileName(names[0])
-            image = reader.Execute()
-            if image.GetNumberOfComponentsPerPixel() > 1:
-                raise InputError("is a picture in colours", code="colour", remedy="save one of its channels alone")
-            values = sitk.GetArrayFromImage(image).T
-            if values.size != math.prod(self._size):
-                raise InputError("holds slices of different sizes", code="shape")
-            return single(values, frame)
-
-    def _place(self, n: int, frame: int | None) -> Placement:
-        return placed(to_right_front_up(self._matrix), n) if n == 3 else Placement(remark=SLICE)
-
-
 class OpenedItk(Opened):
     """An image of SimpleITK in memory."""
 
@@ -112,11 +78,6 @@ class OpenedItk(Opened):
 def is_itk(thing: Any) -> bool:
     """Whether this is an image of SimpleITK."""
     return all(hasattr(thing, name) for name in ("GetSpacing", "GetDirection", "GetPixelIDTypeAsString"))
-
-
-def is_dicom_series(path: Path) -> bool:
-    """Whether a folder holds files of DICOM."""
-    return path.is_dir() and any(map(is_dicom, sorted(path.iterdir())))
 
 
 def _sitk(what: str) -> Any:
@@ -166,61 +127,7 @@ def _header_of(source: InputFile) -> Any:
     return reader
 
 
-def _dicom_series(source: InputFile, key: str | None) -> tuple[list[str], tuple[int, ...], NDArray[np.float64]]:
-    """Files in the order of their slices, the size of all, and the matrix in ITK's coordinates."""
-    sitk = _sitk("DICOM")
-    names = [str(source.path)]
-    if source.path.is_dir():
-        found = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(source.path))
-        if key is None and len(found) > 1:
-            listed = ", ".join(plain(name) for name in found[:_LISTED])
-            raise InputError(f"holds {len(found)} series: {listed}", code="key", remedy="choose one with --key")
-        if key is not None and key not in found:
-            raise InputError(f"holds no series '{plain(key)}'", code="key")
-        names = [*sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(source.path), key or found[0])]
-        for name in names:
-            if not source.follow and Path(name).resolve().parent != source.path.resolve():
-                raise source.refused(Path(name).name, "which links to another folder")
-    corners, first = [], None
-    for name in names:
-        reader = sitk.ImageFileReader()
-        reader.SetImageIO("GDCMImageIO")
-        reader.SetFileName(name)
-        reader.ReadImageInformation()
-        size, about = reader.GetSize(), (reader.GetSpacing(), reader.GetDirection())
-        source.check_count(math.prod(size) * len(names) * reader.GetNumberOfComponents())
-        first = first or (size, about)
-        if first[0] != size or not np.allclose(np.concatenate(first[1]), np.concatenate(about), rtol=0, atol=1e-4):
-            raise InputError("holds slices of different sizes or directions", code="shape",
-                             remedy="keep those of one series in a folder")
-        corners.append(np.array(reader.GetOrigin()[:3]))
-    assert first is not None
-    size, (spacing, direction) = first
-    matrix = np.zeros((3, 4))
-    n = len(size)
-    matrix[:, :n] = (np.reshape(direction, (n, n)) * spacing)[:3, :3] if n == 3 else np.eye(3)[:, :n] * spacing
-    matrix[:, 3] = np.pad(corners[0], (0, 3 - len(corners[0])))
-    if len(names) > 1:
-        if size[-1] > 1 and n > 2:
-            raise InputError("holds several volumes", code="shape", remedy="read one of its files")
-        steps = np.diff(corners, axis=0)
-        step = (corners[-1] - corners[0]) / (len(corners) - 1)
-        length = float(np.linalg.norm(step))
-        uneven = np.flatnonzero(np.linalg.norm(steps - step, axis=1) > EVEN * length)
-        if length == 0 or len(uneven):
-            where = int(uneven[0]) if len(uneven) else 0
-            raise InputError(
-                f"holds slices at uneven steps: {np.linalg.norm(steps[where]):g} mm behind slice {where}, "
-                f"{length:g} in the mean", code="slices", remedy="are some of them missing?",
-            )
-        matrix[:, 2] = step
-        size = (*size[:2], len(names))
-    return names, tuple(size), matrix
-
-
 FORMATS = (
     Format("NRRD", _NRRD, _Volume, extra="itk", signatures=((0, b"NRRD", ".nrrd"),)),
     Format("MetaImage", _META, _Volume, extra="itk", signatures=((0, b"ObjectType", ".mha"), (0, b"NDims", ".mha"))),
-    Format("DICOM", (".dcm",), _Dicom, extra="itk", signatures=((128, b"DICM", ".dcm"),), keyed=True),
 )
-DICOM_FOLDER = Format("DICOM", (), _Dicom, extra="itk", keyed=True, folder=True)
