@@ -82,7 +82,7 @@ def enhanced(
 ) -> Path:
     """Write the same in one file; the attributes of each frame are changed before they are sorted into groups."""
     made = header(EnhancedCTImageStorage, *samples.shape[1:3], samples.dtype)
-    made.ImageType, made.NumberOfFrames, made.InstanceNumber = ["ORIGINAL", "PRIMARY", "VOLUME", "NONE"], len(samples), 1
+    made.ImageType, made.NumberOfFrames = ["ORIGINAL", "PRIMARY", "VOLUME", "NONE"], len(samples)
     frames = []
     for number in range(len(samples)) if order is None else order:
         flat = Dataset()
@@ -97,7 +97,8 @@ def enhanced(
     made.PerFrameFunctionalGroupsSequence = [_grouped(flat, OF_FRAME) for flat in frames]
     made.SharedFunctionalGroupsSequence = [_grouped(frames[0], SHARED)]
     for flat in frames:
-        made.update({element.tag: element for element in flat if element.keyword not in {*OF_FRAME, *SHARED, "PixelData"}})
+        sorted_out = {*OF_FRAME, *SHARED, "PixelData"}
+        made.update({element.tag: element for element in flat if element.keyword not in sorted_out})
     made.save_as(path, enforce_file_format=True)
     return path
 
