@@ -19,6 +19,9 @@ _PATTERN = re.compile(r"[^%]*%0?[0-9]{0,3}d[^%]*")
 """A name with the place of one whole number."""
 _FILES = 100_000
 _KEY = b"ElementDataFile"
+_NAMES = ("utf-8", "surrogateescape")
+_NO_KIND = ("domain", "space", "time", "none", "???")
+"""Kinds of axes that ITK takes for axes in space."""
 
 
 def meta_files(source: InputFile) -> tuple[list[Path], bool]:
@@ -53,8 +56,8 @@ def meta_files(source: InputFile) -> tuple[list[Path], bool]:
     return files, plainly
 
 
-def nrrd_files(source: InputFile) -> tuple[list[Path], bool]:
-    """Find the files of an NRRD header.
+def nrrd_files(source: InputFile) -> tuple[list[Path], bool, bytes]:
+    """Find the files of an NRRD header; and of one file a header as ITK takes it, if it does not take that one.
 
     Raises
     ------
@@ -65,18 +68,30 @@ def nrrd_files(source: InputFile) -> tuple[list[Path], bool]:
     if not head.startswith(b"NRRD") or (cut and not end) or any(c in head for c in b"\r\0"):
         raise InputError("has no NRRD header", code="unreadable")
     files: list[Path] = []
-    encoding = ""
     lines = _text(head).split("\n")
+    fields = {"".join(name.lower().split()): value for name, colon, value in (line.partition(": ") for line in lines)}
     for number, line in enumerate(lines):
         name, _, value = line.partition(":")
-        field = "".join(name.lower().split())
-        if field == "encoding":
-            encoding = value.strip().lower()
-        if field == "datafile" and not value.startswith("="):
+        if "".join(name.lower().split()) == "datafile" and not value.startswith("="):
             files += _files(source, value.strip(), "\n".join(lines[number + 1 :]))
             if value.strip().startswith("LIST"):
                 break
-    return files or [source.path], encoding == "raw"
+    listed = b"" if len(files) > 1 else _listed(lines, fields, not files)
+    return files or [source.path], fields.get("encoding", "").strip().lower() == "raw", listed
+
+
+def _listed(lines: list[str], fields: dict[str, str], attached: bool) -> bytes:
+    """A header whose axis without a direction, or of time, is a list, for samples in the file ``samples`` beside it."""
+    directions = re.findall(r"none|\([^)]*\)", fields.get("spacedirections", ""))
+    kinds = fields.get("kinds", "").split() or ["domain"] * len(directions)
+    apart = [n for n, each in enumerate(directions or kinds) if each == ("none" if directions else "time")]
+    if len(apart) != 1 or len(kinds) != len(directions or kinds) or kinds[apart[0]] not in _NO_KIND:
+        return b""
+    kinds[apart[0]] = "list"
+    own = ("kinds", "datafile", *(("lineskip", "byteskip") if attached else ()))
+    kept = [line for line in lines if "".join(line.partition(":")[0].lower().split()) not in own]
+    skip = [f"line skip: {len(lines) + 1}"] * attached
+    return "\n".join([*kept, f"kinds: {' '.join(kinds)}", *skip, "data file: samples", "", ""]).encode(*_NAMES)
 
 
 def _head(source: InputFile) -> tuple[bytes, bool]:
@@ -117,4 +132,4 @@ def _numbered(value: str) -> list[str]:
 
 def _text(data: bytes) -> str:
     """Bytes of names, as the file system has them."""
-    return data.decode("utf-8", "surrogateescape")
+    return data.decode(*_NAMES)

@@ -6,7 +6,7 @@ import math
 import os
 import warnings
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -21,7 +21,7 @@ from ...extras import optional
 from ...field.placement import Placement
 from .opened import Choice, Format, Opened, numbers
 from .place_of_samples import EVEN, SLICE, placed, to_right_front_up
-from .reading import channel_of, check_frame, reading
+from .reading import channel_of, check_frame, named, reading
 from .slices import Slices
 from .source import InputFile, is_dicom
 from .volumes import of_a_series, scaled, single, squeezed
@@ -29,7 +29,7 @@ from .volumes import of_a_series, scaled, single, squeezed
 Array = NDArray[Any]
 _LONG = 1 << 16
 """Bytes of elements that are not read with the header."""
-_LISTED, _STACKS = 20, 1000
+_STACKS = 1000
 _ALIKE, _TOGETHER = 1e-4, 1e-3
 """Differences of directions and steps within a stack; distance in mm of slices that lie in one place."""
 _PIXELS = {0x7FE00010: "PixelData", 0x7FE00008: "FloatPixelData", 0x7FE00009: "DoubleFloatPixelData"}
@@ -346,22 +346,6 @@ def _checked(source: InputFile, path: Path, header: Any, pydicom: Any) -> int:
     return count
 
 
-def _named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any:
-    """The one of several things that has a name; of names the last one is shown.
-
-    Raises
-    ------
-    InputError
-        If none has the name, or several do.
-    """
-    found = [each for each, known in names.items() if key is None or key in known]
-    if len(found) == 1:
-        return found[0]
-    which = f"{len(names)} {what}" if key is None else f"{len(found) or 'no'} {what} '{plain(key)}'"
-    listed = "; ".join(plain(names[each][-1]) for each in [*(found or names)][:_LISTED])
-    raise InputError(f"holds {which}: {listed}", code="key", remedy="choose one with --key")
-
-
 def _series(files: list[tuple[Path, Any]], key: str | None) -> tuple[list[tuple[Path, Any]], str | None]:
     """The files of one series, and the key if it does not name a series."""
     series: dict[str, list[tuple[Path, Any]]] = {}
@@ -374,7 +358,7 @@ def _series(files: list[tuple[Path, Any]], key: str | None) -> tuple[list[tuple[
         slices = sum(_frames(header) for _, header in some)
         names[uid] = [uid, *known, f"{' '.join(known)} ({first.get('Modality', '?')}, {slices} slices, {uid})"]
     if len(series) > 1 or key in next(iter(names.values())):
-        return series[_named("series", names, key)], None
+        return series[named("series", names, key)], None
     return next(iter(series.values())), key
 
 
@@ -387,7 +371,7 @@ def _of_segment(planes: list[_Plane], key: str | None) -> tuple[list[_Plane], in
     if key is None:
         return planes, None, None
     labels = {int(each.SegmentNumber): str(each.get("SegmentLabel", "")) for each in header.SegmentSequence}
-    number = _named("segments", {n: (str(n), label, f"{n} '{label}'") for n, label in labels.items()}, key)
+    number = named("segments", {n: (str(n), label, f"{n} '{label}'") for n, label in labels.items()}, key)
     own = [each for each in planes if each.get("ReferencedSegmentNumber") in (None, number)]
     if not own:
         raise InputError(f"holds no samples of segment '{plain(key)}'", code="key")
@@ -413,7 +397,7 @@ def _stack(planes: list[_Plane], key: str | None, remarks: list[str]) -> list[_P
     counts = sorted(map(len, stacks.values()))
     if key is None and counts[-1] > 2 and all(count == 1 for count in counts[:-1]):
         stacks = {name: some for name, some in stacks.items() if len(some) == counts[-1]}
-    chosen = stacks[_named("stacks of different sizes or directions", {
+    chosen = stacks[named("stacks of different sizes or directions", {
         name: (name, f"'{name}' of {len(some)}") for name, some in stacks.items()
     }, key)]
     if key is None and len(chosen) < len(once):
