@@ -43,6 +43,13 @@ class NumberType(click.ParamType):
             return number
 
 
+class LabelType(NumberType):
+    """A label, or ``all`` of them."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return value if value == "all" else super().convert(value, param, ctx)
+
+
 class SizeType(click.ParamType):
     """A number of bytes: 500M, 4G, 1.5GiB."""
 
