@@ -522,6 +522,25 @@ def test_damaged_pixels_are_errors(tmp_path: Path, how: str) -> None:
     assert caught.value.source.endswith("a.dcm")
 
 
+@pytest.mark.parametrize("kind", ["slice", "enhanced", "BINARY", "LABELMAP", "long"])
+def test_each_cut_is_an_error(tmp_path: Path, kind: str) -> None:
+    if kind in ("BINARY", "LABELMAP"):
+        path = segmentation(tmp_path / "a.dcm", LABELS, kind)
+    elif kind == "slice":
+        path = slices(tmp_path / "a", RAW[:1]) / "000.dcm"
+    else:
+        path = enhanced(tmp_path / "a.dcm", stored((5, 100, 110)) if kind == "long" else RAW)
+    data = path.read_bytes()
+    for size in range(140, len(data) - 1, max(1, len(data) // 60)):
+        (tmp_path / "b.dcm").write_bytes(data[:size])
+        with pytest.raises(InputError):
+            isocodec.read(tmp_path / "b.dcm")
+    for size in range(len(data) - 40, len(data) - 2):
+        (tmp_path / "b.dcm").write_bytes(data[:size])
+        with pytest.raises(InputError):
+            isocodec.read(tmp_path / "b.dcm")
+
+
 def test_headers_are_held_against_limits(tmp_path: Path) -> None:
     path = slices(tmp_path / "a", RAW)
     with pytest.raises(LimitError):

@@ -145,7 +145,8 @@ class Added:
         if given:
             where = field.placement or Placement()
             field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
-        return replace(field, labels=self.labels, missing="below") if self.labels else field
+        labels: Any = self.labels
+        return replace(field, labels=labels, missing="below") if labels else field
 
 
 class _Changed(Iterable[Any]):

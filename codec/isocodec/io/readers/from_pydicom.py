@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, LimitError, plain
+from ...errors import InputError, LimitError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement
 from .opened import Choice, Format, Opened, numbers
@@ -59,13 +59,12 @@ class _Plane:
     def _datasets(self) -> list[Any]:
         """Attributes of the frame, then those of all frames, then the file's."""
         own, shared = self.header.get(_OF_FRAMES), self.header.get("SharedFunctionalGroupsSequence")
-        groups = [*([own[self.number]] if own else []), *(shared or [])[:1], self.header]
+        groups = [*([own[self.number]] if own else []), *(shared or [])[:1]]
         nested = [
             each.value[0] for group in groups for each in group
             if each.VR == "SQ" and each.value and not each.tag.is_private
-            and (group is not self.header or each.keyword == "DetectorInformationSequence")
         ]
-        return [*nested, self.header]
+        return [*nested, *(self.header.get("DetectorInformationSequence") or [])[:1], self.header]
 
     def get(self, *names: str) -> Any:
         """The first of these attributes that has a value."""
@@ -165,7 +164,7 @@ class _Dicom(Opened):
             self._source.check_count(math.prod(shape) * colours)
         self.shape, self._whole, self.remarks = squeezed(shape), shape, tuple(remarks)
         unit = None if self._segments or colours > 1 else self._first.get("RescaleType", "Units", "DoseUnits")
-        self.unit = None if unit == "US" else unit
+        self.unit = None if unit in (None, "US") else one_line(str(unit))
 
     def _type(self, planes: list[_Plane]) -> np.dtype[Any]:
         header = self._first.header
@@ -335,10 +334,11 @@ def _checked(source: InputFile, path: Path, header: Any, pydicom: Any) -> int:
         raise InputError(f"states {frames} frames of {header.Rows} x {header.Columns}, which cannot be", code="shape")
     if syntax is None or not syntax.is_encapsulated:
         bits = count * int(header.BitsAllocated) // (1.5 if "422" in header.PhotometricInterpretation else 1)
-        there = pixels.length if pixels.value else min(pixels.length, held - pixels.value_tell)
+        there = len(pixels.value) if pixels.value else min(pixels.length, held - pixels.value_tell)
         source.check_bytes(int(-(-bits // 8)), there)
         return count
-    source.check_bytes(8 * frames, held)
+    densest = count * int(header.BitsAllocated) // 512 if syntax == pydicom.uid.RLELossless else 0
+    source.check_bytes(max(8 * frames, densest), held)
     decoder = pydicom.pixels.get_decoder(syntax)
     if not decoder.is_available:
         raise InputError(f"is compressed as {syntax.name}, for which a decoder is missing", code="missing-decoder",
@@ -425,7 +425,7 @@ def _arranged(planes: list[_Plane], tolerance: float | None, remarks: list[str])
             raise InputError(f"holds volumes (by {by}) of different slices: not all have slice {min(lost)}, as "
                              f"{near.name} is", code="slices", remedy="add the missing slices")
     first = [planes[each] for each in groups[0]]
-    matrix = np.column_stack([first[0].axes[:, :2], _step(first, tolerance, remarks), first[0].corner])
+    matrix = np.column_stack([first[0].axes[:, :2], _step(first, tolerance, remarks), np.asarray(first[0].corner)])
     return [[[planes[each]] for each in some] for some in groups], matrix, by
 
 

@@ -129,7 +129,7 @@ def _of_image(reader: Any, n: int) -> Placement:
 
 def _header_of(source: InputFile, folder: Path) -> Any:
     """A reader of SimpleITK that knows a file's header, its samples known to be allowed; within `reading`."""
-    of_meta, path = source.named(*_META), source.path
+    sitk, of_meta, path = _sitk(source.path.suffix), source.named(*_META), source.path
     if of_meta:
         files, plainly = meta_files(source)
     else:
@@ -138,7 +138,7 @@ def _header_of(source: InputFile, folder: Path) -> Any:
             path = folder / "a.nhdr"
             (folder / "samples").symlink_to(files[0].resolve())
             path.write_bytes(listed)
-    reader = _sitk(source.path.suffix).ImageFileReader()
+    reader = sitk.ImageFileReader()
     # left to itself it tries all formats that it knows, and some of these name files, too
     reader.SetImageIO("MetaImageIO" if of_meta else "NrrdImageIO")
     reader.SetFileName(str(path))
