@@ -106,7 +106,8 @@ def enhanced(
 OF_FRAME = {
     "ImagePositionPatient": "PlanePositionSequence", "ImageOrientationPatient": "PlaneOrientationSequence",
     "RescaleSlope": "PixelValueTransformationSequence", "RescaleIntercept": "PixelValueTransformationSequence",
-    "RescaleType": "PixelValueTransformationSequence", "StackID": "FrameContentSequence",
+    "RescaleType": "PixelValueTransformationSequence", "RealWorldValueSlope": "RealWorldValueMappingSequence",
+    "RealWorldValueIntercept": "RealWorldValueMappingSequence", "StackID": "FrameContentSequence",
     "InStackPositionNumber": "FrameContentSequence", "TemporalPositionIndex": "FrameContentSequence",
     "ReferencedSegmentNumber": "SegmentIdentificationSequence",
 }

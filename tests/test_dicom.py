@@ -29,6 +29,7 @@ import isocodec
 from commands import ok
 from dicom_files import AXIAL, BETWEEN, SHAPE, STEP, corner, enhanced, header, pixels, segmentation, slices, stored
 from isocodec.errors import InputError, LimitError, OptionError
+from isocodec.io.readers.input_formats import open_file
 
 RAW = stored()
 SIGNED = stored(dtype="i2") - 2000
@@ -414,6 +415,51 @@ def test_a_slice_keeps_its_spacing(tmp_path: Path) -> None:
     path = slices(tmp_path / "a", RAW[:1]) / "000.dcm"
     with pytest.warns(UserWarning, match="position"):
         assert np.array_equal(isocodec.read(path).placement.matrix, [[1.25, 0, 0], [0, 0.75, 0]])
+
+
+def test_slices_of_one_uid_are_no_copies(tmp_path: Path) -> None:
+    path = slices(tmp_path / "a", RAW, setter(SOPInstanceUID="1.2.3.4"))
+    assert np.array_equal(isocodec.read(path).values, RAW.T)
+
+
+def test_files_without_a_preamble(tmp_path: Path) -> None:
+    path = slices(tmp_path / "a", RAW)
+    for each in path.iterdir():
+        made = pydicom.dcmread(each)
+        with each.open("wb") as file:
+            pydicom.filewriter.write_dataset(writer := pydicom.filebase.DicomFileLike(file), _plain(made, writer))
+    assert np.array_equal(isocodec.read(path).values, RAW.T)
+    assert np.array_equal(isocodec.read(path / "002.dcm").values, RAW[2].T)
+
+
+def _plain(made: Any, writer: Any) -> Any:
+    writer.is_implicit_VR, writer.is_little_endian = True, True
+    return made
+
+
+def test_padding_in_tiles_and_slices(tmp_path: Path) -> None:
+    path = slices(tmp_path / "a", RAW, lambda made, number: made.add_new("PixelPaddingValue", "US", int(RAW[1, 2, 3])))
+    with open_file(path) as opened:
+        assert np.array_equal(np.isnan(opened.windows()), (RAW[1, 2, 3] == RAW).T)
+    frames = isocodec.read(path, frames=True, axis=2).fields
+    assert [0 if each.mask is None else int(each.mask.sum()) for each in frames] == [0, 1, 0, 0, 0]
+
+
+def test_parametric_maps(tmp_path: Path) -> None:
+    """Floats, and real-world values where nothing else is stated."""
+    values = RAW.astype("f4") / 3
+
+    def change(flat: Any, number: int) -> None:
+        del flat.RescaleSlope, flat.RescaleIntercept
+        flat.RealWorldValueSlope, flat.RealWorldValueIntercept = 2.0, 0.5
+
+    path = enhanced(tmp_path / "a.dcm", values, change)
+    made = pydicom.dcmread(path)
+    made.FloatPixelData = values.tobytes()
+    del made.PixelData
+    made.BitsAllocated = 32
+    made.save_as(path)
+    assert np.allclose(isocodec.read(path).values, values.T * 2.0 + 0.5, rtol=1e-12)
 
 
 def test_dose_grids(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ _LONG = 1 << 16
 _STACKS = 1000
 _ALIKE, _TOGETHER = 1e-4, 1e-3
 """Differences of directions and steps within a stack; distance in mm of slices that lie in one place."""
-_PIXELS = {0x7FE00010: "PixelData", 0x7FE00008: "FloatPixelData", 0x7FE00009: "DoubleFloatPixelData"}
+_PIXELS, _FLOATS = 0x7FE00010, (0x7FE00008, 0x7FE00009)
 _OF_FRAMES = "PerFrameFunctionalGroupsSequence"
 _SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
 _PADDING = ("PixelPadding", "FloatPixelPadding", "DoubleFloatPixelPadding")
@@ -73,8 +73,7 @@ class _Plane:
 
     @property
     def name(self) -> str:
-        several = (self.header.get("NumberOfFrames") or 1) > 1
-        return f"frame {self.number} of " * several + plain(self.path.name)
+        return f"frame {self.number} of " * (_frames(self.header) > 1) + plain(self.path.name)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -93,7 +92,7 @@ class _Plane:
         found, offset = self.get("ImagePositionPatient"), 0.0
         if not found or not self.axes[:, 2].any():
             return None
-        if not self.header.get(_OF_FRAMES) and (self.header.get("NumberOfFrames") or 1) > 1:
+        if not self.header.get(_OF_FRAMES) and _frames(self.header) > 1:
             offsets, step = self.get("GridFrameOffsetVector"), self.get("SpacingBetweenSlices")
             if offsets is None and step is None:
                 return None
@@ -119,7 +118,8 @@ class _Plane:
         """Slope and intercept; None if values are taken from a table."""
         if self.header.get("ModalityLUTSequence"):
             return None
-        return float(self.get("RescaleSlope", "DoseGridScaling") or 1), float(self.get("RescaleIntercept") or 0)
+        slope = self.get("RescaleSlope", "DoseGridScaling", "RealWorldValueSlope")
+        return float(slope or 1), float(self.get("RescaleIntercept", "RealWorldValueIntercept") or 0)
 
     def padded(self, raw: Array) -> Array | None:
         """The stored samples that only fill the picture."""
@@ -153,7 +153,7 @@ class _Dicom(Opened):
             if self._segments:
                 planes, self._segment, key = _of_segment(planes, key)
             planes = _stack(planes, key, remarks)
-            self._first, self._dtype = planes[0], None
+            self._first = planes[0]
             self._palette = "PALETTE" in planes[0].header.PhotometricInterpretation and not self._segments
             colours = 3 if self._palette else int(planes[0].header.SamplesPerPixel)
             self._channel = channel_of(colours, choice.channel) if colours > 1 or choice.channel else None
@@ -172,7 +172,7 @@ class _Dicom(Opened):
             return np.min_scalar_type(max(int(each.get("ReferencedSegmentNumber")) for each in planes))
         if self._palette:
             return np.dtype(f"u{header.RedPaletteColorLookupTableDescriptor[2] // 8}")
-        types = {self._pixels.utils.pixel_dtype(each.header, 0x7FE00010 not in each.header) for each in planes}
+        types = {self._pixels.utils.pixel_dtype(each.header, _PIXELS not in each.header) for each in planes}
         stored, rescaling = np.result_type(*types).newbyteorder("="), {each.rescaling for each in planes}
         if self._segments or self._channel is not None or rescaling == {(1.0, 0.0)}:
             return stored
@@ -209,8 +209,9 @@ class _Dicom(Opened):
             warnings.filterwarnings("error", message="The end of the encapsulated pixel data")
             for path, group in groupby(sorted(every, key=lambda each: each[1].path), lambda each: each[1].path):
                 some = [*group]
-                packed = some[0][1].header if some[0][1].header.file_meta.TransferSyntaxUID.is_deflated else path
-                frames = self._pixels.iter_pixels(packed, indices=[plane.number for _, plane in some])
+                header = some[0][1].header
+                whole = header.file_meta.TransferSyntaxUID.is_deflated or not header.preamble
+                frames = self._pixels.iter_pixels(header if whole else path, indices=[each.number for _, each in some])
                 for (number, plane), raw in zip(some, frames, strict=True):
                     yield number, plane, raw
 
@@ -265,7 +266,7 @@ def dicom_files(source: InputFile) -> Iterator[Path]:
         below[:] = [name for name in real if real[name] not in seen]
         seen.update(real.values())
         for path in (Path(folder, name) for name in sorted(files)):
-            if is_dicom(path):
+            if is_dicom(path) or path.suffix.lower() == ".dcm":
                 if not source.follow and not os.path.realpath(path).startswith(os.path.join(root, "")):
                     raise source.refused(path.name, "which links to another folder")
                 yield path
@@ -291,7 +292,7 @@ def _headers(source: InputFile, remarks: list[str]) -> list[tuple[Path, Any]]:
             warnings.filterwarnings("error", message=".*[Uu]nexpected end of file")
             header = pydicom.dcmread(path, defer_size=long, force=True)
         name = plain(pydicom.uid.UID(header.get("SOPClassUID", "")).name)
-        if "Rows" in header and any(tag in header for tag in _PIXELS):
+        if "Rows" in header and any(tag in header for tag in (_PIXELS, *_FLOATS)):
             count = source.check_count(count + _checked(source, path, header, pydicom))
             found.append((path, header))
         elif "Rows" in header or "Image Storage" in name:
@@ -323,16 +324,20 @@ def _packed(source: InputFile, path: Path, pydicom: Any) -> bool:
 
 def _checked(source: InputFile, path: Path, header: Any, pydicom: Any) -> int:
     """Count the samples of a file; its pixels are as many as it states, and can be decoded."""
-    pixels = next(element for tag, element in header.items() if tag in _PIXELS)  # not read, as they are by their name
+    # by its name it would be read
+    pixels = next(element for tag, element in header.items() if tag in (_PIXELS, *_FLOATS))
     frames, colours = _frames(header), int(header.get("SamplesPerPixel") or 1)
     header.SamplesPerPixel, header.PhotometricInterpretation = colours, header.get("PhotometricInterpretation") or ""
     count = int(header.Rows) * int(header.Columns) * frames * colours
-    syntax, held = header.file_meta.get("TransferSyntaxUID"), path.stat().st_size
+    if "TransferSyntaxUID" not in header.file_meta:
+        uid, (implicit, _) = pydicom.uid, header.original_encoding
+        header.file_meta.TransferSyntaxUID = uid.ImplicitVRLittleEndian if implicit else uid.ExplicitVRLittleEndian
+    syntax, held = header.file_meta.TransferSyntaxUID, path.stat().st_size
     if "TotalPixelMatrixRows" in header:
         raise InputError("is a picture of tiles, such as of a slide", code="shape", remedy="export it as TIFF")
     if frames < 1 or not count or (header.get(_OF_FRAMES) and len(header[_OF_FRAMES].value) != frames):
         raise InputError(f"states {frames} frames of {header.Rows} x {header.Columns}, which cannot be", code="shape")
-    if syntax is None or not syntax.is_encapsulated:
+    if not syntax.is_encapsulated:
         bits = count * int(header.BitsAllocated) // (1.5 if "422" in header.PhotometricInterpretation else 1)
         there = len(pixels.value) if pixels.value else min(pixels.length, held - pixels.value_tell)
         source.check_bytes(int(-(-bits // 8)), there)
@@ -380,7 +385,8 @@ def _of_segment(planes: list[_Plane], key: str | None) -> tuple[list[_Plane], in
 
 def _stack(planes: list[_Plane], key: str | None, remarks: list[str]) -> list[_Plane]:
     """The frames of one size and direction; localizers and copies are left out."""
-    every = {(each.header.get("SOPInstanceUID", each.path), each.number): each for each in planes[::-1]}
+    names = "SOPInstanceUID", "InstanceNumber", "ImagePositionPatient"
+    every = {(each.number, *(str(each.get(name) or each.path) for name in names)): each for each in planes[::-1]}
     once = [*every.values()][::-1]
     if len(once) < len(planes):
         remarks.append(f"copies of other slices are left out: {len(planes) - len(once)}")

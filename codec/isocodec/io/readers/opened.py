@@ -253,7 +253,8 @@ class Opened:
         return numbers(self._values(frame))
 
     def _windows(self) -> Any:
-        return numbers(self._values(None))
+        whole = numbers(self._values(None))
+        return np.where(whole.mask, np.nan, whole) if hasattr(whole, "mask") else whole
 
     def _series(self) -> Slices | None:
         """The frames of a format that states which axis counts them."""
