@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -270,7 +271,7 @@ def two(make: Any, path: Path, changes: Any, samples: Any = (RAW, RAW + 1)) -> P
             flat.ImagePositionPatient = corner(number % 5)
             setter(**{name: values[number // 5] for name, values in changes.items()})(flat, number)
 
-        return enhanced(path, np.concatenate(samples), change, order=(4, 5, 2, 8, 9, 1, 3, 6, 7, 0))
+        return enhanced(path, np.concatenate(samples), change, order=(4, 0, 2, 8, 9, 1, 3, 6, 7, 5))
     for number in (0, 1):
         given = {name: values[number] for name, values in changes.items()}
         slices(path, samples[number], setter(**given), order=[2 * n + number for n in range(5)])
@@ -281,6 +282,8 @@ def two(make: Any, path: Path, changes: Any, samples: Any = (RAW, RAW + 1)) -> P
     (slices, {"TemporalPositionIdentifier": (7, 11)}), (slices, {"EchoTime": (10, 4.5)}),
     (slices, {"AcquisitionNumber": (1, 2)}), (slices, {"AcquisitionTime": ("101010", "101011")}),
     (slices, {"ImageType": (["ORIGINAL", "PRIMARY", "M"], ["ORIGINAL", "PRIMARY", "P"])}),
+    (slices, {"InstanceNumber": (lambda n: n + 1, lambda n: n + 6)}),
+    (slices, {"InstanceNumber": (lambda n: 2 * n + 1, lambda n: 2 * n + 2)}),
     (enhanced, {"TemporalPositionIndex": (1, 2)}),
 ])
 def test_volumes_in_one_place_are_frames(tmp_path: Path, make: Any, changes: Any) -> None:
@@ -296,6 +299,22 @@ def test_volumes_in_one_place_are_frames(tmp_path: Path, make: Any, changes: Any
     every = [each.values for each in isocodec.read(path, frames=True).fields]
     assert len(every) == 2
     assert np.array_equal(every[0], (other if swapped else one).T)
+
+
+@pytest.mark.parametrize("order", [range(10), [n // 2 + n % 2 * 5 for n in range(10)]])
+def test_frames_that_nothing_tells_apart_follow_one_another(tmp_path: Path, order: Any) -> None:
+    """Volume after volume, or slice after slice; in any other order they might be mixed."""
+    every = np.concatenate([RAW, RAW + 1])
+
+    def change(flat: Any, number: int) -> None:
+        flat.ImagePositionPatient = corner(number % 5)
+
+    path = enhanced(tmp_path / "a.dcm", every, change, order=order)
+    for frame in (0, 1):
+        assert np.array_equal(isocodec.read(path, frame=frame).values, RAW.T + frame)
+    path = enhanced(tmp_path / "b.dcm", every, change, order=(4, 0, 2, 8, 9, 1, 3, 6, 7, 5))
+    with pytest.raises(InputError, match="several slices in one place"):
+        isocodec.read(path, frame=0)
 
 
 def test_a_volume_that_lacks_a_slice(tmp_path: Path) -> None:
@@ -473,6 +492,35 @@ def test_dose_grids(tmp_path: Path) -> None:
     assert np.array_equal(found.values, RAW.T * 0.001)
     assert found.unit == "GY"
     assert np.allclose(found.placement.matrix, matrix())
+
+
+def test_files_that_pydicom_ships() -> None:
+    """Slices, frames, dose grids, colours, and every compression that can be decoded here."""
+    home, read = Path(pydicom.__file__).parent / "data" / "test_files", 0
+    for path in sorted(home.glob("*.dcm")):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                made = pydicom.dcmread(path)
+                right = made.pixel_array
+            except Exception:
+                with pytest.raises(InputError):
+                    isocodec.read(path)
+                continue
+            coloured = made.SamplesPerPixel > 1 or made.PhotometricInterpretation == "PALETTE COLOR"
+            try:
+                found = isocodec.read(path, channel=0 if coloured else None)
+            except InputError as error:
+                assert "take one with --frame" in f"{error}" or path.name in (
+                    "SC_rgb_jpeg.dcm", "liver_1frame.dcm", "liver_expb_1frame.dcm"), path
+                continue
+        if made.PhotometricInterpretation == "PALETTE COLOR":
+            right = pydicom.pixels.apply_color_lut(right, made)
+        right = right[..., 0] if coloured else apply_modality_lut(right, made) * float(made.get("DoseGridScaling", 1))
+        if "SegmentationType" not in made:
+            assert np.array_equal(found.values, right.T), path
+            read += 1
+    assert read > 50
 
 
 LABELS = np.zeros((7, 6, 7), np.uint8)

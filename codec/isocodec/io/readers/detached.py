@@ -56,8 +56,8 @@ def meta_files(source: InputFile) -> tuple[list[Path], bool]:
     return files, plainly
 
 
-def nrrd_files(source: InputFile) -> tuple[list[Path], bool, bytes]:
-    """Find the files of an NRRD header; and of one file a header as ITK takes it, if it does not take that one.
+def nrrd_files(source: InputFile) -> tuple[list[Path], bool]:
+    """Find the files of an NRRD header.
 
     Raises
     ------
@@ -68,28 +68,37 @@ def nrrd_files(source: InputFile) -> tuple[list[Path], bool, bytes]:
     if not head.startswith(b"NRRD") or (cut and not end) or any(c in head for c in b"\r\0"):
         raise InputError("has no NRRD header", code="unreadable")
     files: list[Path] = []
+    encoding = ""
     lines = _text(head).split("\n")
-    fields = {"".join(name.lower().split()): value for name, colon, value in (line.partition(": ") for line in lines)}
     for number, line in enumerate(lines):
         name, _, value = line.partition(":")
-        if "".join(name.lower().split()) == "datafile" and not value.startswith("="):
+        field = "".join(name.lower().split())
+        if field == "encoding":
+            encoding = value.strip().lower()
+        if field == "datafile" and not value.startswith("="):
             files += _files(source, value.strip(), "\n".join(lines[number + 1 :]))
             if value.strip().startswith("LIST"):
                 break
-    listed = b"" if len(files) > 1 else _listed(lines, fields, not files)
-    return files or [source.path], fields.get("encoding", "").strip().lower() == "raw", listed
+    return files or [source.path], encoding == "raw"
 
 
-def _listed(lines: list[str], fields: dict[str, str], attached: bool) -> bytes:
-    """A header whose axis without a direction, or of time, is a list, for samples in the file ``samples`` beside it."""
-    directions = re.findall(r"none|\([^)]*\)", fields.get("spacedirections", ""))
-    kinds = fields.get("kinds", "").split() or ["domain"] * len(directions)
+def listed(source: InputFile, files: list[Path]) -> bytes:
+    """Make an NRRD header whose axis without a direction, or of time, is a list, for a file ``samples`` beside it.
+
+    Empty if ITK takes the header of the source as it is, or finds its samples in several files.
+    """
+    lines = _text(_head(source)[0].partition(b"\n\n")[0]).split("\n")
+    fields = ["".join(line.partition(":")[0].lower().split()) for line in lines]
+    values = {name: line.partition(":")[2] for name, line in zip(fields, lines, strict=True)}
+    directions = re.findall(r"none|\([^)]*\)", values.get("spacedirections", ""))
+    kinds = values.get("kinds", "").split() or ["domain"] * len(directions)
     apart = [n for n, each in enumerate(directions or kinds) if each == ("none" if directions else "time")]
-    if len(apart) != 1 or len(kinds) != len(directions or kinds) or kinds[apart[0]] not in _NO_KIND:
+    if len(files) > 1 or len(apart) != 1 or len(kinds) < apart[0] + 1 or kinds[apart[0]] not in _NO_KIND:
         return b""
     kinds[apart[0]] = "list"
+    attached = files == [source.path]
     own = ("kinds", "datafile", *(("lineskip", "byteskip") if attached else ()))
-    kept = [line for line in lines if "".join(line.partition(":")[0].lower().split()) not in own]
+    kept = [line for name, line in zip(fields, lines, strict=True) if name not in own]
     skip = [f"line skip: {len(lines) + 1}"] * attached
     return "\n".join([*kept, f"kinds: {' '.join(kinds)}", *skip, "data file: samples", "", ""]).encode(*_NAMES)
 

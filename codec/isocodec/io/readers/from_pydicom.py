@@ -241,10 +241,10 @@ class _Dicom(Opened):
     def _place(self, n: int, frame: int | None) -> Placement:
         if n == 3 and self._matrix is not None:
             return placed(to_right_front_up(self._matrix), n)
-        between = self._first.get(*_SPACINGS)
+        between, remark = self._first.get(*_SPACINGS), SLICE if self._first.corner is not None else ""
         if n != 2 or between is None:
-            return Placement(remark="the positions of its slices are unknown" if n == 3 else SLICE)
-        return replace(placed([[float(between[1]), 0, 0], [0, float(between[0]), 0]], 2), remark=SLICE)
+            return Placement(remark=remark or "the positions of its slices are unknown" * (n == 3))
+        return replace(placed([[float(between[1]), 0, 0], [0, float(between[0]), 0]], 2), remark=remark)
 
     def _series(self) -> Slices | None:
         if len(self._volumes) == 1:
@@ -291,7 +291,8 @@ def _headers(source: InputFile, remarks: list[str]) -> list[tuple[Path, Any]]:
             warnings.simplefilter("ignore")
             warnings.filterwarnings("error", message=".*[Uu]nexpected end of file")
             header = pydicom.dcmread(path, defer_size=long, force=True)
-        name = plain(pydicom.uid.UID(header.get("SOPClassUID", "")).name)
+        uid = header.get("SOPClassUID") or header.file_meta.get("MediaStorageSOPClassUID", "")
+        name = plain(pydicom.uid.UID(uid).name)
         if "Rows" in header and any(tag in header for tag in (_PIXELS, *_FLOATS)):
             count = source.check_count(count + _checked(source, path, header, pydicom))
             found.append((path, header))
@@ -335,8 +336,10 @@ def _checked(source: InputFile, path: Path, header: Any, pydicom: Any) -> int:
     syntax, held = header.file_meta.TransferSyntaxUID, path.stat().st_size
     if "TotalPixelMatrixRows" in header:
         raise InputError("is a picture of tiles, such as of a slide", code="shape", remedy="export it as TIFF")
-    if frames < 1 or not count or (header.get(_OF_FRAMES) and len(header[_OF_FRAMES].value) != frames):
-        raise InputError(f"states {frames} frames of {header.Rows} x {header.Columns}, which cannot be", code="shape")
+    described = len(header.get(_OF_FRAMES) or "") or frames
+    if frames != described or count < 1:
+        raise InputError(f"states {frames} frames of {header.Rows} x {header.Columns} samples, and the places of "
+                         f"{described}", code="shape")
     if not syntax.is_encapsulated:
         bits = count * int(header.BitsAllocated) // (1.5 if "422" in header.PhotometricInterpretation else 1)
         there = len(pixels.value) if pixels.value else min(pixels.length, held - pixels.value_tell)
@@ -455,6 +458,13 @@ def _times(planes: list[_Plane], where: NDArray[np.int64]) -> tuple[str, list[li
         groups = [[n for n, value in enumerate(values) if value == each] for each in sorted({*values})]
         if all(len({*where[some]}) == len(some) for some in groups):
             return name, groups
+    keys = [(int(each.get("InstanceNumber") or 0), each.number) for each in planes]
+    if (count == count.max()).all() and len({*keys}) == len(keys):
+        order = np.array(sorted(range(len(keys)), key=keys.__getitem__))
+        # volume after volume, or slice after slice; any other order could mix them
+        for volumes in (order.reshape(count.max(), -1), order.reshape(-1, count.max()).T):
+            if (where[volumes] == where[volumes[0]]).all() and len({*where[volumes[0]]}) == len(count):
+                return "InstanceNumber", [sorted(some, key=where.__getitem__) for some in volumes.tolist()]
     slice = int(np.argmax(count > 1))
     one, other = (planes[each].name for each in np.flatnonzero(where == slice)[:2])
     raise InputError(f"holds several slices in one place: {one} and {other} (slice {slice})", code="slices",

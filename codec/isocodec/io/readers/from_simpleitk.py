@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...extras import optional
 from ...field.placement import Placement
-from .detached import meta_files, nrrd_files
+from .detached import listed, meta_files, nrrd_files
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
 from .place_of_samples import SLICE, placed, to_right_front_up
 from .reading import channel_of, named, reading
@@ -31,13 +31,13 @@ class _OfItk(Opened):
     _image: Any
     _segment: tuple[int, int] | None = None
 
-    def _describe(self, channel: int | None, listed: bool) -> None:
+    def _describe(self, channel: int | None, of_list: bool) -> None:
         """Take shape and type of an image, whose components are a series or channels."""
         pixel = self._image.GetPixelIDValue()
         several = getattr(self._image, "GetNumberOfComponentsPerPixel", None) or self._image.GetNumberOfComponents
         self._components = count = several()
-        self._channel = channel_of(count, channel) if (count > 1 and not listed) or channel else None
-        self._shape = (*self._image.GetSize(), *((count,) if listed and count > 1 else ()))
+        self._channel = channel_of(count, channel) if (count > 1 and not of_list) or channel else None
+        self._shape = (*self._image.GetSize(), *((count,) if of_list and count > 1 else ()))
         self.shape, self.dtype = squeezed(self._shape), _dtype_of(pixel)
 
     def _whole(self) -> Array:
@@ -130,14 +130,11 @@ def _of_image(reader: Any, n: int) -> Placement:
 def _header_of(source: InputFile, folder: Path) -> Any:
     """A reader of SimpleITK that knows a file's header, its samples known to be allowed; within `reading`."""
     sitk, of_meta, path = _sitk(source.path.suffix), source.named(*_META), source.path
-    if of_meta:
-        files, plainly = meta_files(source)
-    else:
-        files, plainly, listed = nrrd_files(source)
-        if listed:
-            path = folder / "a.nhdr"
-            (folder / "samples").symlink_to(files[0].resolve())
-            path.write_bytes(listed)
+    files, plainly = (meta_files if of_meta else nrrd_files)(source)
+    if not of_meta and (header := listed(source, files)):
+        path = folder / "a.nhdr"
+        (folder / "samples").symlink_to(files[0].resolve())
+        path.write_bytes(header)
     reader = sitk.ImageFileReader()
     # left to itself it tries all formats that it knows, and some of these name files, too
     reader.SetImageIO("MetaImageIO" if of_meta else "NrrdImageIO")
