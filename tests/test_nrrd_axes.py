@@ -65,6 +65,18 @@ def test_an_axis_without_a_direction_counts_volumes(
     assert np.allclose(every.fields[1].placement.matrix, PLACED)
 
 
+@pytest.mark.parametrize("skip", [
+    "byte skip: 4\n", "line skip: 2\n", "line skip: 1\nbyte skip: 2\n", "byte skip: -1\n",
+])
+@pytest.mark.parametrize("kind", ["list", "time"])
+def test_samples_behind_others(tmp_path: Path, kind: str, skip: str) -> None:
+    path = nrrd(tmp_path / "a.nrrd", kind, 2, more=skip)
+    head, _, data = path.read_bytes().partition(b"\n\n")
+    path.write_bytes(head + b"\n\n" + b"a\nb\n" + data)
+    assert np.array_equal(isocodec.read(path, frame=1).values, VOLUME.T + 1)
+    assert np.allclose(isocodec.read(path, frame=1).placement.matrix, PLACED)
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_time_without_a_space(tmp_path: Path, first: bool) -> None:
     path = nrrd(tmp_path / "a.nrrd", "time", 3, first=first, placed=False)

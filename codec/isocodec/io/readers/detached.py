@@ -97,9 +97,9 @@ def listed(source: InputFile, files: list[Path]) -> bytes:
         return b""
     kinds[apart[0]] = "list"
     attached = files == [source.path]
-    own = ("kinds", "datafile", *(("lineskip", "byteskip") if attached else ()))
+    own = ("kinds", "datafile", *(("lineskip",) if attached else ()))
     kept = [line for name, line in zip(fields, lines, strict=True) if name not in own]
-    skip = [f"line skip: {len(lines) + 1}"] * attached
+    skip = [f"line skip: {len(lines) + 1 + int(values.get('lineskip', 0))}"] * attached
     return "\n".join([*kept, f"kinds: {' '.join(kinds)}", *skip, "data file: samples", "", ""]).encode(*_NAMES)
 
 
