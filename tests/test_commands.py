@@ -38,6 +38,7 @@ VALUES = {
     "steps": "2", "index": "2", "title": "t", "dpi": "50", "seen_from": "top", "map_interval": "20", "offset": "1",
     "limit_memory": "900M", "limit_work": "100000000", "limit_samples": "100000", "mesh": "known.npz", "kind": "iso",
     "key": "a", "channel": "0", "nodata": "1", "metadata": "a=b",
+    "slice_tolerance": "1",
 }
 """A value for each option that takes one."""
 

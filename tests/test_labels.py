@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import nibabel
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -129,3 +131,92 @@ def test_command_refuses(tmp_path: Path) -> None:
         assert "label" in fails(2, *encode, *more)
     assert "the labels are 0, 1, 2, 3" in fails(3, *encode, "--label", 9)
     assert not out.exists()
+
+
+AFFINE = np.array([[-2.0, 0, 0, 10], [0, 1.5, 0.25, -4], [0, -0.1, 3, 7], [0, 0, 0, 1]])
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".npy"])
+@pytest.mark.parametrize("labels", [(1, 2), (1, 300), (7, -3), (1, 70000), (0.5, 2)])
+def test_all_labels_and_back(tmp_path: Path, labels: tuple[float, float], suffix: str) -> None:
+    """Into one file, and out into one volume with its affine."""
+    values = np.select([SHELLS == 1, SHELLS == 2], labels)
+    dtype = np.result_type(*map(np.min_scalar_type, labels), np.uint8)
+    source, made, out = tmp_path / "a.nii.gz", tmp_path / "a.iso", tmp_path / f"b{suffix}"
+    nibabel.save(nibabel.Nifti1Image(values.astype("f4" if dtype.kind == "f" else dtype), AFFINE), source)
+    assert "2 labels" in ok("encode", source, "--label", "all", "-o", made)
+    found = isocodec.read(source)
+    again = isocodec.Field(found.values, placement=found.placement, labels="all", missing="below")
+    assert made.read_bytes() == isocodec.encode(again)
+    ok("decode", made, "--what", "labels", "-o", out)
+    if suffix == ".npy":
+        assert np.array_equal(np.load(out), values)
+        return
+    image = nibabel.load(out)
+    assert np.array_equal(np.asanyarray(image.dataobj), values)
+    assert np.allclose(image.affine, AFFINE, atol=1e-5)
+    assert image.header.get_slope_inter() in ((1, 0), (None, None))
+
+
+def test_all_labels_of_a_series(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.stack([np.where(ZONES == 1, 0, ZONES), np.where(ZONES == 3, 1, ZONES)]))
+    ok("encode", tmp_path / "a.npy", "--frames", "--label", "all", "-o", tmp_path / "a.iso")
+    file = isocodec.open(tmp_path / "a.iso")
+    assert file.isovalues == (1, 2, 3)
+    assert np.array_equal(file.above(3, frame=0), ZONES == 3)
+    assert not file.above(3, frame=1).any()
+
+
+def test_all_labels_alone(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", ZONES)
+    assert "other labels" in fails(2, "encode", tmp_path / "z.npy", "--label", "all", "--label", 1, "-o", "a.iso")
+    np.save(tmp_path / "z.npy", HILLS)
+    assert "at most 64" in fails(2, "encode", tmp_path / "z.npy", "--label", "all", "-o", tmp_path / "a.iso")
+    assert "gives numbers" not in fails(2, "encode", tmp_path / "z.npy", "--label", "x", "-o", tmp_path / "a.iso")
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "int32", "float32"])
+@pytest.mark.parametrize("labels", [(1, 3), (1, 7), (2, 5), (10, 250), (1, 2000)])
+def test_labels_in_scaled_integers(tmp_path: Path, labels: tuple[int, int], dtype: str) -> None:
+    """NIfTI scales whole numbers by what fills its type: they are a little off, or far where it has too few steps."""
+    values = np.select([SHELLS == 1, SHELLS == 2], labels).astype(float)
+    image = nibabel.Nifti1Image(values, np.eye(4))
+    image.set_data_dtype(dtype)
+    nibabel.save(image, tmp_path / "a.nii.gz")
+    stored = np.asanyarray(nibabel.load(tmp_path / "a.nii.gz").dataobj)
+    off = max(float(np.abs(stored[values == label] - label).max()) for label in labels)
+    encode = ("encode", tmp_path / "a.nii.gz", "-o", tmp_path / "a.iso")
+    if off >= 0.05:
+        assert "the labels are" in fails(3, *encode, "--label", labels[0], "--label", labels[1])
+        return
+    ok(*encode, "--label", labels[0], "--label", labels[1])
+    file = isocodec.open(tmp_path / "a.iso")
+    assert file.isovalues == labels
+    assert np.array_equal(file.labels(), values)
+    assert "0 wrong signs" in ok("verify", tmp_path / "a.nii.gz", tmp_path / "a.iso")
+    ok(*encode, "--label", "all")
+    assert np.array_equal(isocodec.open(tmp_path / "a.iso").labels(), values)
+
+
+def test_values_that_only_come_close_are_no_label() -> None:
+    for values in (ZONES + 0.2, ZONES + np.where(HILLS % 2, 0.01, 0.02)):
+        with pytest.raises(InputError, match="no sample has the label 1"):
+            isocodec.encode(isocodec.Field(values, labels=[1]))
+
+
+@pytest.mark.parametrize("side", ["above", "below"])
+@pytest.mark.parametrize("labelled", [True, False])
+def test_capped(tmp_path: Path, side: str, labelled: bool) -> None:
+    """Closed where the field ends, on the command line."""
+    volume = SHELLS[:9]
+    np.save(tmp_path / "a.npy", volume)
+    ok("encode", tmp_path / "a.npy", "-o", tmp_path / "a.iso", *(("--label", 1) if labelled else ("--isovalue", 0.5)))
+    for options, closed in (((), False), (("--capped", "--side", side), True)):
+        ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.ply", *options)
+        mesh = trimesh.load(tmp_path / "a.ply")
+        assert mesh.is_watertight is closed
+    alone = isocodec.decode(tmp_path / "a.iso").capped(above=side == "above").to_trimesh()
+    assert mesh.volume == pytest.approx(alone.volume)
+    assert "--capped" in fails(2, "decode", tmp_path / "a.iso", "-o", "a.ply", "--capped", "--window", "0:3,0:3,0:3")
+    assert "--side" in fails(2, "decode", tmp_path / "a.iso", "-o", "a.ply", "--side", "below")
+    assert "--capped" in fails(2, "decode", tmp_path / "a.iso", "-o", "a.npy", "--capped", "--what", "above")

@@ -28,7 +28,7 @@ from .isofile import IsoFile
 Target = str | os.PathLike[str] | BinaryIO
 _KINDS: Mapping[str, Kind] = {
     "curve": "contour", "areas": "areas", "bands": "areas", "above": "mask", "valid": "mask", "mesh": "mesh",
-    "surface": "tin",
+    "surface": "tin", "labels": "labels",
 }
 """Things that can be written of a file, as writers call them."""
 _APART: Mapping[str, tuple[str, ...]] = {
@@ -39,7 +39,7 @@ _APART: Mapping[str, tuple[str, ...]] = {
 }
 """Parts of a file that cannot be chosen of what is decoded."""
 _ARRAY = ".npy"
-"""Suffix of arrays: of labels, and of the picture that a surface makes."""
+"""Suffix of arrays: of the picture that a surface makes."""
 _LISTED = 5
 """Isovalues that a remark lists."""
 
@@ -63,6 +63,8 @@ class Wanted:
         Close areas along missing samples; draw curves through them.
     whole : bool
         The mesh of the whole domain, not only what the curve crosses.
+    capped : bool
+        Close surfaces in space where they leave the field, around the side.
     options : OutputOptions
     """
 
@@ -73,6 +75,7 @@ class Wanted:
     along_holes: bool = False
     through_holes: bool = False
     whole: bool = False
+    capped: bool = False
     options: OutputOptions = USUAL
 
 
@@ -155,10 +158,8 @@ def check_export(path: str | os.PathLike[str], what: str | None, options: Output
     MissingExtraError
     """
     name = Path(path if options.to is None else f"_.{options.to.lstrip('.')}")
-    if name.suffix.lower() == _ARRAY and what in (None, "surface", "labels"):
+    if name.suffix.lower() == _ARRAY and what in (None, "surface"):
         return _ARRAY
-    if what == "labels":
-        raise OptionError(f"labels are written as {_ARRAY}", code="suffix")
     if what is None and _is_of_surfaces(name):
         return suffix_of(name) or ""
     return check(name, Thing(_KINDS[what or "curve"], None))[0]
@@ -209,6 +210,8 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
 
 def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
+    if wanted.capped:
+        contours = [contour.capped(above=wanted.side == "above") for contour in contours]
     if isinstance(contours, Drawings):
         return _of_contours(contours, contours, [])
     remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others_in(file, contours[0].isovalue)
@@ -236,7 +239,8 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Draw
     if every:
         asked = Thing(kind, len(file.shape) or None, several=kind != "areas", sampled=bool(file.shape))
     if every and _holds(suffix, asked):
-        if isinstance(file.held, WholeFile) and file.kind in ("grid", "series") and "within" not in view:
+        in_turn = "within" not in view and not wanted.capped
+        if isinstance(file.held, WholeFile) and file.kind in ("grid", "series") and in_turn:
             chosen, costs = Viewed(**view), check(f"_{suffix}", asked)[1].cost
             drawings = Drawings(file.held.received(None, chosen), chosen, costs.get(len(file.shape), Cost(0, 0)))
             if len(drawings) > 1:
@@ -328,7 +332,8 @@ def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Export
     labels = file.labels()
     found = [int(label) for label in np.unique(labels)]
     text = f"{labels.size:,} samples, {len(found)} labels"
-    return Exported(_array(labels), {"samples": labels.size, "labels": found, "shape": list(labels.shape)}, text)
+    facts = {"samples": labels.size, "labels": found, "shape": list(labels.shape)}
+    return Exported(SampleMask(labels, file.placement), facts, text)
 
 
 def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError, OptionError
 from ..field.framed import Frames
+from ..field.labelling import ALL, labels_in
 from ..field.meshed import Mesh
 from ..field.placement import Placement
 from ..field.sampled import Field
@@ -83,7 +84,7 @@ class Added:
 
     Attributes
     ----------
-    labels : sequence of float
+    labels : sequence of float, or "all"
         Encode which samples have these labels; missing ones have none.
     spacing : sequence of float, optional
         Distances of samples along the axes, instead of what the input states.
@@ -97,7 +98,7 @@ class Added:
         As of `Mesh`.
     """
 
-    labels: Sequence[float] = ()
+    labels: Sequence[float] | str = ()
     spacing: Sequence[float] | None = None
     placed: bool = True
     periodic: tuple[int, ...] = ()
@@ -118,6 +119,9 @@ class Added:
             given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error}
             return replace(what, **{name: value for name, value in given.items() if value is not None})
         if isinstance(what, Frames):
+            if self.labels == ALL:
+                every = {label for field in what.fields for label in labels_in(field.values, field.mask)}
+                return replace(self, labels=sorted(every)).to(what)
             fields = _Changed(what.fields, self._to_field)
             fields.remarks = fields.remarks if self._placed else ()
             return replace(what, fields=fields)
@@ -141,7 +145,8 @@ class Added:
         if given:
             where = field.placement or Placement()
             field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
-        return replace(field, labels=tuple(self.labels), missing="below") if self.labels else field
+        labels: Any = self.labels
+        return replace(field, labels=labels, missing="below") if labels else field
 
 
 class _Changed(Iterable[Any]):

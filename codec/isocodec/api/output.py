@@ -83,7 +83,8 @@ def formats() -> dict[str, str]:
 
     rows = {
         "Curves": listed("contour", 2), "Surfaces": listed("contour", 3), "Areas and bands": listed("areas"),
-        "Above and valid": f"{listed('mask', 2)}; of three axes {listed('mask', 3)}", "Labels": ".npy",
+        "Above and valid": f"{listed('mask', 2)}; of three axes {listed('mask', 3)}",
+        "Labels": f"{listed('labels', 2)}; of three axes {listed('labels', 3)}",
         "Meshes": f"{listed('mesh', 2)}; of three axes {listed('mesh', 3)}", "Triangulations": listed("tin"),
     }
     table = "\n".join(f"{name:16} {suffixes}" for name, suffixes in rows.items())

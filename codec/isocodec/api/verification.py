@@ -12,6 +12,7 @@ from isospec.container import DomainKind
 
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS
+from ..field.labelling import having
 from ..field.placement import closed
 from ..field.samples import check_field, without_holes
 from .files import TileFile, Viewed, WholeFile
@@ -102,7 +103,7 @@ def _of_grid(
 ) -> Verified:
     """Verify one isovalue of a grid."""
     if LABELS in held.info.metadata:
-        sampled = check_field(values == contour.isovalue, 0.5, gone=gone)
+        sampled = check_field(having(values, contour.isovalue), 0.5, gone=gone)
     else:
         sampled = check_field(values, contour.isovalue, gone=gone)
     wrong: int | None

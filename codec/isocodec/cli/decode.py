@@ -40,11 +40,13 @@ class DecodeArguments(Writing, Viewing):
     within: float | None = option("--within", heading=PART, type=float, metavar="N",
                                   help="Stop at cubes of the mesh no wider than N samples.")
     side: str = option("--side", heading=OUTPUT, type=click.Choice(["above", "below"]), default="above",
-                       show_default=True, help="With --what areas: which side of the curve.")
+                       show_default=True, help="With --what areas or --capped: which side of the curve.")
     along_holes: bool = option("--along-holes", heading=DRAWING, is_flag=True,
                                help="With --what areas or bands: close areas along missing samples, too.")
     through_holes: bool = option("--through-holes", heading=DRAWING, is_flag=True,
                                  help="Draw curves through missing samples, where the encoder chose their course.")
+    capped: bool = option("--capped", heading=DRAWING, is_flag=True,
+                          help="Close a surface in space where it leaves the field, around the --side.")
     whole: bool = option("--whole", heading=OUTPUT, is_flag=True,
                          help="With --what mesh: the mesh of the whole field, not only the cells that are crossed.")
     to: str | None = option("--to", heading=OUTPUT, metavar="SUFFIX",
@@ -70,7 +72,7 @@ class DecodeArguments(Writing, Viewing):
 
         return Wanted(
             what=self.what, side=self.side, isovalue=self.isovalue, view=self.view, along_holes=self.along_holes,
-            through_holes=self.through_holes, whole=self.whole,
+            through_holes=self.through_holes, whole=self.whole, capped=self.capped,
             options=OutputOptions(self.keep_crs, self.in_samples, self.to),
         )
 
@@ -83,8 +85,12 @@ class DecodeArguments(Writing, Viewing):
         """
         if self.to is None and str(self.output) == STANDARD:
             raise click.UsageError("--to names the format for standard output: --to .geojson")
-        if self.what != "areas":
-            self.refuse("apply without --what areas", "side")
+        if self.what != "areas" and not self.capped:
+            self.refuse("apply without --what areas or --capped", "side")
+        if self.what not in (None, "curve"):
+            self.refuse(f"apply to --what {self.what}", "capped")
+        if self.capped:
+            self.refuse("apply with --capped", "box")
         if self.what not in ("areas", "bands"):
             self.refuse("apply without --what areas or bands", "along_holes")
         if self.what != "mesh":

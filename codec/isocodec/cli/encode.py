@@ -23,6 +23,7 @@ from .option_records import (
     SURFACE,
     TILES,
     WHOLE,
+    LabelType,
     NumbersType,
     NumberType,
     Reading,
@@ -85,9 +86,9 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
                                     help="All multiples of S within the data, in one file.")
     offset: float | None = option("--offset", heading=ISOVALUE, type=NumberType(), metavar="V",
                                   help="With --interval: V, V + S, V + 2 S, ..")
-    labels: tuple[float, ...] = option(
-        "--label", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="K",
-        help="Inside is value == K; --precision signs by default. Repeatable.",
+    labels: tuple[Any, ...] = option(
+        "--label", heading=ISOVALUE, type=LabelType(), multiple=True, metavar="K",
+        help="Inside is value == K; all: of all values but 0. --precision signs by default. Repeatable.",
     )
     independent: bool = option("--independent", heading=ISOVALUE, is_flag=True,
                                help="Keep each isovalue decodable without the others.")
@@ -176,6 +177,8 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
         else:
             self.refuse("apply without --surface", *OF_SURFACES)
             self.choose("isovalues", "interval", "labels", required=self.plan is None)
+        if "all" in self.labels and len(self.labels) > 1:
+            raise click.UsageError("--label all takes no other labels")
         self.choose("spacing", "no_placement")
         self.choose("labels", "missing")
         self.choose("workers", "scheduler")
@@ -214,7 +217,8 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
         more = {name: value for name, value in given.items() if value is not None}
         what = self.read(self.source, self.values, **more)
         added = Added(
-            labels=self.labels, spacing=self.spacing, placed=not self.no_placement, periodic=self.periodic,
+            labels="all" if "all" in self.labels else self.labels, spacing=self.spacing,
+            placed=not self.no_placement, periodic=self.periodic,
             periods=self.period or (), error=self.coordinates_error, stored=self.stored, mesh_error=self.mesh_error,
         )
         with concerning(self.source):
@@ -245,8 +249,8 @@ def encode_command(options: EncodeArguments) -> None:
         warn(options.source, remark)
     seconds = time.perf_counter() - started
     holds = counted(facts["points"], "point") if options.surface else counted(facts["layers"], "layer")
-    if len(options.labels) > 1:
-        holds = counted(len(options.labels), "label")
+    if len(options.labels) > 1 or "all" in options.labels:
+        holds = counted(len(facts["isovalues"]), "label")
     if options.tile is not None:
         holds = counted(facts["tiles"], "tile")
     result(

@@ -44,6 +44,13 @@ class NumberType(click.ParamType):
             return number
 
 
+class LabelType(NumberType):
+    """A label, or ``all`` of them."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return value if value == "all" else super().convert(value, param, ctx)
+
+
 class SizeType(click.ParamType):
     """A number of bytes: 500M, 4G, 1.5GiB."""
 
@@ -312,7 +319,7 @@ class Reading(Arguments):
     """A command that reads a field."""
 
     key: str | None = option("--key", heading=INPUT, metavar="NAME",
-                             help="Array of a file with several; values of points or a mesh.")
+                             help="Array of a file with several; series, stack or segment of DICOM; values of a mesh.")
     channel: int | None = option("--channel", heading=INPUT, type=WHOLE, metavar="N",
                                  help="Channel of a colour picture, from 0.")
     kind: str | None = option("--kind", heading=INPUT, metavar="SUFFIX",
@@ -323,6 +330,8 @@ class Reading(Arguments):
                                   help="Value that marks missing samples, besides NaN.")
     follow: bool = option("--follow-paths", heading=INPUT, is_flag=True,
                           help="Read other files that INPUT refers to by a path.")
+    slice_tolerance: float | None = option("--slice-tolerance", heading=INPUT, type=float, metavar="MM",
+                                           help="Distance that slices of DICOM may lie from even steps.")
     limit_samples: int | None = option("--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
                                        help=f"Most samples.  [default: {FIELD_SAMPLES:,}]")
 
@@ -334,7 +343,7 @@ class Reading(Arguments):
             raise click.UsageError("--kind is for standard input and URLs; the suffix of a file names its format")
         return ReadOptions(
             key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=self.kind,
-            samples=self.limit_samples, follow=self.follow, **more,
+            samples=self.limit_samples, follow=self.follow, slice_tolerance=self.slice_tolerance, **more,
         )
 
     def read(self, source: str, values: str | None = None, **more: Any) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import OptionError
+from .labelling import ALL, labels_in
 from .missing import HOLE, WAYS
 from .placement import CRS, PLACEMENT, Placement, placement_of
 
@@ -40,7 +41,7 @@ class Field:
     name : str or None
         What the values are.
     labels : tuple of numbers, or None
-        The values are labels of a segmentation, and these of them are encoded.
+        The values are labels of a segmentation, and these of them are encoded; ``"all"`` takes all but 0.
     missing : str
         What an encoder does with missing samples: ``"hole"`` leaves them out, ``"below"``, ``"above"`` and
         ``"nearest"`` fill them, as `isocodec.field.missing.filled` does. With labels ``"below"`` is: they have none.
@@ -69,7 +70,7 @@ class Field:
     def __init__(
         self, values: ArrayLike, mask: ArrayLike | None = None, placement: Placement | ArrayLike | None = None, *,
         crs: str | None = None, unit: str | None = None, name: str | None = None,
-        labels: Sequence[float] | None = None, missing: str = HOLE, notes: Mapping[str, str] | None = None,
+        labels: Sequence[float] | str | None = None, missing: str = HOLE, notes: Mapping[str, str] | None = None,
         remarks: Sequence[str] = (),
     ) -> None:
         check_missing(missing)
@@ -78,6 +79,10 @@ class Field:
         if "numpy.ma" in sys.modules and np.ma.is_masked(values):
             hidden = np.ma.getmaskarray(np.ma.asanyarray(values))
             gone = hidden if gone is None else hidden | gone
+        if isinstance(labels, str):
+            if labels != ALL:
+                raise OptionError(f"labels are {labels!r}", code="labels", remedy='give numbers, or "all"')
+            labels = labels_in(array, gone)
         where = placement_of(placement, array.ndim)
         if where is not None and crs is not None:
             where = replace(where, crs=crs)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS, DecodedSamples, near_values
 from ..field.framed import Frames
+from ..field.labelling import having
 from ..field.meshed import Mesh
 from ..field.missing import filled
 from ..field.placement import PLACEMENT, Placement
@@ -192,7 +193,7 @@ def _border(
     values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, without: NDArray[np.bool_] | None, series: bool
 ) -> DecodedSamples:
     """The field whose contour runs half-way around the samples with a label; ``without``: those that have none."""
-    signs = np.ascontiguousarray(values == label) if series else labelled(values, label)
+    signs = having(values, label) if series else labelled(values, label)
     if without is not None:
         signs, gone = signs & ~without, None
     nothing = np.zeros(0, np.int64)
@@ -207,7 +208,7 @@ def labelled(values: NDArray[Any], label: float) -> NDArray[np.bool_]:
     InputError
         If none has.
     """
-    inside = np.ascontiguousarray(values == label)
+    inside = having(values, label)
     if not inside.any():
         there = np.unique(values)
         text = ", ".join(f"{value:g}" for value in there[:20]) + (" ..." if len(there) > 20 else "")

@@ -19,6 +19,9 @@ _PATTERN = re.compile(r"[^%]*%0?[0-9]{0,3}d[^%]*")
 """A name with the place of one whole number."""
 _FILES = 100_000
 _KEY = b"ElementDataFile"
+_NAMES = ("utf-8", "surrogateescape")
+_NO_KIND = ("domain", "space", "time", "none", "???")
+"""Kinds of axes that ITK takes for axes in space."""
 
 
 def meta_files(source: InputFile) -> tuple[list[Path], bool]:
@@ -79,6 +82,27 @@ def nrrd_files(source: InputFile) -> tuple[list[Path], bool]:
     return files or [source.path], encoding == "raw"
 
 
+def listed(source: InputFile, files: list[Path]) -> bytes:
+    """Make an NRRD header whose axis without a direction, or of time, is a list, for a file ``samples`` beside it.
+
+    Empty if ITK takes the header of the source as it is, or finds its samples in several files.
+    """
+    lines = _text(_head(source)[0].partition(b"\n\n")[0]).split("\n")
+    fields = ["".join(line.partition(":")[0].lower().split()) for line in lines]
+    values = {name: line.partition(":")[2] for name, line in zip(fields, lines, strict=True)}
+    directions = re.findall(r"none|\([^)]*\)", values.get("spacedirections", ""))
+    kinds = values.get("kinds", "").split() or ["domain"] * len(directions)
+    apart = [n for n, each in enumerate(directions or kinds) if each == ("none" if directions else "time")]
+    if len(files) > 1 or len(apart) != 1 or len(kinds) < apart[0] + 1 or kinds[apart[0]] not in _NO_KIND:
+        return b""
+    kinds[apart[0]] = "list"
+    attached = files == [source.path]
+    own = ("kinds", "datafile", *(("lineskip",) if attached else ()))
+    kept = [line for name, line in zip(fields, lines, strict=True) if name not in own]
+    skip = [f"line skip: {len(lines) + 1 + int(values.get('lineskip', 0))}"] * attached
+    return "\n".join([*kept, f"kinds: {' '.join(kinds)}", *skip, "data file: samples", "", ""]).encode(*_NAMES)
+
+
 def _head(source: InputFile) -> tuple[bytes, bool]:
     """The first bytes of a file, with line breaks of one kind, and whether there are more."""
     with source.path.open("rb") as file:
@@ -117,4 +141,4 @@ def _numbered(value: str) -> list[str]:
 
 def _text(data: bytes) -> str:
     """Bytes of names, as the file system has them."""
-    return data.decode("utf-8", "surrogateescape")
+    return data.decode(*_NAMES)

@@ -18,7 +18,7 @@ from .place_of_samples import SLICE, placed
 from .reading import check_frame, reading
 from .slices import Slices
 from .source import InputFile
-from .volumes import is_series_of_volumes, single, squeezed
+from .volumes import is_series_of_volumes, scaled, single, squeezed
 
 Array = NDArray[Any]
 
@@ -173,23 +173,6 @@ def _image(source: InputFile) -> Any:
     if not packed:
         source.check_bytes(stored.offset + math.prod(stored.shape) * stored.dtype.itemsize)
     return image
-
-
-def scaled(raw: Array, slope: float, inter: float) -> Array | None:
-    """Samples that need no floats: those of a volume without scaling, or integers by whole numbers; else None."""
-    if (slope, inter) == (1.0, 0.0):
-        return raw
-    if raw.dtype.kind not in "iu" or not (slope.is_integer() and inter.is_integer()):
-        return None
-    info = np.iinfo(raw.dtype)
-    ends = [int(end) * int(slope) + int(inter) for end in (info.min, info.max)]
-    for kind in ("int32", "int64"):
-        if np.iinfo(kind).min <= min(*ends, int(slope)) and max(*ends, int(slope)) <= np.iinfo(kind).max:
-            scaled: Array = raw.astype(kind)
-            scaled *= int(slope)
-            scaled += int(inter)
-            return scaled
-    return None
 
 
 FORMATS = (

@@ -1,91 +1,92 @@
-"""SimpleITK reads NRRD, MetaImage and DICOM, and images that are in memory; all in coordinates right, front and up."""
+"""SimpleITK reads NRRD and MetaImage, and images that are in memory; all in coordinates right, front and up."""
 
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, plain
 from ...extras import optional
 from ...field.placement import Placement
-from .detached import meta_files, nrrd_files
+from .detached import listed, meta_files, nrrd_files
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
-from .place_of_samples import EVEN, SLICE, placed, to_right_front_up
-from .reading import reading
+from .place_of_samples import SLICE, placed, to_right_front_up
+from .reading import channel_of, named, reading
 from .slices import Slices
-from .source import InputFile, is_dicom
+from .source import InputFile
 from .volumes import is_series_of_volumes, single, squeezed
 
 Array = NDArray[Any]
 _META, _NRRD = (".mha", ".mhd"), (".nrrd", ".nhdr")
-_LISTED = 20
 
 
-class _Volume(Opened):
-    """NRRD or MetaImage: axes i, j, k, and a last one of a series if there are four."""
+class _OfItk(Opened):
+    """An image with axes i, j, k, and a last one of a series: a fourth axis, or a list of components."""
 
-    def _open(self, choice: Choice) -> None:
-        with reading("volume"):
-            self._reader = _header_of(self._source)
-            channels = self._reader.GetNumberOfComponents()
-            if channels > 1:
-                raise InputError(f"is a volume of {channels} channels", code="colour", remedy="save one of them alone")
-            self.shape = squeezed(self._reader.GetSize())
-            self.dtype = _dtype_of(self._reader.GetPixelIDValue())
+    _image: Any
+    _segment: tuple[int, int] | None = None
+
+    def _describe(self, channel: int | None, of_list: bool) -> None:
+        """Take shape and type of an image, whose components are a series or channels."""
+        pixel = self._image.GetPixelIDValue()
+        several = getattr(self._image, "GetNumberOfComponentsPerPixel", None) or self._image.GetNumberOfComponents
+        self._components = count = several()
+        self._channel = channel_of(count, channel) if (count > 1 and not of_list) or channel else None
+        self._shape = (*self._image.GetSize(), *((count,) if of_list and count > 1 else ()))
+        self.shape, self.dtype = squeezed(self._shape), _dtype_of(pixel)
 
     def _whole(self) -> Array:
-        found: Array = _sitk("volumes").GetArrayFromImage(self._reader.Execute()).T
-        return found
+        with reading("volume"):
+            image = self._image.Execute() if hasattr(self._image, "Execute") else self._image
+            whole: Array = _sitk("volumes").GetArrayFromImage(image).T
+        if self._channel is not None and self._components > 1:
+            return whole[self._channel]
+        return np.moveaxis(whole, 0, -1) if self._components > 1 else whole
 
     def _values(self, frame: int | None) -> Array:
-        with reading(f"{self._source.path.suffix} volume"):
-            return single(self._whole(), frame)
+        whole = self._whole()
+        if self._segment is None:
+            return single(whole, frame)
+        layer, label = self._segment
+        return np.where((whole := single(whole, layer if len(self._shape) > 3 else None)) == label, whole, 0)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        return _of_image(self._reader, n)
+        return _of_image(self._image, n)
 
     def _series(self) -> Slices | None:
-        with reading("volume"):
-            return _volumes(self._whole()) if is_series_of_volumes(self._reader.GetSize()) else None
+        if not is_series_of_volumes(self._shape) or self._segment is not None:
+            return None
+        whole = self._whole()
+        return Slices(whole.shape, 3, lambda number: numbers(single(whole, number)), squeezed(whole.shape[:3]))
 
 
-class _Dicom(Opened):
-    """A series of slices of DICOM in a folder, or one file, rescaled as they state; axes i, j, k."""
+class _Volume(_OfItk):
+    """NRRD or MetaImage; of a segmentation of 3D Slicer all labels, those of a layer, or a segment."""
 
     def _open(self, choice: Choice) -> None:
-        with reading("DICOM"):
-            self._names, self._size, self._matrix = _dicom_series(self._source, choice.key)
-            sitk = _sitk("DICOM")
-            first = sitk.ImageFileReader()
-            first.SetImageIO("GDCMImageIO")
-            first.SetFileName(self._names[0])
-            first.ReadImageInformation()
-            self.dtype = _dtype_of(first.GetPixelIDValue())
-        self.shape = squeezed(self._size)
+        with reading("volume"):
+            self._image = _header_of(self._source, Path(self.hold(TemporaryDirectory())))
+            known = {name: self._image.GetMetaData(name) for name in self._image.GetMetaDataKeys()}
+            self._describe(choice.channel, known.get("NRRD_kinds[pixel]") == "list")
+            self._segments = {}
+            for number, each in enumerate(name[:-2] for name in known if re.fullmatch("Segment[0-9]+_ID", name)):
+                where = int(known.get(f"{each}Layer", number)), int(known.get(f"{each}LabelValue", 1))
+                self._segments[where] = [known[f"{each}ID"], known.get(f"{each}Name", known[f"{each}ID"])]
+        if choice.key is not None:
+            self._segment, self.shape = named("segments", self._segments, choice.key), self.shape[:3]
 
     def _values(self, frame: int | None) -> Array:
-        with reading("DICOM"):
-            sitk, names = _sitk("DICOM"), self._names
-            reader = sitk.ImageSeriesReader() if len(names) > 1 else sitk.ImageFileReader()
-            reader.SetImageIO("GDCMImageIO")
-            reader.SetFileNames(names) if len(names) > 1 else reader.SetFileName(names[0])
-            image = reader.Execute()
-            if image.GetNumberOfComponentsPerPixel() > 1:
-                raise InputError("is a picture in colours", code="colour", remedy="save one of its channels alone")
-            values = sitk.GetArrayFromImage(image).T
-            if values.size != math.prod(self._size):
-                raise InputError("holds slices of different sizes", code="shape")
-            return single(values, frame)
-
-    def _place(self, n: int, frame: int | None) -> Placement:
-        return placed(to_right_front_up(self._matrix), n) if n == 3 else Placement(remark=SLICE)
+        if frame is None and self._segment is None and self._segments and is_series_of_volumes(self._shape):
+            named("segments in layers", self._segments, None)
+        return super()._values(frame)
 
 
-class OpenedItk(Opened):
+class OpenedItk(_OfItk):
     """An image of SimpleITK in memory."""
 
     def __init__(self, image: Any) -> None:
@@ -93,30 +94,12 @@ class OpenedItk(Opened):
         super().__init__(IN_MEMORY, Choice())
 
     def _open(self, choice: Choice) -> None:
-        self.shape, self.dtype = squeezed(self._image.GetSize()), _dtype_of(self._image.GetPixelIDValue())
-
-    def _values(self, frame: int | None) -> Array:
-        with reading("image of SimpleITK"):
-            return single(_sitk("an image of SimpleITK").GetArrayFromImage(self._image).T, frame)
-
-    def _place(self, n: int, frame: int | None) -> Placement:
-        return _of_image(self._image, n)
-
-    def _series(self) -> Slices | None:
-        if not is_series_of_volumes(self._image.GetSize()):
-            return None
-        with reading("image of SimpleITK"):
-            return _volumes(_sitk("an image of SimpleITK").GetArrayFromImage(self._image).T)
+        self._describe(None, False)
 
 
 def is_itk(thing: Any) -> bool:
     """Whether this is an image of SimpleITK."""
     return all(hasattr(thing, name) for name in ("GetSpacing", "GetDirection", "GetPixelIDTypeAsString"))
-
-
-def is_dicom_series(path: Path) -> bool:
-    """Whether a folder holds files of DICOM."""
-    return path.is_dir() and any(map(is_dicom, sorted(path.iterdir())))
 
 
 def _sitk(what: str) -> Any:
@@ -132,10 +115,6 @@ def _dtype_of(pixels: int) -> np.dtype[Any]:
     return np.dtype(f"{kind}{int(bits) // 8}") if bits.isdigit() else np.dtype(np.void)
 
 
-def _volumes(whole: Array) -> Slices:
-    return Slices(whole.shape, 3, lambda number: numbers(single(whole, number)), squeezed(whole.shape[:3]))
-
-
 def _of_image(reader: Any, n: int) -> Placement:
     """Placement by ITK of a volume, or of each of a series, whose x runs to the left and y to the back."""
     size = reader.GetDimension()
@@ -148,79 +127,27 @@ def _of_image(reader: Any, n: int) -> Placement:
     return placed(to_right_front_up(matrix), n)
 
 
-def _header_of(source: InputFile) -> Any:
+def _header_of(source: InputFile, folder: Path) -> Any:
     """A reader of SimpleITK that knows a file's header, its samples known to be allowed; within `reading`."""
-    sitk = optional("SimpleITK", extra="itk", purpose=f"reading {source.path.suffix}")
-    of_meta = source.named(*_META)
+    sitk, of_meta, path = _sitk(source.path.suffix), source.named(*_META), source.path
     files, plainly = (meta_files if of_meta else nrrd_files)(source)
+    if not of_meta and (header := listed(source, files)):
+        path = folder / "a.nhdr"
+        (folder / "samples").symlink_to(files[0].resolve())
+        path.write_bytes(header)
     reader = sitk.ImageFileReader()
     # left to itself it tries all formats that it knows, and some of these name files, too
     reader.SetImageIO("MetaImageIO" if of_meta else "NrrdImageIO")
-    reader.SetFileName(str(source.path))
+    reader.SetFileName(str(path))
     reader.ReadImageInformation()
     count = source.check_count(math.prod(reader.GetSize()) * reader.GetNumberOfComponents())
-    # such as "16-bit signed integer", or "vector of 32-bit float"
-    bits = sitk.GetPixelIDValueAsString(reader.GetPixelIDValue()).partition("-bit")[0].split()[-1]
-    if plainly and bits.isdigit():
-        source.check_bytes(count * int(bits) // 8, sum(path.stat().st_size for path in files))
+    if plainly:
+        bytes_each = _dtype_of(reader.GetPixelIDValue()).itemsize
+        source.check_bytes(count * bytes_each, sum(path.stat().st_size for path in files))
     return reader
 
 
-def _dicom_series(source: InputFile, key: str | None) -> tuple[list[str], tuple[int, ...], NDArray[np.float64]]:
-    """Files in the order of their slices, the size of all, and the matrix in ITK's coordinates."""
-    sitk = _sitk("DICOM")
-    names = [str(source.path)]
-    if source.path.is_dir():
-        found = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(source.path))
-        if key is None and len(found) > 1:
-            listed = ", ".join(plain(name) for name in found[:_LISTED])
-            raise InputError(f"holds {len(found)} series: {listed}", code="key", remedy="choose one with --key")
-        if key is not None and key not in found:
-            raise InputError(f"holds no series '{plain(key)}'", code="key")
-        names = [*sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(source.path), key or found[0])]
-        for name in names:
-            if not source.follow and Path(name).resolve().parent != source.path.resolve():
-                raise source.refused(Path(name).name, "which links to another folder")
-    corners, first = [], None
-    for name in names:
-        reader = sitk.ImageFileReader()
-        reader.SetImageIO("GDCMImageIO")
-        reader.SetFileName(name)
-        reader.ReadImageInformation()
-        size, about = reader.GetSize(), (reader.GetSpacing(), reader.GetDirection())
-        source.check_count(math.prod(size) * len(names) * reader.GetNumberOfComponents())
-        first = first or (size, about)
-        if first[0] != size or not np.allclose(np.concatenate(first[1]), np.concatenate(about), rtol=0, atol=1e-4):
-            raise InputError("holds slices of different sizes or directions", code="shape",
-                             remedy="keep those of one series in a folder")
-        corners.append(np.array(reader.GetOrigin()[:3]))
-    assert first is not None
-    size, (spacing, direction) = first
-    matrix = np.zeros((3, 4))
-    n = len(size)
-    matrix[:, :n] = (np.reshape(direction, (n, n)) * spacing)[:3, :3] if n == 3 else np.eye(3)[:, :n] * spacing
-    matrix[:, 3] = np.pad(corners[0], (0, 3 - len(corners[0])))
-    if len(names) > 1:
-        if size[-1] > 1 and n > 2:
-            raise InputError("holds several volumes", code="shape", remedy="read one of its files")
-        steps = np.diff(corners, axis=0)
-        step = (corners[-1] - corners[0]) / (len(corners) - 1)
-        length = float(np.linalg.norm(step))
-        uneven = np.flatnonzero(np.linalg.norm(steps - step, axis=1) > EVEN * length)
-        if length == 0 or len(uneven):
-            where = int(uneven[0]) if len(uneven) else 0
-            raise InputError(
-                f"holds slices at uneven steps: {np.linalg.norm(steps[where]):g} mm behind slice {where}, "
-                f"{length:g} in the mean", code="slices", remedy="are some of them missing?",
-            )
-        matrix[:, 2] = step
-        size = (*size[:2], len(names))
-    return names, tuple(size), matrix
-
-
 FORMATS = (
-    Format("NRRD", _NRRD, _Volume, extra="itk", signatures=((0, b"NRRD", ".nrrd"),)),
-    Format("MetaImage", _META, _Volume, extra="itk", signatures=((0, b"ObjectType", ".mha"), (0, b"NDims", ".mha"))),
-    Format("DICOM", (".dcm",), _Dicom, extra="itk", signatures=((128, b"DICM", ".dcm"),), keyed=True),
+    Format("NRRD", _NRRD, _Volume, "itk", ((0, b"NRRD", ".nrrd"),), keyed=True, channels=True),
+    Format("MetaImage", _META, _Volume, "itk", ((0, b"ObjectType", ".mha"), (0, b"NDims", ".mha")), channels=True),
 )
-DICOM_FOLDER = Format("DICOM", (), _Dicom, extra="itk", keyed=True, folder=True)

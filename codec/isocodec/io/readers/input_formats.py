@@ -19,6 +19,7 @@ from . import (
     from_nibabel,
     from_numpy,
     from_pillow,
+    from_pydicom,
     from_simpleitk,
     from_tifffile,
     from_vtk,
@@ -30,8 +31,8 @@ from .reading import about
 from .source import source_of
 
 FORMATS: tuple[Format, ...] = (
-    *from_numpy.FORMATS, *from_h5py.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pillow.FORMATS,
-    *from_tifffile.FORMATS, *from_nibabel.FORMATS, *from_xarray.FORMATS,
+    *from_numpy.FORMATS, *from_h5py.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pydicom.FORMATS,
+    *from_pillow.FORMATS, *from_tifffile.FORMATS, *from_nibabel.FORMATS, *from_xarray.FORMATS,
 )
 """Formats of fields."""
 MESH_FORMATS: tuple[MeshFormat, ...] = (
@@ -116,6 +117,8 @@ def open_file(
                 code="suffix", remedy="one of " + ", ".join(FIELD_SUFFIXES),
             )
         suffix = plain(path.suffix)
+        if choice.slice_tolerance is not None and found.extra != "dicom":
+            raise OptionError(f"--slice-tolerance is for slices of DICOM, not for {suffix}", code="slice-tolerance")
         if choice.key is not None and not found.keyed:
             raise OptionError(f"a key names an array of a file that holds several, not of {suffix}", code="key")
         if choice.channel is not None and not found.channels:
@@ -126,9 +129,10 @@ def open_file(
 
 
 def _format_of(path: Path) -> Format | None:
-    if from_simpleitk.is_dicom_series(path):
-        return from_simpleitk.DICOM_FOLDER
-    return next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
+    named = next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
+    if (named is None or not named.folder) and from_pydicom.is_dicom_series(path):
+        return from_pydicom.DICOM_FOLDER
+    return named
 
 
 def read_mesh(path: str | os.PathLike[str], samples: int | None = None) -> MeshRead:

@@ -35,7 +35,7 @@ class ReadOptions:
 
     Attributes
     ----------
-    key, channel, frame, frames, axis, missing, nodata, kind, samples, follow
+    key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance
         As of `read`.
     """
 
@@ -49,12 +49,13 @@ class ReadOptions:
     kind: str | None = None
     samples: int | None = None
     follow: bool = False
+    slice_tolerance: float | None = None
 
 
 def read(
     source: Any, *, key: str | None = None, channel: int | None = None, frame: int | None = None,
     frames: bool = False, axis: int | None = None, missing: str = HOLE, nodata: float | None = None,
-    kind: str | None = None, samples: int | None = None, follow: bool = False,
+    kind: str | None = None, samples: int | None = None, follow: bool = False, slice_tolerance: float | None = None,
 ) -> Field | Frames | Mesh:
     """Read a sampled field, a series of them, or values on a mesh, with all that its source states.
 
@@ -88,6 +89,8 @@ def read(
         `isocodec.limits.FIELD_SAMPLES` if not given. Checked before anything is allocated.
     follow : bool
         Read other files that a file names by a path.
+    slice_tolerance : float, optional
+        Distance in mm that slices of DICOM may lie from even steps; a hundredth of a step if not given.
 
     Returns
     -------
@@ -117,7 +120,7 @@ def read(
         Of what the source states and a field cannot keep; also in ``Field.remarks``.
     """
     found = load(
-        source, ReadOptions(key, channel, frame, frames, axis, missing, nodata, kind, samples, follow)
+        source, ReadOptions(key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance)
     )
     for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):
         warnings.warn(remark, stacklevel=2)
@@ -157,9 +160,8 @@ def load(source: Any, options: ReadOptions) -> Field | Frames | Mesh:
             return replace(opened.field(options.frame, nodata=options.nodata), missing=options.missing)
         slices = opened.frames(options.axis, options.frame)
         # the samples may be read later
-        return Frames(
-            FieldsInTurn(slices, opened.fields(slices, options.nodata), options.missing, opened.hand_over())
-        )
+        make, left_out = opened.fields(slices, options.nodata), opened.remarks
+        return Frames(FieldsInTurn(slices, make, options.missing, opened.hand_over(), left_out))
 
 
 def _mesh(source: str | os.PathLike[str], options: ReadOptions) -> Mesh:
@@ -185,7 +187,7 @@ def open_source(source: Any, options: ReadOptions) -> Opened:
     key = options.key
     if hasattr(source, "data_vars"):
         source, key = variable(source, key), None
-    choice = Choice(key, options.channel)
+    choice = Choice(key, options.channel, options.slice_tolerance)
     if is_described(source) or isinstance(source, np.ndarray):
         asked = {"key": key, "channel": options.channel, "kind": options.kind}
         for name, value in asked.items():

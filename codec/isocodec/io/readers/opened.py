@@ -37,10 +37,13 @@ class Choice:
         Name of an array, or of a series of DICOM.
     channel : int or None
         Channel of a colour picture, counted from 0.
+    slice_tolerance : float or None
+        Distance in mm that slices of DICOM may lie from even steps.
     """
 
     key: str | None = None
     channel: int | None = None
+    slice_tolerance: float | None = None
 
 
 class Opened:
@@ -65,6 +68,8 @@ class Opened:
         What the values are, and their unit.
     label : str
         How errors name the input; empty for objects in memory.
+    remarks : tuple of str
+        What the input holds and is left out, besides what its placement remarks on.
     """
 
     shape: tuple[int, ...]
@@ -73,6 +78,7 @@ class Opened:
     name: str | None = None
     unit: str | None = None
     label: str = ""
+    remarks: tuple[str, ...] = ()
 
     def __init__(self, source: InputFile, choice: Choice) -> None:
         self._source = source
@@ -127,6 +133,10 @@ class Opened:
         OptionError
             If the series has no such frame.
         """
+        return np.asarray(self._known(frame))
+
+    def _known(self, frame: int | None) -> Array:
+        """The samples, of a masked array if the format states which are missing."""
         with about(self.label):
             return numbers(self._values(frame))
 
@@ -153,7 +163,7 @@ class Opened:
         nodata : float, optional
             Value of missing samples, instead of the one that the input states; NaN: none but NaN.
         """
-        values = self.values(frame)
+        values = self._known(frame) if nodata is None else self.values(frame)
         return self._described(values, self.place(values.ndim, frame), self.nodata if nodata is None else nodata)
 
     def frames(self, axis: int | None = None, frame: int | None = None, *, placed: bool = True) -> Slices:
@@ -205,12 +215,12 @@ class Opened:
     def _described(
         self, values: Array, place: Placement, nodata: float | None, notes: Mapping[str, str] | None = None
     ) -> Field:
-        gone = missing_samples(values, nodata)
+        gone = missing_samples(np.asarray(values), nodata)
         if values.dtype.kind == "f":
-            gone &= ~np.isnan(values)
+            gone &= ~np.isnan(np.asarray(values))
         return Field(
             values, gone if gone.any() else None, place if place.placed else None, unit=self.unit, name=self.name,
-            notes=notes, remarks=(place.remark,) if place.remark else (),
+            notes=notes, remarks=(*self.remarks, *((place.remark,) if place.remark else ())),
         )
 
     def _place_of_slices(self, axis: int, n: int) -> Placement:
@@ -243,7 +253,8 @@ class Opened:
         return numbers(self._values(frame))
 
     def _windows(self) -> Any:
-        return numbers(self._values(None))
+        whole = numbers(self._values(None))
+        return np.where(whole.mask, np.nan, whole) if hasattr(whole, "mask") else whole
 
     def _series(self) -> Slices | None:
         """The frames of a format that states which axis counts them."""
@@ -282,9 +293,10 @@ class Format:
 
 
 def numbers(array: Array) -> Array:
-    """Check that ``array`` holds real numbers; make it C-contiguous and of native byte order, truth values uint8."""
+    """Check that ``array``, which may be masked, holds real numbers; make it contiguous, native, truth values uint8."""
     check_kind(array.dtype)
     if array.dtype.kind == "b":
         array = array.astype(np.uint8)
-    return np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
+    bare = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
+    return np.ma.MaskedArray(bare, np.ascontiguousarray(array.mask)) if hasattr(array, "mask") else bare
 

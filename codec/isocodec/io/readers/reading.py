@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, IsoError, LimitError, OptionError, one_line
+from ...errors import InputError, IsoError, LimitError, OptionError, one_line, plain
+
+LISTED = 20
+"""Names that an error lists at most."""
 
 
 @contextmanager
@@ -80,3 +83,19 @@ def channel_of(count: int, channel: int | None) -> int:
             remedy=f"take one with --channel 0 to {count - 1}, or convert it to one",
         )
     return channel or 0
+
+
+def named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any:
+    """The one of several things that has a name; of names the last one is shown.
+
+    Raises
+    ------
+    InputError
+        If none has the name, or several do.
+    """
+    found = [each for each, known in names.items() if key is None or key in known]
+    if len(found) == 1:
+        return found[0]
+    which = f"{len(names)} {what}" if key is None else f"{len(found) or 'no'} {what} '{plain(key)}'"
+    listed = "; ".join(plain(names[each][-1]) for each in [*(found or names)][:LISTED])
+    raise InputError(f"holds {which}: {listed}", code="key", remedy="choose one with --key")

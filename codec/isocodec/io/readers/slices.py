@@ -62,9 +62,11 @@ class FieldsInTurn(Sequence[Field]):
         What the input states and the fields leave out, and why.
     """
 
-    def __init__(self, slices: Slices, make: Callable[[int], Field], missing: str, held: ExitStack) -> None:
+    def __init__(
+        self, slices: Slices, make: Callable[[int], Field], missing: str, held: ExitStack, remarks: Sequence[str] = ()
+    ) -> None:
         self.shape, self.whole = slices.frame_shape, slices.shape
-        self.remarks: tuple[str, ...] = (slices.place.remark,) if slices.place.remark else ()
+        self.remarks: tuple[str, ...] = (*remarks, *((slices.place.remark,) if slices.place.remark else ()))
         self._count, self._make, self._missing, self._held = len(slices), make, missing, held
 
     def close(self) -> None:

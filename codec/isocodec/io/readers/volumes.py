@@ -1,10 +1,11 @@
-"""Shared by readers of volumes: axes that come last and count volumes, or have one sample."""
+"""Shared by readers of volumes: axes that come last and count volumes, or have one sample; whole numbers rescaled."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
@@ -20,11 +21,16 @@ def single(volume: Array, frame: int | None) -> Array:
         check_frame(frame, volume.shape[-1] if volume.ndim > 3 else 0)
         volume = _without_ones(volume[..., frame])
     if volume.ndim > 3:
-        raise InputError(
-            f"holds a series of volumes, of shape {volume.shape}", code="shape",
-            remedy=f"take one with --frame 0 to {volume.shape[-1] - 1}",
-        )
+        raise of_a_series(volume.shape)
     return volume
+
+
+def of_a_series(shape: Sequence[int], by: str = "") -> InputError:
+    """The error for a series of which no volume is chosen."""
+    return InputError(
+        f"holds a series of volumes, of shape {tuple(shape)}" + f", which differ by {by}" * bool(by), code="shape",
+        remedy=f"take one with --frame 0 to {shape[-1] - 1}",
+    )
 
 
 def is_series_of_volumes(shape: Sequence[int]) -> bool:
@@ -44,3 +50,20 @@ def squeezed(shape: Sequence[int]) -> tuple[int, ...]:
     while len(kept) > 2 and kept[-1] == 1:
         kept = kept[:-1]
     return kept
+
+
+def scaled(raw: Array, slope: float, inter: float) -> Array | None:
+    """Samples that need no floats: those of a volume without scaling, or integers by whole numbers; else None."""
+    if (slope, inter) == (1.0, 0.0):
+        return raw
+    if raw.dtype.kind not in "iu" or not (slope.is_integer() and inter.is_integer()):
+        return None
+    info = np.iinfo(raw.dtype)
+    ends = [int(end) * int(slope) + int(inter) for end in (info.min, info.max)]
+    for kind in ("int32", "int64"):
+        if np.iinfo(kind).min <= min(*ends, int(slope)) and max(*ends, int(slope)) <= np.iinfo(kind).max:
+            scaled: Array = raw.astype(kind)
+            scaled *= int(slope)
+            scaled += int(inter)
+            return scaled
+    return None

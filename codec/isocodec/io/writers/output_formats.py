@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 from ...extras import optional
 
-Kind = Literal["contour", "areas", "mask", "mesh", "tin", "pyramid", "picture"]
-"""A curve or surface; polygons beside curves or between them; bools of samples; simplices under a contour; a
+Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin", "pyramid", "picture"]
+"""A curve or surface; polygons beside curves or between them; bools of samples, or labels; simplices under a contour; a
 triangulated surface; a contour at each zoom of a map; whatever draws itself."""
 Coordinates = Literal["samples", "placement", "degrees"]
 """Indices of samples; x, y (, z) of the placement; longitude and latitude where the reference system is known."""

@@ -19,7 +19,7 @@ OUTPUTS: tuple[Output, ...] = tuple(
 )
 SUFFIXES: tuple[str, ...] = tuple(dict.fromkeys(suffix for output in OUTPUTS for suffix in output.suffixes))
 _KINDS: dict[Kind, str] = {
-    "contour": "curves, surfaces", "areas": "areas, bands", "mask": "masks", "mesh": "meshes",
+    "contour": "curves, surfaces", "areas": "areas, bands", "mask": "masks", "labels": "labels", "mesh": "meshes",
     "tin": "triangulated surfaces", "picture": "steps, contour maps",
 }
 """Names of things in the table; pyramids are written as curves are."""
@@ -92,7 +92,7 @@ def table() -> str:
         what = _KINDS[output.kind]
         if output.kind == "contour" and len(output.dimensions) == 1:
             what = what.split(", ")[output.dimensions[0] - 2]
-        if output.kind == "mask" and len(output.dimensions) == 1:
+        if output.kind in ("mask", "labels") and len(output.dimensions) == 1:
             what = f"{what} of {output.dimensions[0]} axes"
         suffixes = ", ".join(f"`{suffix}`" for suffix in output.suffixes)
         isovalues = output.holds or ("-" if output.kind == "tin" else "one")

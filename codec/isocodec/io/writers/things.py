@@ -42,20 +42,20 @@ class Areas:
 
 @dataclass(eq=False)
 class SampleMask:
-    """Samples of a field that lie above an isovalue, or are valid.
+    """Samples of a field that lie above an isovalue, or are valid; or the label of each.
 
     Attributes
     ----------
-    rows : bool array, or callable
-        All samples; or ``rows(transposed)`` gives them a few rows at a time, as `MaskRows`, of the transposed array
-        where the format stores that.
+    rows : array, or callable
+        All samples, bools or labels; or ``rows(transposed)`` gives them a few rows at a time, as `MaskRows`, of the
+        transposed array where the format stores that.
     placement : Placement, optional
         Where they lie.
     ones : int
-        How many of the samples that have been taken are True.
+        How many of the samples that have been taken are True, or have a label.
     """
 
-    rows: Mask | Callable[[bool], MaskRows]
+    rows: NDArray[Any] | Callable[[bool], MaskRows]
     placement: Placement | None = None
     ones: int = 0
 
@@ -64,7 +64,12 @@ class SampleMask:
         """Axes of the field."""
         return self.rows.ndim if isinstance(self.rows, np.ndarray) else len(self.rows(False).shape)
 
-    def taken(self, transposed: bool = False) -> tuple[tuple[int, ...], Iterator[Mask]]:
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples."""
+        return self.rows.dtype if isinstance(self.rows, np.ndarray) else np.dtype(np.bool_)
+
+    def taken(self, transposed: bool = False) -> tuple[tuple[int, ...], Iterator[NDArray[Any]]]:
         """Shape, and the samples some rows at a time, each contiguous."""
         if not isinstance(self.rows, np.ndarray):
             found = self.rows(transposed)
@@ -72,7 +77,7 @@ class SampleMask:
         whole = np.ascontiguousarray(self.rows.T if transposed else self.rows)
         return whole.shape, self._counted([whole])
 
-    def _counted(self, rows: Iterable[Mask]) -> Iterator[Mask]:
+    def _counted(self, rows: Iterable[NDArray[Any]]) -> Iterator[NDArray[Any]]:
         for some in rows:
             self.ones += int(np.count_nonzero(some))
             yield some
@@ -133,6 +138,7 @@ class Thing:
         names = {
             "areas": "areas of a surface" if self.n == 3 else "areas",
             "mask": f"a mask of {self.n} axes" if self.n else "a mask",
+            "labels": f"labels of {self.n} axes" if self.n else "labels",
             "mesh": f"the mesh of a {self.n}-D field" if self.n else "a mesh",
             "tin": "a triangulated surface" + ("" if self.sampled else " of scattered points"),
             "pyramid": "a curve at each zoom of a map", "picture": "a picture",
@@ -158,7 +164,7 @@ def thing_of(what: Any) -> Thing:
     if isinstance(what, Areas):
         return replace(_of_contours(what.contours), kind="areas", several=False)
     if isinstance(what, SampleMask):
-        return Thing("mask", what.n)
+        return Thing("mask" if what.dtype == np.bool_ else "labels", what.n)
     if isinstance(what, np.ndarray) and what.dtype == np.bool_:
         return Thing("mask", what.ndim)
     if isinstance(what, Pyramid):

@@ -1,4 +1,4 @@
-"""Volumes of zeros and ones, by nibabel."""
+"""Volumes of zeros and ones, or of labels, by nibabel."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from .things import SampleMask
 
 
 def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
-    """1 above, in the coordinates of the placement; without one in none."""
+    """1 above, or labels, in the coordinates of the placement; without one in none."""
     nibabel = optional("nibabel", extra="nifti", purpose="writing NIfTI")
     matrix = None if mask.placement is None else mask.placement.matrix
     affine = None if matrix is None else np.vstack([matrix, [0, 0, 0, 1]])
     shape, rows = mask.taken(transposed=True)
     # the library sees an array of this shape that takes no memory; its samples follow the header
-    image = nibabel.Nifti1Image(np.broadcast_to(np.uint8(0), shape[::-1]), affine)
+    dtype = np.dtype({"b": "u1", "f": "f4" if mask.dtype.itemsize <= 4 else "f8"}.get(mask.dtype.kind, mask.dtype))
+    image = nibabel.Nifti1Image(np.broadcast_to(np.zeros((), dtype), shape[::-1]), affine, dtype=dtype)
     if affine is not None:
         # for programs that only know quaternions, which cannot express sheared axes
         with suppress(nibabel.spatialimages.HeaderDataError):
@@ -32,7 +33,7 @@ def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
     image.header.set_data_offset(offset)
     yield image.header.binaryblock.ljust(offset, b"\0")
     for some in rows:
-        yield some.tobytes()
+        yield some.astype(dtype, copy=False).tobytes()
 
 
 def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[bytes]:
@@ -47,7 +48,8 @@ def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[b
     yield out.getvalue()
 
 
-OUTPUTS = (
-    Output("mask", (".nii",), "NIfTI", _nii, (3,), extra="nifti", libraries=("nibabel",)),
-    Output("mask", (".nii.gz",), "NIfTI, compressed", _nii_gz, (3,), extra="nifti", libraries=("nibabel",)),
+OUTPUTS = tuple(
+    Output(kind, (suffix,), title, render, (3,), extra="nifti", libraries=("nibabel",))
+    for kind in ("mask", "labels")
+    for suffix, title, render in ((".nii", "NIfTI", _nii), (".nii.gz", "NIfTI, compressed", _nii_gz))
 )

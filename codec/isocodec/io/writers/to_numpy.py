@@ -1,4 +1,4 @@
-"""Arrays of numpy: contours and triangulated surfaces as NPZ, masks and pictures of surfaces as NPY."""
+"""Arrays of numpy: contours and triangulated surfaces as NPZ, masks, labels and pictures of surfaces as NPY."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _saved(arrays: dict[str, Any]) -> bytes:
 def _mask_npy(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
     shape, rows = mask.taken()
     head = io.BytesIO()
-    np.lib.format.write_array_header_1_0(head, {"descr": "|b1", "fortran_order": False, "shape": shape})
+    np.lib.format.write_array_header_1_0(head, {"descr": mask.dtype.str, "fortran_order": False, "shape": shape})
     yield head.getvalue()
     for some in rows:
         yield some.tobytes()
@@ -68,5 +68,6 @@ OUTPUTS = (
            cost=_CURVES_AND_SURFACES),
     Output("tin", (".npz",), "NPZ", _tin_npz, coordinates="samples", sampled=False),
     Output("mask", (".npy",), "NPY", _mask_npy, (2, 3), coordinates="samples"),
+    Output("labels", (".npy",), "NPY", _mask_npy, (2, 3), coordinates="samples"),
     Output("tin", (".npy",), "NPY, the picture that it makes", _raster_npy, coordinates="samples"),
 )

@@ -167,7 +167,7 @@ class _Rendering:
     @property
     def written(self) -> Written:
         """Result once all pieces have been taken."""
-        above = self._what.ones if isinstance(self._what, SampleMask) else None
+        above = self._what.ones if self.output.kind == "mask" else None
         return Written(self.suffix, self._bytes, above, self._losses.remarks)
 
 
