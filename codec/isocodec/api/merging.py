@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -58,6 +58,7 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     if "surface" in kinds:
         raise impossible("merge", "surface")
     whole = [held.whole() if isinstance(held, TileFile) else held for held in opened]
+    _check_one_place([each.info.metadata for each in whole])
     if {"mesh", "series"} & set(kinds):
         return spliced([held.data for held in whole])
     all_held = [held_by(each.data, limits, f"file {i}") for i, each in enumerate(whole, start=1)]
@@ -73,6 +74,14 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     return same_again(merged, Options.of(profile=profile, metadata=metadata))
 
 
+def _check_one_place(metadata: Sequence[Mapping[str, str]]) -> None:
+    first, *others = metadata
+    for number, other in enumerate(others, start=2):
+        for note in (PLACEMENT, CRS):
+            if first.get(note) != other.get(note):
+                raise InputError(f"file {number} has another {note} than the first", code="merge")
+
+
 def _check_one_field(all_held: Sequence[Held]) -> None:
     first, *others = all_held
     sources = [source for held in all_held for source in held.frames[0]]
@@ -84,9 +93,6 @@ def _check_one_field(all_held: Sequence[Held]) -> None:
                              code="merge")
         if not np.array_equal(first.valid, other.valid):
             raise InputError(f"other samples are missing in file {number} than in the first", code="merge")
-        for note in (PLACEMENT, CRS):
-            if first.metadata.get(note) != other.metadata.get(note):
-                raise InputError(f"file {number} has another {note} than the first", code="merge")
     if len({source.field.scale for source in sources if source.field.number is not None}) > 1:
         raise InputError("the files have values in different steps", code="merge")
     rising = sorted((source.field for source in sources), key=lambda field: field.isovalue)
