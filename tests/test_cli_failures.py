@@ -146,12 +146,12 @@ def cut(tmp_path: Path, curve_data: bytes) -> Path:
 
 def only_partial(verb: str, cut: Path, out: Path) -> None:
     """A verb takes what was received, with a warning, if it is told so, and nothing otherwise."""
-    assert fails(5, verb, cut, "-o", out).endswith(": use --partial to decode what is there")
+    assert fails(5, verb, cut, "-o", out).endswith(": use --partial to decode as much as there is")
     assert not out.exists()
     result = run(verb, cut, "-o", out, "--partial")
     assert result.exit_code == 0
     assert result.stderr.startswith(f"isocodec: {cut}: warning: ")
-    assert "as far as it goes" in result.stderr
+    assert "as far as possible" in result.stderr
     assert out.stat().st_size
 
 
@@ -175,7 +175,7 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
     only_partial("plot", cut, out)
     begin = isocodec.open(curve_data).info.layers[0].offset
     cut.write_bytes(curve_data[:begin])
-    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode what is there")
+    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode as much as there is")
     result = run("info", cut)
     assert result.exit_code == 0 and f"the file ends after {begin} bytes, before it is complete" in result.stderr
 

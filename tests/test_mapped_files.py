@@ -132,4 +132,4 @@ def test_tolerance_with_a_unit(tmp_path: Path) -> None:
     encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--precision", "0.5")
     assert far == (tmp_path / "a.iso").read_bytes()
     nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--precision", "15m")
-    assert nowhere.exit_code == 2 and "15m needs a field with a placement in the world" in nowhere.stderr
+    assert nowhere.exit_code == 2 and "15m needs a field that states where its samples lie" in nowhere.stderr

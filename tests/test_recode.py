@@ -231,7 +231,7 @@ def test_not_of_one_field() -> None:
         "shape": isocodec.encode(isocodec.Field(HILLS[:-1], placement=[1.0, 2.0]), 90.5),
         "another placement": isocodec.encode(isocodec.Field(HILLS, placement=[1.0, 3.0]), 90.5),
         "missing": isocodec.encode(isocodec.Field(HILLS, mask=holes, placement=[1.0, 2.0]), 90.5),
-        "not of one field": isocodec.encode(isocodec.Field(HILLS[::-1], placement=[1.0, 2.0]), 90.5),
+        "not of the same field": isocodec.encode(isocodec.Field(HILLS[::-1], placement=[1.0, 2.0]), 90.5),
     }
     for says, other in others.items():
         with pytest.raises(InputError, match=says):

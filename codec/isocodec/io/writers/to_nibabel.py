@@ -15,15 +15,15 @@ from .things import SampleMask
 
 
 def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
-    """1 above, in the coordinates of the placement; without one in none."""
+    """Write a mask with 1 for samples above, in the coordinates of the placement, if there is one."""
     nibabel = optional("nibabel", extra="nifti", purpose="writing NIfTI")
     matrix = None if mask.placement is None else mask.placement.matrix
     affine = None if matrix is None else np.vstack([matrix, [0, 0, 0, 1]])
     shape, rows = mask.taken(transposed=True)
-    # the library sees an array of this shape that takes no memory; its samples follow the header
+    # the library is given an array of this shape that takes no memory; the samples follow the header
     image = nibabel.Nifti1Image(np.broadcast_to(np.uint8(0), shape[::-1]), affine)
     if affine is not None:
-        # for programs that only know quaternions, which cannot express sheared axes
+        # for programs that only read quaternions, which cannot express sheared axes
         with suppress(nibabel.spatialimages.HeaderDataError):
             image.set_qform(affine, code="aligned", strip_shears=False)
     image.update_header()
@@ -37,7 +37,7 @@ def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
 
 def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[bytes]:
     out = io.BytesIO()
-    # without the time of day: the same mask, the same bytes
+    # without the time, so that equal masks give equal bytes
     with gzip.GzipFile(filename="", mode="wb", fileobj=out, mtime=0) as packed:
         for piece in _nii(mask, suffix, options):
             packed.write(piece)
