@@ -148,7 +148,7 @@ def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
 @pytest.mark.parametrize(
     "text, line, said",
     [
-        ("base 4\nrefine 9", 2, "9 rounds of refinement from level 4, the full grid is level 12: give at most 8"),
+        ("base 4\nrefine 9", 2, "9 rounds of refinement from level 4, but the full grid is level 12: give at most 8"),
         ("base\nadapt topology", 2, "adaptive refinement of the full grid: leave it out"),
         ("base\nrefine", 2, "leave it out: the mesh is already the full grid"),
         ("base 4\n\nvalues 2\noffsets 3", 4, "offsets after values: put offsets before the first values"),
@@ -165,7 +165,7 @@ def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
         ("base\noffsets", 2, "offsets takes a radix"),
         ("base\noffsets 3 5", 2, "for example: offsets 9"),
         ("base 4 5", 1, "base takes a level only"),
-        ("base four", 1, "'four' is not a level: it must be a whole number"),
+        ("base four", 1, "'four' is not a level: it must be an integer"),
         ("base -1", 1, "it must be an integer, 0 or greater"),
         ("adaptive-base -1 topology", 1, "it must be an integer, 0 or greater"),
         ("adaptive-base", 1, "the mesh needs a criterion: give crossing, topology"),
