@@ -73,7 +73,7 @@ def test_longitudes_all_round_of_a_series(tmp_path: Path) -> None:
         for axis, name in enumerate(units, 1):
             file["f"].dims[axis].attach_scale(file[name])
     contour, said = encoded(path, 0.9, "--key", "f", "--frames")
-    assert contour.shape == (13, 36) and "axis 1 is not treated as periodic" in said
+    assert contour.shape == (13, 36) and "axis 1 are not joined" in said
     assert np.allclose(contour.placed[:, 1], np.interp(contour.points[:, 0], range(13), SOUTH), atol=0.05)
 
 
