@@ -104,7 +104,7 @@ def test_surfaces_and_parts_of_layers_have_none():
         isocodec.decode(isocodec.encode(np.random.default_rng(1).normal(size=(4, 4, 4)), 0.0)).areas()
     contour = isocodec.decode(isocodec.encode(np.mgrid[:9, :9][0] * 1.0, 4.2))
     torn = replace(contour, cells=contour.cells[:-1])
-    with pytest.raises(TruncatedError, match="within the box"):
+    with pytest.raises(TruncatedError, match="inside the field"):
         torn.areas()
     with pytest.raises(TruncatedError):
         Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), 1.0, (3, 3), False).areas()

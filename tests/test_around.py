@@ -274,7 +274,7 @@ def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
         return info
 
     monkeypatch.setattr("isocodec.api.files.inspect", promised)
-    assert "promised in every layer of 9.5" in ok("info", tmp_path / "in.iso")
+    assert "kept in every layer of 9.5" in ok("info", tmp_path / "in.iso")
 
 
 def test_a_bar_that_has_not_appeared_is_not_cleared(monkeypatch):

@@ -25,7 +25,7 @@ from isocodec.cli.option_records import HEADINGS
 def test_outputs_that_cannot_be_written(hills: Path, tmp_path: Path) -> None:
     for out, words in (
         (tmp_path, "Is a directory"),
-        (tmp_path / "missing" / "out.iso", "no directory"),
+        (tmp_path / "missing" / "out.iso", "does not exist"),
         (hills / "out.iso", "Not a directory"),
     ):
         line = fails(3, "encode", hills, "-o", out, "--isovalue", 80.5)
@@ -56,7 +56,7 @@ def test_links_to_nowhere_are_found_out_before_the_work(hills: Path, tmp_path: P
     dangling, coming = tmp_path / "dangling.iso", tmp_path / "coming.iso"
     dangling.symlink_to(tmp_path / "missing" / "out.iso")
     coming.symlink_to(tmp_path / "file.iso")
-    assert "no directory" in fails(3, "encode", hills, "-o", dangling, "--isovalue", 80.5)
+    assert "does not exist" in fails(3, "encode", hills, "-o", dangling, "--isovalue", 80.5)
     ok("encode", hills, "-o", coming, "--isovalue", 80.5)
     assert coming.is_symlink() and (tmp_path / "file.iso").exists()
 
@@ -146,12 +146,12 @@ def cut(tmp_path: Path, curve_data: bytes) -> Path:
 
 def only_partial(verb: str, cut: Path, out: Path) -> None:
     """A verb takes what was received, with a warning, if it is told so, and nothing otherwise."""
-    assert fails(5, verb, cut, "-o", out).endswith(": use --partial to decode what is there")
+    assert fails(5, verb, cut, "-o", out).endswith(": use --partial to decode as much as there is")
     assert not out.exists()
     result = run(verb, cut, "-o", out, "--partial")
     assert result.exit_code == 0
     assert result.stderr.startswith(f"isocodec: {cut}: warning: ")
-    assert "as far as it goes" in result.stderr
+    assert "as far as possible" in result.stderr
     assert out.stat().st_size
 
 
@@ -175,7 +175,7 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
     only_partial("plot", cut, out)
     begin = isocodec.open(curve_data).info.layers[0].offset
     cut.write_bytes(curve_data[:begin])
-    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode what is there")
+    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode as much as there is")
     result = run("info", cut)
     assert result.exit_code == 0 and f"the file ends after {begin} bytes, before it is complete" in result.stderr
 
@@ -204,7 +204,7 @@ def test_truncate_what_ends_before_its_curve(tmp_path: Path, curve_data: bytes) 
 
 def test_truncation_says_which_isovalues_it_drops(two: Path, tmp_path: Path) -> None:
     result = run("edit", two, "-o", tmp_path / "one.iso", "--layers", 2)
-    assert result.exit_code == 0 and "ends before isovalue 40.25" in result.stderr
+    assert result.exit_code == 0 and "does not reach isovalue 40.25" in result.stderr
     assert run("edit", two, "-o", tmp_path / "all.iso", "--size", 10**6).stderr == ""
 
 
@@ -358,7 +358,7 @@ def test_what_was_received_of_another_isovalue(two: Path, tmp_path: Path) -> Non
         assert 0 < report["points"] <= len(whole.points)
     part.write_bytes(data[:40])
     for more in ((), ("--partial",)):
-        assert "ends before isovalue 40.25" in fails(5, "decode", part, "-o", out, "--isovalue", 40.25, *more)
+        assert "does not reach isovalue 40.25" in fails(5, "decode", part, "-o", out, "--isovalue", 40.25, *more)
 
 
 def test_bytes_that_end_before_the_curve_begins(two: Path, tmp_path: Path) -> None:

@@ -358,14 +358,14 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
     (tmp_path / "cut.iso").write_bytes((tmp_path / "plane.iso").read_bytes()[:-9])
     (tmp_path / "no.iso").write_bytes(b"no curve")
     for code, source, more, word in (
-        (2, plane, ["--offset", 3], "--offset goes with --interval"),
+        (2, plane, ["--offset", 3], "--offset needs --interval"),
         (2, plane, ["--interval", 3, "--isovalue", 3], "cannot be combined"),
         (2, plane, ["--interval", 0], "greater than 0"),
         (2, plane, ["--size", 300, "--dpi", 2000], "too large"),
         (2, plane, ["--metadata", "crs"], "KEY=TEXT"),
         (2, tmp_path / "plane.iso", ["--interval", 3], "an interval does not apply"),
         (2, tmp_path / "ball.iso", [], "two axes"),
-        (3, tmp_path / "ball.npy", [], "a field of two axes; this one has 3"),
+        (3, tmp_path / "ball.npy", [], "a field with two axes; this one has 3"),
         (3, tmp_path / "nan.npy", [], "all samples are missing"),
         (3, tmp_path / "none.npy", [], "No such file"),
         (3, plane, ["--interval", 1000, "--offset", 500], "choose a smaller interval"),

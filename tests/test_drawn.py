@@ -104,11 +104,11 @@ def test_truncated_files_are_not_called_invalid(tmp_path: Path, verb: list[str],
     part.write_bytes(data[:-6])
     why = f"isocodec: {part}: the file ends after {len(data) - 6} bytes, before it is complete"
     line = fails(5, *verb, part, "-o", tmp_path / out)
-    assert line.startswith(why) and line.endswith(": use --partial to decode what is there")
+    assert line.startswith(why) and line.endswith(": use --partial to decode as much as there is")
     assert "valid" not in line and not (tmp_path / out).exists()
     result = run(*verb, part, "-o", tmp_path / out, "--partial")
     assert result.exit_code == 0 and (tmp_path / out).exists()
-    said = f"{why.replace(': the file', ': warning: the file')}; {word} as far as it goes"
+    said = f"{why.replace(': the file', ': warning: the file')}; {word} as far as possible"
     assert result.stderr.splitlines()[-1] == said
     part.write_bytes(data[:-6] + bytes(6))
     assert "not a valid .iso file: " in fails(4, *verb, part, "-o", tmp_path / out)

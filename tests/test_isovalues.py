@@ -270,7 +270,7 @@ def test_events_and_skipping():
     some.close()
     same(some.contour(2), decoder.contour(2))
     assert some.grid.state(1) is None
-    with pytest.raises(OptionError, match="leans on isovalue 0"):
+    with pytest.raises(OptionError, match="predicted from isovalue 0"):
         other = Decoder(only={1})
         other.feed(data)
         other.close()

@@ -199,10 +199,11 @@ def folded() -> list[Array]:
         (lambda c: [c[0].astype(str), c[1]], {}, "arrays of numbers"),
         (lambda c: [np.where(np.arange(24)[:, None] == 3, np.nan, c[0]), c[1]], {}, "x of sample (3, 0) is nan"),
         (lambda c: [np.arange(24.0), np.arange(59.0)], {}, "59 coordinates for axis 1"),
-        (lambda c: [np.arange(24.0), np.arange(60.0) % 50], {}, "axis 1 neither rise nor fall all the way: 49 is"),
+        (lambda c: [np.arange(24.0), np.arange(60.0) % 50], {}, "axis 1 neither increase nor decrease throughout: 49 "
+                                                                "is"),
         (lambda c: [np.arange(24.0), np.where(np.arange(60) == 9, np.nan, np.arange(60.0))], {}, "(0, 9) is nan"),
         (lambda c: [np.arange(24.0), np.arange(60.0)], {"periodic": 1}, "give the period"),
-        (lambda c: [np.zeros(24), np.arange(60.0)], {}, "axis 0 neither rise"),
+        (lambda c: [np.zeros(24), np.arange(60.0)], {}, "axis 0 neither increase"),
         (lambda c: c, {"periodic": 2}, "axis 2 is periodic"),
         (lambda c: c, {"error": 1e-17}, "too many units"),
     ],
@@ -238,7 +239,7 @@ def test_searched_meshes_have_two_ends(options: dict[str, Any]) -> None:
     field, arrays = grids.polar()
     with pytest.raises(OptionError, match="periodic"):
         isocodec.encode(grids.placed(field, arrays, periodic=1), 0.05, **options)
-    with pytest.warns(UserWarning, match="axis 1 are not joined"):
+    with pytest.warns(UserWarning, match="axis 1 is not treated as periodic"):
         data = isocodec.encode(grids.placed(field, arrays, periodic=1, inferred=True), 0.05, **options)
     assert data == isocodec.encode(grids.placed(field, arrays), 0.05, **options)
 

@@ -55,7 +55,7 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     assert "axis 1 is periodic" in text and "x repeats after 360" in text
     # a mesh that is searched for has other ends: they stay apart, with a warning
     contour, said = encoded(path, 0.9, "--key", "f", "--precision", 1)
-    assert contour.shape == (13, 36) and "not joined" in said
+    assert contour.shape == (13, 36) and "not treated as periodic" in said
     contour, said = encoded(path, 0.9, "--key", "f", "--no-placement")
     assert contour.shape == (13, 36) and contour.placement is None and not said
     refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--precision", 1,
@@ -132,4 +132,4 @@ def test_tolerance_with_a_unit(tmp_path: Path) -> None:
     encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--precision", "0.5")
     assert far == (tmp_path / "a.iso").read_bytes()
     nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--precision", "15m")
-    assert nowhere.exit_code == 2 and "15m needs a field with a placement in the world" in nowhere.stderr
+    assert nowhere.exit_code == 2 and "15m needs a field that states where its samples lie" in nowhere.stderr

@@ -149,7 +149,7 @@ def test_info_and_plot_show_them(tmp_path) -> None:
     path = tmp_path / "steps.iso"
     path.write_bytes(isocodec.encode(HILLS, [80.5, 60.5], precision=[2.5, 0.75], keep_topology=True))
     shown = ok("info", path)
-    assert "within" in shown and "2.5" in shown and "0.75" in shown and "promised in every layer" in shown
+    assert "within" in shown and "2.5" in shown and "0.75" in shown and "kept in every layer" in shown
     path.write_bytes(isocodec.encode(HILLS, 80.5))
     shown = ok("info", path)
     assert "within" not in shown and "promised" not in shown

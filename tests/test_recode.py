@@ -164,7 +164,7 @@ def test_files_that_cannot_be() -> None:
     mesh = isocodec.encode(isocodec.Mesh(points, None, points[:, 0]), 0.5)
     reasons = {
         coarse: ("coarser", "coarser"), ring: ("coordinates", "coordinates"), part: ("in part", "in part"),
-        mesh: ("meshes", "differs from the first in kind"), surface: ("surfaces", "a triangulated surface"),
+        mesh: ("meshes", "differs from the first in kind"), surface: ("surfaces", "triangulated surfaces"),
     }
     for data, (edited, merged) in reasons.items():
         with pytest.raises(OptionError, match=edited):
@@ -229,9 +229,9 @@ def test_not_of_one_field() -> None:
     holes[3, 3] = True
     others = {
         "shape": isocodec.encode(isocodec.Field(HILLS[:-1], placement=[1.0, 2.0]), 90.5),
-        "another placement": isocodec.encode(isocodec.Field(HILLS, placement=[1.0, 3.0]), 90.5),
+        "differs from the first in placement": isocodec.encode(isocodec.Field(HILLS, placement=[1.0, 3.0]), 90.5),
         "missing": isocodec.encode(isocodec.Field(HILLS, mask=holes, placement=[1.0, 2.0]), 90.5),
-        "not of one field": isocodec.encode(isocodec.Field(HILLS[::-1], placement=[1.0, 2.0]), 90.5),
+        "not of the same field": isocodec.encode(isocodec.Field(HILLS[::-1], placement=[1.0, 2.0]), 90.5),
     }
     for says, other in others.items():
         with pytest.raises(InputError, match=says):

@@ -113,9 +113,9 @@ def test_offsets_of_multiples() -> None:
 @pytest.mark.parametrize(
     ("options", "code", "said"),
     [
-        ([], 2, "give one of --isovalue, --interval and --label"),
+        ([], 2, "give one of --isovalue, --interval or --label"),
         (["--isovalue", 3, "--interval", 5], 2, "--isovalue and --interval cannot be combined"),
-        (["--isovalue", 3, "--offset", 5], 2, "--offset goes with --interval"),
+        (["--isovalue", 3, "--offset", 5], 2, "--offset needs --interval"),
         (["--interval", -5], 2, "greater than 0"),
         (["--interval", 5, "--offset", "nan"], 2, "finite"),
         (["--interval", 1e-9], 3, "choose a larger interval"),

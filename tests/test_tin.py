@@ -245,12 +245,12 @@ def test_samples_that_are_missing_and_points_that_coincide(tmp_path):
     np.save(table, [(0, 0, 1), (9, 0, 2), (0, 9, 3), (9, 9, 4), (4, 4, 5), (4, 4, 7)])
     for out in ("out.iso", "out.npz"):
         result = run("thin", tmp_path / "holed.npy", "-o", tmp_path / out, "--error", 2)
-        assert result.exit_code == 0 and "24 missing samples: the triangulation spans them" in result.stderr
+        assert result.exit_code == 0 and "24 missing samples: the triangulation covers them" in result.stderr
     tin = isocodec.open(tmp_path / "out.iso").surface()
     there = holed[tuple(tin.points.T.astype(int))]
     assert tin.shape is None and np.abs(there - tin.values).max() <= 2
     result = run("thin", table, "-o", tmp_path / "out.ply", "--scattered", "--points", 5, "--json")
-    assert "1 points coincide with others: merged" in result.stderr
+    assert "1 points coincide with others: each group is merged" in result.stderr
     record = json.loads(result.stdout)
     assert (record["merged"], record["removed"], record["criterion"]) == (1, 0, "AT1")
 

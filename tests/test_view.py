@@ -77,10 +77,10 @@ def test_views_are_read() -> None:
         with pytest.raises(OptionError, match="is not a view: give AZIMUTH,ELEVATION, or one of front, back"):
             read_view(wrong)
     for wrong in ("361,0", "nan,0", "-181,0"):
-        with pytest.raises(OptionError, match="lies between -180 and 360"):
+        with pytest.raises(OptionError, match="must lie between -180 and 360"):
             read_view(wrong)
     for wrong in ("0,91", "0,nan"):
-        with pytest.raises(OptionError, match="lies between -90 and 90"):
+        with pytest.raises(OptionError, match="must lie between -90 and 90"):
             read_view(wrong)
 
 
@@ -94,7 +94,7 @@ def test_plot_takes_a_view(tmp_path: Path) -> None:
         seen.append(np.asarray(Image.open(out)))
         out.unlink()
     assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])
-    assert "elevation 99; it lies between -90 and 90" in fails(2, "plot", ball, "-o", out, "--view", "0,99")
+    assert "elevation 99; it must lie between -90 and 90" in fails(2, "plot", ball, "-o", out, "--view", "0,99")
     assert "'up' is not a view: give AZIMUTH,ELEVATION" in fails(2, "plot", ball, "-o", out, "--view", "up")
     assert "--view applies to surfaces only" in fails(2, "plot", hills, "-o", out, "--view", "top")
     assert not out.exists()

@@ -293,7 +293,7 @@ def test_targets_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Monk
     (tmp_path / "file").touch()
     with pytest.raises(IsADirectoryError):
         check_target(tmp_path)
-    with pytest.raises(FileNotFoundError, match="no directory"):
+    with pytest.raises(FileNotFoundError, match="does not exist"):
         check_target(tmp_path / "missing" / "a.npz")
     with pytest.raises(NotADirectoryError):
         check_target(tmp_path / "file" / "a.npz")

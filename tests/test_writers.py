@@ -233,7 +233,7 @@ def test_coordinates_in_samples(tmp_path: Path) -> None:
 def test_what_coordinates_lose_is_said(tmp_path: Path) -> None:
     unnamed = replace(CURVES[0], placement=Placement(np.array(UTM)))
     (remark,) = write(tmp_path / "a.geojson", unnamed).remarks
-    assert "no longitudes and latitudes" in remark and "does not name" in remark
+    assert "not the longitudes and latitudes" in remark and "does not name" in remark
     (remark,) = write(tmp_path / "a.gpkg", replace(unnamed, placement=None)).remarks
     assert ".gpkg is written without a reference system" in remark and "in samples" in remark
     far = replace(SURFACES[0], placement=Placement(SPACE.matrix + [[0, 0, 0, 1e7]] * 3))

@@ -20,8 +20,12 @@ _HEAD = """# Command line
 
 <!-- Written by tools/commands_page.py. -->
 
-`isocodec COMMAND --help` shows the same. `-` is standard input or output, URLs are read where files are; every command
-but a picture's is silent on success except for one line, or one JSON object with `--json`.
+`isocodec COMMAND --help` shows the same. `-` means standard input or output, and a URL may be given wherever an input
+file is read. On success a command prints one line, or one JSON object with `--json`; `info` prints tables, `verify` a
+line for each isovalue. If the output itself goes to standard output, the line goes to the error stream.
+
+Words used below: a *level* of the mesh bisects all cells of the level before; the finest level, the *full grid*,
+reaches every sample. A *promise* is a bound on the distance from the true curve that a file guarantees and records.
 """
 
 

@@ -1,4 +1,4 @@
-"""The command ``isocodec``, also as ``python -m isocodec``: the command line, and how signals end it."""
+"""The command ``isocodec``, also run as ``python -m isocodec``: the command line, and its reaction to signals."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import NoReturn
 from .storage.atomic import undo_all
 
 SIGNALS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "terminated"}
-"""Signals by name, of which a system may lack some, and the message of each."""
+"""Signals by name (a system may lack some of them), and the message for each."""
 
 
 def main() -> None:
-    """The command line, which a signal ends with one line, nothing left behind and an exit code as shells have it."""
+    """Run the command line; on a signal, print one line, leave no files behind and exit with the code of a shell."""
     for name in SIGNALS:
         number = getattr(signal, name, None)
-        # what is ignored from the start (nohup, a shell's background) stays so
+        # signals ignored from the start (nohup, background jobs of a shell) stay ignored
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _end)
     from .cli import main as program
@@ -26,20 +26,20 @@ def main() -> None:
     try:
         program(prog_name="isocodec")
     finally:
-        # Python would take the handlers away while it shuts down; what is done stays done
+        # Python removes the handlers while it shuts down; a signal then must not undo a finished result
         _ignore()
 
 
 def _end(number: int, _: FrameType | None) -> NoReturn:
     """End the process at once.
 
-    An exception would get lost in a callback of the compiler's, or leave it in the middle of its work; nor is there
-    anything to wait for: what is written is renamed when it is whole.
+    An exception could be lost in a callback of the compiler, or interrupt the compiler half-way. There is nothing to
+    wait for: files are renamed into place only when they are complete.
     """
     _ignore()
     undo_all()
     with suppress(OSError):  # the terminal may be gone
-        # past Python's buffer, which the signal may have interrupted; a terminal shows ^C where the line begins
+        # bypasses Python's buffer, which the signal may have interrupted; a terminal shows ^C at the start of the line
         echoed = number == signal.SIGINT and os.isatty(2)
         os.write(2, f"{os.linesep if echoed else ''}isocodec: {SIGNALS[signal.Signals(number).name]}\n".encode())
     os._exit(128 + number)

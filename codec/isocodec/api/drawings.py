@@ -1,4 +1,4 @@
-"""Contours of a decoded file, each drawn when it is its turn, so that what it was drawn from can go."""
+"""Contours of a decoded file, drawn one by one, so that the data of each can be released after it is drawn."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .files import Viewed, bounds_of, clipped
 
 
 class Counts(NamedTuple):
-    """Counts of a contour, for when it is gone."""
+    """Counts of a contour, kept after the contour itself is released."""
 
     points: int
     cells: int
@@ -26,16 +26,16 @@ class Counts(NamedTuple):
 
 
 class Drawings(Collection[Contour]):
-    """Contours of all isovalues that a decoder of a grid has taken; they are gone through once.
+    """Contours of all isovalues that a decoder of a grid has decoded; can be iterated over once.
 
-    What decoding holds, a drawing and what a writer makes of it are within the limit of memory together.
+    Together, the decoder's state, one drawing and a writer's copy of it stay within the memory limit.
 
     Parameters
     ----------
     decoder : Decoder
     view : Viewed
     cost : Cost
-        Memory that writing takes.
+        Memory that writing needs.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Drawings(Collection[Contour]):
         Axes of the field.
     shape : tuple of int
     counts : list of Counts
-        Of the contours so far.
+        Counts of the contours drawn so far.
     """
 
     def __init__(self, decoder: Decoder, view: Viewed, cost: Cost) -> None:

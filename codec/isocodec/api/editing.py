@@ -1,4 +1,4 @@
-"""Files made of other files without the field: shorter ones, parts, other profiles and precisions, several in one."""
+"""Make files from other files without the field: shorter, cropped, in another profile or precision, or merged."""
 
 from __future__ import annotations
 
@@ -36,14 +36,15 @@ class Edit:
     def __post_init__(self) -> None:
         if all(getattr(self, each.name) in (None, False) for each in fields(self)):
             raise OptionError(
-                "nothing to change", code="edit", remedy="give layers, size, window, isovalues or profile"
+                "nothing to change", code="edit",
+                remedy="give layers, size, window, isovalues, profile or precision"
             )
         if self.layers is not None and self.size is not None:
             raise OptionError("layers and size cannot be combined", code="options", remedy="choose one")
 
 
 def edited(held: WholeFile | TileFile, edit: Edit) -> bytes:
-    """Make the changes one after the other: window, isovalues, profile and precision, layers or size."""
+    """Apply the changes in this order: window, isovalues, profile and precision, layers or size."""
     if isinstance(held, TileFile):
         recoded = edit.profile is not None or edit.precision is not None
         if edit.window is None and not recoded and edit.isovalues is None:
@@ -69,7 +70,7 @@ def edited(held: WholeFile | TileFile, edit: Edit) -> bytes:
 
 
 def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> bytes:
-    """The first layers of a file in tiles, as many as asked for or as fit."""
+    """Keep the first stages of a tiled file, as many as asked for or as fit into ``size`` bytes."""
     from ..tiles.first_stages import first_stages
 
     if layers is not None:
@@ -83,7 +84,7 @@ def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> by
 
 
 def _cropped(whole: WholeFile, window: Sequence[Sequence[float]]) -> bytes:
-    """A window of samples of the file of a grid, in all frames."""
+    """Crop all frames of a grid's file to a window of samples."""
     held = held_by(whole.data, whole.limits)
     low, size = box_of(held.header.shape, window, whole.limits or Limits())
     frames = [[cropped(one, low, size) for one in sources] for sources in held.frames]
@@ -92,7 +93,7 @@ def _cropped(whole: WholeFile, window: Sequence[Sequence[float]]) -> bytes:
 
 
 def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
-    """Some of the isovalues of a file: its chunks as they are, or coded anew where one leans on another left out."""
+    """Keep some isovalues of a file: copy their chunks, or re-encode if one is predicted from one that is dropped."""
     if whole.kind == "surface":
         raise impossible("isovalues", "surface")
     if not len(isovalues):
@@ -112,13 +113,13 @@ def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
 
 
 def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, keep_topology: bool) -> bytes:
-    """The curves of a file in another profile or less precisely.
+    """Re-encode the curves of a file in another profile, or less precisely.
 
     Raises
     ------
     OptionError
-        If the file is not on the full grid, has coordinates or holds values in part, or if meshes and surfaces are to
-        have another profile or precision than they can.
+        If the mesh of the file does not reach every sample, if the file has coordinates or holds values only in part,
+        or if the profile or precision is not possible for a mesh or a surface.
     """
     wanted = Precision.of(precision)
     if not (wanted.default or wanted.signs or wanted.tolerance is not None):
@@ -126,7 +127,8 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
                           remedy='give "signs", or a tolerance in cells')
     if whole.kind in ("mesh", "surface"):
         if profile not in (None, "main"):
-            raise OptionError(f"profile {profile!r}: meshes and surfaces have the profile main", code="profile")
+            raise OptionError(f"profile {profile!r} does not apply to meshes and surfaces, which have the profile main",
+                              code="profile")
         if wanted.default:
             return whole.data
         if whole.kind == "mesh" and wanted.signs:

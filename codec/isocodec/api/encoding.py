@@ -1,4 +1,4 @@
-"""Whatever is to be encoded in, bytes out."""
+"""Encode a field, a series, a mesh or a surface to bytes."""
 
 from __future__ import annotations
 
@@ -37,55 +37,57 @@ def encode(
     Parameters
     ----------
     what : (s0, s1) or (s0, s1, s2) array_like, Field, Frames, Mesh or Tin
-        Samples on a regular grid, of bool, integers or floats; NaN, and what a masked array masks, is missing: the
-        curve ends at unit cells with a missing corner. A `Field` adds a mask, where the samples lie, names, units and
-        labels, which go into the file, too; so does what `read` takes in memory (a DataArray of xarray, images of
-        nibabel and SimpleITK). `Frames` are a series, a `Mesh` has values at points, a `Tin` is a surface from `thin`.
+        Samples on a regular grid: bool, integers or floats. NaN and masked samples of a masked array are missing: the
+        curve ends at unit cells with a missing corner. A `Field` adds a mask, placement (where the samples lie), names,
+        units and labels, which the file stores, too; so do the in-memory objects that `read` accepts (a DataArray of
+        xarray, images of nibabel and SimpleITK). `Frames` are a series, a `Mesh` has values at points, a `Tin` is a
+        surface from `thin`.
     isovalue : number, sequence of numbers, or str, optional
-        One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
-        or numpy's, fractions or decimals. Samples greater than it lie above. Files hold double precision; whole numbers
-        beyond it are refused. "every 20" or "every 20 from 5" are all multiples within the data, and so much more than
-        these. None for a field of bool, whose border is encoded, for a field with labels, and for a `Tin`.
+        One isovalue, or several in the order in which the file is to have them: finite numbers of Python or numpy,
+        fractions or decimals. Samples greater than the isovalue lie above it. Files hold double precision; integers
+        that it cannot represent are refused. "every 20" means all multiples of 20 within the range of the data, "every
+        20 from 5" the same values shifted by 5. None for a field of bool, whose border is encoded, for a field with
+        labels, and for a `Tin`.
     precision : optional
-        How closely the file keeps to the contour. A number: the largest distance, in cells, between the decoded and the
-        extracted curve, both ways; on a mesh in the unit of its points. A text with a unit, as "100m": a distance in
-        the world (in the unit of the placement, or m or km where coordinates are longitudes and latitudes), to which
-        the file keeps everywhere. From 0.1 cells on the encoder searches for a mesh and a precision of crossings that
-        make the file small, and proves the distance on the decoded curve; below, it codes all crossings of the grid,
-        without a search. With a criterion as ``layers``, that chooses the mesh, and the distance holds for its
-        crossings alone.
-        "exact": values of integers next to the curve, to the last bit. "step=0.5": values of floats next to the curve
-        to within half a step. "signs": which samples lie above, no geometry; crossings are drawn half-way. Falling
-        distances, as [4, 1, 0.25, "exact"] or "4,1,0.25,exact": what the layers promise one after the other.
-        None: 0.05 cells; "signs" for labels, and for a field of bool without an isovalue; on a mesh 0.05 of the median
-        edge. The values of a `Tin` that `thin` did not choose for a file are rounded to within a number, or to steps.
+        How precisely the file stores the contour. A number: the largest distance, in cells, between the decoded and the
+        extracted curve, in both directions; on a mesh, in the unit of its points. A text with a unit, such as "100m":
+        the largest distance in world coordinates (in the unit of the placement, or m or km if coordinates are
+        longitudes and latitudes). For 0.1 cells or more, the encoder searches for the mesh and the precision of
+        crossings that make the file smallest, and proves the distance on the decoded curve; below 0.1, it codes all
+        crossings of the grid, without a search. With a criterion as ``layers``, the criterion chooses the mesh, and the
+        distance bounds only the crossings on that mesh. "exact": values of integers next to the curve, to the last bit.
+        "step=0.5": floating-point values next to the curve, rounded to multiples of 0.5. "signs": which samples lie
+        above, without geometry; crossings are drawn at midpoints. Decreasing distances, such as [4, 1, 0.25, "exact"]
+        or "4,1,0.25,exact": the bounds that successive layers guarantee. None: 0.05 cells; "signs" for labels, and for
+        a field of bool without an isovalue; on a mesh 0.05 of the median edge. For a `Tin` that `thin` made with a
+        criterion, the values are rounded: with a number, off by at most that number; with a step, to multiples of it.
     keep_topology : bool
-        Every layer, from the base on, has as many components as the curve, nested alike; surfaces with the same Euler
-        characteristics. Samples equal to the isovalue count as below it.
+        Make the curve of every layer, from the base on, have as many components as the complete curve, nested in the
+        same way; for surfaces, with the same Euler characteristics. Samples equal to the isovalue count as below it.
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     layers : optional
-        Of grids. A number: the uniform level of the base; the level of the full grid makes a file of one layer. A
-        criterion reduces the mesh, as published: "crossing", "topology", "curvature=K" (mean curvature above which the
-        finest mesh stays, 1 / cells), "distortion=D" (distance in cells from the original curve to the new one),
-        "level=L" (that of a uniform mesh).
-        Or a plan: the layers one by one, as a text (`isocodec encode --plan-help` explains it), or a sequence of
-        entries ``("base", level)``, ``("refine", rounds)``, ``("values", bits)``, ``("offsets", radix)``, where None
-        means as far as it goes; ``("values", None, left)`` leaves ``left`` bits; ``("adaptive_base", level, mesh)``,
-        ``("adapt", births, mesh)`` with the mesh that they lead to (`grid.lattice.vertex_set.Chosen`) or the criteria
-        of its reduction (`grid.layers.plan.Criteria`), ``("leaf_base",)``, ``("offsets", radix, unit)``.
-        ``("promise", distance)`` behind layers other than values states how far their curve lies from the original one
-        at most, without proof. A mapping gives each isovalue a plan.
+        For grids. A number: the uniform level of the base; the level of the full grid makes a file of one layer. A
+        criterion, which coarsens the mesh as published: "crossing", "topology", "curvature=K" (mean curvature above
+        which the finest mesh stays, 1 / cells), "distortion=D" (distance in cells from the original curve to the new
+        one), "level=L" (that of a uniform mesh). Or a plan: the layers one by one, as a text (`isocodec encode
+        --plan-help` explains it), or a sequence of entries ``("base", level)``, ``("refine", rounds)``, ``("values",
+        bits)``, ``("offsets", radix)``, where None means as many as possible; ``("values", None, left)`` leaves
+        ``left`` bits uncoded; ``("adaptive_base", level, mesh)``, ``("adapt", births, mesh)`` with the resulting mesh
+        (`grid.lattice.vertex_set.Chosen`) or the criteria by which to coarsen it (`grid.layers.plan.Criteria`),
+        ``("leaf_base",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` after layers other than values
+        records that their curve lies at most that far from the original one, without proof. A mapping gives a separate
+        plan for each isovalue.
     independent : bool
-        Code each isovalue, and each frame of a series, without the help of those before it in the file.
+        Code each isovalue, and each frame of a series, without prediction from earlier ones in the file.
     interval : int
-        In a series every frame whose number is a multiple of this leans on none before it, so that decoding can begin
-        there; 0 if only the first does.
+        In a series, make every frame whose number is a multiple of this a key frame, which is not predicted from
+        earlier frames, so that decoding can begin there; 0 for the first frame only.
     metadata : mapping of str to str, optional
         Notes to add to those of the field; they replace notes of the same name.
     progress : callable, optional
-        Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
-        tried and 0.
+        Called with the number of layers done and the total; before that, during the search for a mesh, with the number
+        of curves tried and 0.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Whatever an ``.iso`` file decodes to, in the formats of other tools: checked first, decoded, then written."""
+"""Decode ``.iso`` files to the formats of other tools: check the request, decode, then write."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ _KINDS: Mapping[str, Kind] = {
     "curve": "contour", "areas": "areas", "bands": "areas", "above": "mask", "valid": "mask", "mesh": "mesh",
     "surface": "tin", "labels": "labels",
 }
-"""Things that can be written of a file, as writers call them."""
+"""Contents of a file that can be written, by the writers' names."""
 _APART: Mapping[str, tuple[str, ...]] = {
     "above": ("layers", "max_bytes", "window", "within"),
     "valid": ("layers", "max_bytes", "window", "within", "frame"),
     "labels": ("layers", "max_bytes", "window", "within", "frame", "partial"),
     "surface": ("layers", "window", "within", "frame", "smooth"),
 }
-"""Parts of a file that cannot be chosen of what is decoded."""
+"""Options that choose a part of a file, by what is decoded, that do not apply to it."""
 _ARRAY = ".npy"
 """Suffix of arrays: of the picture that a surface makes."""
 _LISTED = 5
-"""Isovalues that a remark lists."""
+"""Largest number of isovalues that a remark lists."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """Choice of what to decode from a file.
+    """Request of what to decode from a file.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class Wanted:
         ``curve``, ``areas``, ``bands``, ``above``, ``valid``, ``labels``, ``mesh`` or ``surface``; None for what the
         file holds: a surface, or curves.
     side : str
-        Of areas: ``above`` or ``below``.
+        For areas: ``above`` or ``below``.
     isovalue : float, optional
-        All that the format can hold if not given.
+        If not given, all isovalues that the format can hold.
     view : mapping
         Keywords of `IsoFile.contour`.
     along_holes, through_holes : bool
@@ -86,16 +86,16 @@ class Exported:
     Attributes
     ----------
     thing : object
-        As `isocodec.io.writers.write.write` takes it; bytes are written as they are.
+        What `isocodec.io.writers.write.write` takes; bytes are written unchanged.
     facts : dict
         Counts, for programs.
     text : str
-        The same for people.
+        The same counts, for people.
     remarks : list of str
-        What of the file was left out.
+        What was not taken from the file.
     options : OutputOptions
     drawings : Drawings or None
-        Contours that are drawn as they are written; facts and text come from them then.
+        Contours that are drawn while they are written; if given, facts and text come from them.
     """
 
     thing: Any
@@ -106,7 +106,9 @@ class Exported:
     drawings: Drawings | None = None
 
     def write(self, target: Target) -> int:
-        """Write it, whole or not at all; returns the number of bytes, and adds what the format loses to the remarks.
+        """Write the content, completely or not at all; returns the number of bytes.
+
+        What the format loses is added to the remarks.
 
         Raises
         ------
@@ -125,11 +127,11 @@ class Exported:
         return written.bytes
 
     def count(self, counts: Sequence[Counts], shape: Sequence[int], n: int) -> None:
-        """Take facts and text from contours."""
+        """Set facts and text from counts of contours."""
         points, cells = sum(one.points for one in counts), sum(one.cells for one in counts)
         complete = all(one.complete for one in counts)
         if not points and not complete:
-            self.remarks.append("the part that was decoded holds nothing of the curve")
+            self.remarks.append("the part that was decoded does not reach the curve")
         self.facts |= {
             "points": points, "cells": cells, "isovalues": [one.isovalue for one in counts], "shape": list(shape),
             "complete": complete,
@@ -149,12 +151,12 @@ def _put(target: Target, data: bytes) -> int:
 
 
 def check_export(path: str | os.PathLike[str], what: str | None, options: OutputOptions) -> str:
-    """The suffix of a name that something decoded can be written to; found out before the work.
+    """Check, before decoding, that the suffix of a name fits what is to be written; returns the suffix.
 
     Raises
     ------
     OptionError
-        Naming the formats that would do.
+        Naming the formats that can be used.
     MissingExtraError
     """
     name = Path(path if options.to is None else f"_.{options.to.lstrip('.')}")
@@ -179,7 +181,7 @@ def _is_of_surfaces(name: Path) -> bool:
 
 
 def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progress: Any = None) -> Exported:
-    """Decode what is wanted of a file, in a form that the format of ``path`` can hold.
+    """Decode what is wanted from a file, in a form that the format of ``path`` can hold.
 
     Raises
     ------
@@ -193,7 +195,7 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
             raise OptionError(f"--{name.replace('_', '-')} does not apply to {what}", code=name, remedy="leave it out")
     made = _MAKERS[what](file, suffix, wanted, progress)
     made.options = wanted.options
-    # what lies behind the part that was decoded may be damaged
+    # bytes after the part that was decoded may be damaged
     with suppress(FormatError):
         if file.frames > 1 and wanted.view.get("frame") is None and what != "valid":
             made.remarks.append(
@@ -201,9 +203,9 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
             )
         if wanted.view.get("partial") and not file.complete:
             made.remarks.append(
-                "the file ends before its tiles do: where they are missing curves are coarser, or not there"
+                "the file ends before all its tiles: where a tile is missing, curves are coarser or absent"
                 if file.kind == "tiles"
-                else f"the file ends after {file.size} bytes, before it is complete; decoded as far as it goes"
+                else f"the file ends after {file.size} bytes, before it is complete; decoded as far as possible"
             )
     return made
 
@@ -230,7 +232,7 @@ def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exporte
 
 
 def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Drawings | list[Contour]:
-    """All isovalues that the format can hold, or the one that is wanted; within the limit of memory."""
+    """Decode all isovalues that the format can hold, or the one wanted, within the memory limit."""
     view = {**wanted.view, "progress": progress}
     if wanted.through_holes or wanted.along_holes:
         view["through_holes"] = True
@@ -278,7 +280,7 @@ def _of_contours(thing: Any, contours: Drawings | Sequence[Contour], remarks: li
 
 
 def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float], Contour]:
-    """A contour as zooms of a map see it, by samples that a pixel is wide: coarse layers where their cubes allow it."""
+    """Make a function from the width of a map's pixel, in samples, to a contour of suitable layers."""
     edges = sorted({layer.level for layer in file.info.layers})
     drawn: dict[int, Contour] = {edges[0]: finest}
 
@@ -292,14 +294,14 @@ def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float
 
 
 def _others(isovalues: Sequence[float], isovalue: float) -> list[str]:
-    """A remark on further isovalues of a file, where none was asked for."""
+    """Remark that a file has further isovalues, if none was asked for."""
     others = [repr(value) for value in isovalues if value != isovalue]
     listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
     return [f"only isovalue {isovalue!r} is written; choose another with --isovalue: {listed}"] if others else []
 
 
 def _others_in(file: IsoFile, isovalue: float) -> list[str]:
-    """A remark on further isovalues, unless what lies behind the isovalue is damaged."""
+    """Remark on further isovalues, unless the file is damaged after this isovalue."""
     with suppress(FormatError):
         return _others(file.isovalues, isovalue)
     return []
@@ -310,7 +312,7 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Expor
         rows, isovalue, remarks = file.valid(), None, list[str]()
         placement, complete = file.placement, file.complete
     elif isinstance(file.held, WholeFile) and file.kind in ("grid", "series"):
-        # what lies behind the layers of the isovalue may be damaged
+        # bytes after the layers of the isovalue may be damaged
         view = Viewed(frame=wanted.view.get("frame"), partial=bool(wanted.view.get("partial")))
         decoder, number = file.held.decoded(wanted.isovalue, view)
         rows, isovalue = decoder.grid.above(number), decoder.isovalues[number]
@@ -375,7 +377,7 @@ def _array(values: np.ndarray) -> bytes:
 
 
 def write_surface(tin: Tin, target: Target, options: OutputOptions) -> int:
-    """Write a thinned surface, with the order of removal and the errors where the format holds arrays.
+    """Write a thinned surface, with the order of removal and the errors if the format can hold arrays.
 
     Raises
     ------
@@ -385,7 +387,7 @@ def write_surface(tin: Tin, target: Target, options: OutputOptions) -> int:
 
 
 def counted(file: IsoFile) -> FileInfo:
-    """Inspect a file and count its symbols by syntax element, for which it is decoded.
+    """Inspect a file, decoding it to count its symbols by syntax element.
 
     Raises
     ------

@@ -29,33 +29,37 @@ if TYPE_CHECKING:
     from ..tiles.tiled import TiledFile
 
 Progress = Callable[[int, int], object]
+NO_SURFACE = "this file has no triangulated surface: it stores only the samples or vertices next to its curves"
 IMPOSSIBLE: dict[tuple[str, str], str] = {
-    ("surface", "grid"): "it holds what lies next to its curves, not the values of a surface",
-    ("surface", "series"): "it holds what lies next to its curves, not the values of a surface",
-    ("surface", "mesh"): "it holds what lies next to its curves, not the values of a surface",
-    ("surface", "tiles"): "it holds what lies next to its curves, not the values of a surface",
-    ("window", "mesh"): "cells and signs follow from the mesh as a whole",
-    ("window", "surface"): "its triangles follow from all of its points",
-    ("decoder", "tiles"): "its pieces are read as they are asked for, not in order",
-    ("labels", "mesh"): "labels belong to the samples of a grid",
-    ("labels", "surface"): "labels belong to the samples of a grid",
-    ("isovalues", "surface"): "it has contours at any isovalue, and holds none",
-    ("merge", "surface"): "a file holds one surface",
+    ("surface", "grid"): NO_SURFACE,
+    ("surface", "series"): NO_SURFACE,
+    ("surface", "mesh"): NO_SURFACE,
+    ("surface", "tiles"): NO_SURFACE,
+    ("window", "mesh"): "a window cannot be cut out of a file on a mesh: its cells and signs depend on the whole mesh",
+    ("window", "surface"): "a window cannot be cut out of a triangulated surface: its triangles depend on all of its "
+                           "points",
+    ("decoder", "tiles"): "a tiled file cannot be decoded as a stream: its parts are read when they are needed, not "
+                          "in order",
+    ("labels", "mesh"): "only files of grids have labels; this file holds curves on a mesh",
+    ("labels", "surface"): "only files of grids have labels; this file holds a triangulated surface",
+    ("isovalues", "surface"): "a triangulated surface has no stored isovalues to choose from; a contour can be drawn "
+                              "at any value",
+    ("merge", "surface"): "triangulated surfaces cannot be merged: a file holds only one",
 }
-"""Operations that a kind of file cannot have, each with the reason; `OPERATIONS` lists them all."""
+"""Operations that a kind of file cannot have, each with its error message; `OPERATIONS` lists all operations."""
 OPERATIONS = (
     "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
     "statistics", "verify", "notebook", "layers", "size", "window", "isovalues", "profile", "merge", "decoder",
 )
 """Operations on files."""
 
-ONE_FRAME = "it holds one frame only; a series is made of isocodec.Frames, or with --frames"
-"""Remedy where a frame is asked for that is not there."""
+ONE_FRAME = "it holds only one frame; to make a series, encode isocodec.Frames, or use --frames"
+"""Remedy if a file does not have the frame asked for."""
 
 
 def impossible(operation: str, kind: str) -> OptionError:
-    """The error of an operation that a kind of file cannot have."""
-    return OptionError(f"this file holds {_NAMES[kind]}: {IMPOSSIBLE[operation, kind]}", code="kind")
+    """Make the error for an operation that a kind of file cannot have."""
+    return OptionError(IMPOSSIBLE[operation, kind], code="kind")
 
 
 _NAMES = {
@@ -80,7 +84,7 @@ class ViewOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class Viewed:
-    """Choice of what to draw of a file: `ViewOptions`, checked."""
+    """Request of what to draw from a file: `ViewOptions`, checked."""
 
     frame: int | None = None
     layers: int | None = None
@@ -98,19 +102,19 @@ class Viewed:
         if self.frame is not None and (
             isinstance(self.frame, bool) or not isinstance(self.frame, Integral) or self.frame < 0
         ):
-            raise OptionError(f"frame is {self.frame}; it must be a whole number from 0 on", code="frame")
+            raise OptionError(f"frame is {self.frame}; it must be an integer, 0 or greater", code="frame")
 
     def refuse(self, kind: str, *names: str) -> None:
-        """Raise `OptionError` if one of these parameters is given, which do not apply to a kind."""
+        """Raise `OptionError` if one of these parameters, which do not apply to a kind of file, is given."""
         for name in names:
             if getattr(self, name) not in (None, False):
                 raise OptionError(f"{name} does not apply to {_NAMES[kind]}", code=name.replace("_", "-"))
 
 
 def check_count(count: int | None, name: str) -> None:
-    """Refuse a count that is not a whole number from 1 on."""
+    """Refuse a count that is not an integer of at least 1."""
     if count is not None and not (isinstance(count, Integral) and not isinstance(count, bool) and count >= 1):
-        raise OptionError(f"{name} is {count}; it must be a whole number from 1 on", code=name.replace("_", "-"))
+        raise OptionError(f"{name} is {count}; it must be an integer of at least 1", code=name.replace("_", "-"))
 
 
 class WholeFile:
@@ -121,7 +125,7 @@ class WholeFile:
     data : bytes
     limits : Limits, optional
     mesh : (points, cells), optional
-        That a file on a known mesh was made on.
+        The mesh that the file was made on, if the file does not store it.
     """
 
     def __init__(
@@ -133,7 +137,7 @@ class WholeFile:
 
     @cached_property
     def info(self) -> FileInfo:
-        """Information that the file holds without decoding."""
+        """Information that can be read without decoding."""
         return inspect(self.data, limits=self.limits)
 
     @property
@@ -148,19 +152,19 @@ class WholeFile:
 
     @property
     def frames(self) -> int:
-        """Frames of a series, 1 of other files."""
+        """Number of frames of a series; 1 for other files."""
         info = self.info
         return 1 if info.interval is None else max(len(info.frames), 1)
 
     @property
     def complete(self) -> bool:
-        """Whether the file is whole, and its checksum right."""
+        """Whether the file is complete and its checksum is correct."""
         return self.info.complete
 
     # -- drawings ------------------------------------------------------------------------------------------------
 
     def contour(self, isovalue: float | None, view: Viewed) -> Contour:
-        """The curve or surface of an isovalue; see `IsoFile.contour`."""
+        """Decode the curve or surface of an isovalue; see `IsoFile.contour`."""
         if self.kind == "surface":
             view.refuse("surface", "smooth", "through_holes", "within")
             drawn = self._surface_decoder(view).contour(isovalue=isovalue)
@@ -171,7 +175,7 @@ class WholeFile:
         return clipped(_drawn(decoder, [number], view)[0], view.window)
 
     def contours(self, view: Viewed) -> list[Contour]:
-        """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
+        """Decode the curves or surfaces of all isovalues; see `IsoFile.contours`."""
         if self.kind == "surface":
             return []
         if self.kind == "mesh":
@@ -182,12 +186,12 @@ class WholeFile:
         return [clipped(one, view.window) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
 
     def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
-        """The contours of frame after frame; no more than two frames are in memory."""
+        """Decode the contours frame by frame; at most two frames are in memory."""
         yield from frames_of([self.data], smooth=smooth, mesh=self.mesh_given, limits=self.limits)
 
     def decoded(self, isovalue: float | None, view: Viewed) -> tuple[Decoder, int]:
-        """A decoder that has decoded what a drawing of an isovalue takes, and the number of that isovalue."""
-        # what lies behind the bytes that are needed may be damaged
+        """Decode what a drawing of an isovalue needs; returns the decoder and the number of that isovalue."""
+        # bytes after those that are needed may be damaged
         number = 0 if isovalue is None else self.info.number_of(isovalue)
         chain = frozenset([0]) if isovalue is None else self.info.chain(number)
         layers = self._layers_within(number, view) if view.within is not None else view.layers
@@ -209,7 +213,7 @@ class WholeFile:
     def received(
         self, only: frozenset[int] | None, view: Viewed, number: int = 0, layers: int | None = None
     ) -> Decoder:
-        """A decoder that has taken a frame, the first ``layers`` layers of isovalue ``number``, or the first bytes."""
+        """Decode a frame, the first ``layers`` layers of isovalue ``number``, or the first bytes."""
         wanted = view.frame or 0
         decoder = Decoder(self.limits, mesh=self.mesh_given, only=only, frame=wanted)
         done = 0
@@ -228,16 +232,16 @@ class WholeFile:
                 raise TruncatedError("the file ends before its curve begins", code="truncated")
             _check_frame(decoder, wanted)
         except IsoError:
-            # the frames of an error that somebody keeps would keep all of this, too
+            # an error that is kept would otherwise keep all of this alive through its traceback
             if decoder.contents is not None:
                 decoder.contents.drop()
             raise
         return decoder
 
     def _surface_decoder(self, view: Viewed) -> Decoder:
-        """A decoder that has taken a surface, or its beginning."""
+        """Decode a surface, or its beginning; returns the decoder."""
         if view.frame:
-            raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds one surface only")
+            raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds a single surface")
         data = memoryview(self.data)[: view.max_bytes]
         if view.layers is not None:
             data = memoryview(truncate(self.data, layers=view.layers, limits=self.limits))
@@ -253,7 +257,8 @@ class WholeFile:
         """Find which samples or vertices lie above an isovalue; see `IsoFile.above`."""
         if self.kind == "surface":
             if isovalue is None:
-                raise OptionError("the file holds a surface: its samples need an isovalue", code="isovalue")
+                raise OptionError("the file holds a surface: give the isovalue that its samples are to be compared "
+                                  "with", code="isovalue")
             tin = self._surface_decoder(view).surface.tin()
             return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
         decoder, number = self.decoded(isovalue, view)
@@ -275,7 +280,7 @@ class WholeFile:
         return decoder.take().grid.valid()
 
     def labels(self) -> NDArray[Any]:
-        """The label of each sample; see `IsoFile.labels`."""
+        """Decode the label of each sample; see `IsoFile.labels`."""
         if ("labels", self.kind) in IMPOSSIBLE:
             raise impossible("labels", self.kind)
         if LABELS not in self.info.metadata:
@@ -284,15 +289,15 @@ class WholeFile:
         return labelled((grid.above(i) for i in range(len(self.info.isovalues))), self.info.isovalues)
 
     def surface(self, max_bytes: int | None) -> Tin:
-        """The triangulated surface; see `IsoFile.surface`."""
+        """Decode the triangulated surface; see `IsoFile.surface`."""
         if self.kind == "mesh" and self.info.domain is None:
-            raise TruncatedError("the file ends before its domain begins", code="truncated", offset=self.size)
+            raise TruncatedError("the file ends before its mesh begins", code="truncated", offset=self.size)
         if self.kind != "surface":
             raise impossible("surface", self.kind)
         return self._surface_decoder(Viewed(max_bytes=max_bytes)).surface.tin()
 
     def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
-        """The mesh that the curve of an isovalue is coded on; see `IsoFile.mesh`."""
+        """Decode the mesh that the curve of an isovalue is coded on; see `IsoFile.mesh`."""
         if self.kind == "surface":
             tin = self._surface_decoder(view).surface.tin()
             above = tin.values > (np.median(tin.values) if isovalue is None else isovalue)
@@ -313,7 +318,7 @@ class WholeFile:
 
 
 class TileFile:
-    """A file in tiles, read piece by piece as they are asked for.
+    """A tiled file, whose tiles are read when they are needed.
 
     Parameters
     ----------
@@ -329,7 +334,7 @@ class TileFile:
 
     @property
     def data(self) -> bytes:
-        """All of its bytes."""
+        """All bytes of the file."""
         return self.tiled.fetch(0, self.size)
 
     @property
@@ -339,7 +344,7 @@ class TileFile:
 
     @cached_property
     def complete(self) -> bool:
-        """Whether the file does not end before its tiles do; asks for its last byte."""
+        """Whether the file holds all its tiles; reads the last byte to find out."""
         return bool(self.tiled.fetch(self.size - 1, self.size))
 
     @cached_property
@@ -362,7 +367,7 @@ class TileFile:
         )
 
     def contour(self, isovalue: float | None, view: Viewed) -> Contour:
-        """The curve or surface of an isovalue in a window; see `IsoFile.contour`."""
+        """Decode the curve or surface of an isovalue in a window; see `IsoFile.contour`."""
         view.refuse("tiles", "smooth", "through_holes")
         self._check_frame(view.frame)
         tiled = self.tiled
@@ -388,15 +393,15 @@ class TileFile:
             raise OptionError(f"the file has no frame {frame}", code="frame", remedy=ONE_FRAME)
 
     def contours(self, view: Viewed) -> list[Contour]:
-        """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
+        """Decode the curves or surfaces of all isovalues; see `IsoFile.contours`."""
         return [self.contour(isovalue, view) for isovalue in self.tiled.isovalues]
 
     def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
-        """The contours of its one frame."""
+        """Decode the contours of the only frame."""
         yield self.contours(Viewed(smooth=smooth))
 
     def whole(self, window: Sequence[Sequence[float]] | None = None) -> WholeFile:
-        """A window of it, or all of it, as a file in one piece."""
+        """Extract a window, or everything, as an ordinary file without tiles."""
         return WholeFile(extracted(self.tiled, window), self.limits)
 
     def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
@@ -404,7 +409,7 @@ class TileFile:
         return self._in_one_piece(view).above(isovalue, Viewed(layers=view.layers))
 
     def _in_one_piece(self, view: Viewed) -> WholeFile:
-        """A file in one piece with the samples and simplices of a view."""
+        """Extract the samples and simplices of a view as an ordinary file."""
         view.refuse("tiles", "smooth", "through_holes", "within", "max_bytes")
         self._check_frame(view.frame)
         return self.whole(view.window)
@@ -431,7 +436,7 @@ class TileFile:
 
 
 def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> NDArray[Any]:
-    """Labels of samples, 0 without one, of the smallest type that holds them all."""
+    """Labels of samples (0 for none), in the smallest type that holds all of them."""
     labels = [int(value) if value.is_integer() else value for value in map(float, isovalues)]
     out: NDArray[Any] | None = None
     for label, inside in zip(labels, above, strict=True):
@@ -443,17 +448,17 @@ def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> 
 
 
 def bounds_of(window: Sequence[Sequence[float]], d: int) -> NDArray[np.float64]:
-    """A window along d axes as (d, 2) numbers; raises `OptionError` if it is none."""
+    """Convert a window along d axes to (d, 2) numbers; raises `OptionError` if it is not valid."""
     bounds = np.array(window, np.float64)
     if bounds.shape != (d, 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
         raise OptionError(
-            f"the window is {window!r}; it must be {d} pairs, from where to where along each axis", code="window"
+            f"the window is {window!r}; it must be {d} pairs, start and end along each axis", code="window"
         )
     return bounds
 
 
 def clipped(contour: Contour, window: Sequence[Sequence[float]] | None) -> Contour:
-    """The cells of a contour that reach into a window of index coordinates (of a mesh: of its coordinates)."""
+    """Keep the cells of a contour that reach into a window of index coordinates (on a mesh: of its coordinates)."""
     if window is None:
         return contour
     bounds = bounds_of(window, contour.points.shape[1])
@@ -466,7 +471,7 @@ def clipped(contour: Contour, window: Sequence[Sequence[float]] | None) -> Conto
 def frames_of(
     pieces: Any, *, smooth: bool = False, mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None
 ) -> Iterator[list[Contour]]:
-    """Contours of frame after frame of a file that comes in pieces; no more than two frames are in memory.
+    """Decode contours frame by frame from a file that arrives in pieces; at most two frames are in memory.
 
     Yields
     ------
@@ -491,12 +496,12 @@ def frames_of(
 
 
 def _uniform(above: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Find cells with corners of one sign only."""
+    """Find cells whose corners all have the same sign."""
     return np.asarray(above.all(axis=1) | ~above.any(axis=1))
 
 
 def _drawn(decoder: Decoder, numbers: Sequence[int], view: Viewed) -> list[Contour]:
-    """Contours of isovalues; what each was drawn from is released after it."""
+    """Draw the contours of isovalues one by one, releasing the data of each after it is drawn."""
     out: list[Contour] = []
     contents = decoder.contents
     assert contents is not None
@@ -512,7 +517,7 @@ def _drawn(decoder: Decoder, numbers: Sequence[int], view: Viewed) -> list[Conto
 
 
 def _check_frame(decoder: Decoder, frame: int) -> None:
-    """Refuse a frame that a decoder which has taken the file has not met."""
+    """Refuse a frame that a decoder did not meet in the whole file."""
     last = decoder.frame
     if last >= frame:
         return

@@ -1,4 +1,4 @@
-"""Input of an encoder: what options add to it, and a preview while it is encoded."""
+"""Prepare input for an encoder: read it, add what options state, and collect remarks."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from .isofile import IsoFile
 from .thinned import MEMORY
 
 MOST = 1 << 20
-"""Bytes that a plan has at most."""
+"""Largest size of a plan file, in bytes."""
 _MUCH = 1 << 30
-"""Bytes of memory that are remarked on."""
+"""Memory, in bytes, from which on a remark is made."""
 
 
 def read_input(source: Any, options: ReadOptions, values: str | None = None) -> Field | Frames | Mesh:
-    """Read a field, a series of them, or values on a mesh or at scattered points; remarks are left to the caller.
+    """Read a field, a series of fields, or values on a mesh or at scattered points; the caller handles remarks.
 
     Parameters
     ----------
     source : path, URL or file object
     options : ReadOptions
     values : str, optional
-        Name of values at the points of a mesh; the source is one then.
+        Name of values at points; if given, the source is a mesh or a table of points.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def read_input(source: Any, options: ReadOptions, values: str | None = None) -> 
 
 
 def mesh_in(path: str) -> tuple[Any, Any]:
-    """Points and cells of a file with a mesh.
+    """Read points and cells from a file with a mesh.
 
     Raises
     ------
@@ -60,13 +60,13 @@ def mesh_in(path: str) -> tuple[Any, Any]:
     """
     found = read_mesh(path)
     if found.cells is None:
-        raise InputError("holds points without cells", code="mesh", remedy="name the mesh that was encoded")
+        raise InputError("holds points without cells", code="mesh", remedy="give the mesh that was encoded")
     return found.points, found.cells
 
 
 @contextmanager
 def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placement]]:
-    """The samples of a field as an object with ``shape``, ``dtype`` and slices, and where they lie.
+    """Open a field as an object with ``shape``, ``dtype`` and slices, together with where its samples lie.
 
     Raises
     ------
@@ -80,16 +80,16 @@ def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placeme
 
 @dataclass(frozen=True, kw_only=True)
 class Added:
-    """Properties of an input that options state.
+    """Properties of an input, as stated by options.
 
     Attributes
     ----------
     labels : sequence of float, or "all"
         Encode which samples have these labels; missing ones have none.
     spacing : sequence of float, optional
-        Distances of samples along the axes, instead of what the input states.
+        Sample spacing along each axis, instead of what the input states.
     placed : bool
-        Whether to keep where the input states that samples lie.
+        Whether to keep the placement that the input states.
     periodic, periods, error
         As of `Placement`.
     stored : str, optional
@@ -108,12 +108,12 @@ class Added:
     mesh_error: float | None = None
 
     def to(self, what: Any) -> Any:
-        """A field, a series or a mesh with that.
+        """Return a field, a series or a mesh with these properties.
 
         Raises
         ------
         OptionError
-            If a distance is given for other than each axis, or one of these does not apply.
+            If there is not one spacing for each axis, or if one of the properties does not apply.
         """
         if isinstance(what, Mesh):
             given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error}
@@ -150,7 +150,7 @@ class Added:
 
 
 class _Changed(Iterable[Any]):
-    """Fields of a series, each changed when it is its turn; remarks and shape of the input as they were."""
+    """Fields of a series, each changed when it is read; remarks and shape are those of the input."""
 
     def __init__(self, fields: Any, change: Callable[[Any], Any], begin: Callable[[], object] = bool) -> None:
         self._fields, self._change, self._begin = fields, change, begin
@@ -165,7 +165,7 @@ class _Changed(Iterable[Any]):
 
 
 class Observed:
-    """An input, and what is seen of its samples while it is encoded.
+    """An input, and what is observed of its samples while they are encoded.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ class Observed:
         return field
 
     def facts(self, file: IsoFile) -> dict[str, Any]:
-        """Facts for other programs: shape (of a series that of the input), type, isovalues, missing samples."""
+        """Facts for programs: shape (for a series, that of the input), type, isovalues, number of missing samples."""
         shape = file.shape
         if isinstance(self._given, Frames):
             shape = getattr(self._given.fields, "whole", None) or shape
@@ -208,7 +208,7 @@ class Observed:
         return out
 
     def after(self, file: IsoFile, keywords: Mapping[str, Any], marked: bool) -> list[str]:
-        """Remarks on isovalues outside the data and samples equal to one, and on markers that mark nothing."""
+        """Remarks on isovalues outside the data, samples equal to an isovalue, and markers that mark no sample."""
         if not self._fields or self._fields[0].labels:
             return []
         out = []
@@ -241,7 +241,7 @@ class Observed:
             return []
         text = "points of the contour coincide there" if valued else "they count as below"
         if topology:
-            text = "they count as below in the topology"
+            text = "they count as below for the topology"
         elif kind in "biu" and len(tied) == 1:
             text += f", which {tied[0] + 0.5:g} avoids"
         of = f"the isovalue {tied[0]:g}" if len(tied) == 1 else f"one of {len(tied)} isovalues ({tied[0]:g}, ..)"
@@ -249,7 +249,7 @@ class Observed:
 
     @contextmanager
     def blaming(self, plan: Path | None, failure: Callable[[Path, OptionError], Exception]) -> Iterator[None]:
-        """Report what is wrong with a plan as being about its file."""
+        """Attribute errors in a plan to the plan's file."""
         try:
             yield
         except OptionError as error:
@@ -260,7 +260,7 @@ class Observed:
 
 @dataclass(frozen=True)
 class _Seen:
-    """The samples of one field."""
+    """Observe the samples of one field."""
 
     low: Any
     high: Any
@@ -279,7 +279,7 @@ class _Seen:
 
 
 def observed(what: Any, added: Added) -> Observed:
-    """An input with what options state about it.
+    """Combine an input with what options state about it.
 
     Raises
     ------
@@ -289,7 +289,7 @@ def observed(what: Any, added: Added) -> Observed:
 
 
 def layers_of(text: str, plan: Path | None) -> str:
-    """Layers as the library takes them: a level or a criterion, or the text of the plan in a file.
+    """Convert ``--layers`` to what the library takes: a level, a criterion, or the text of a plan file.
 
     Raises
     ------
@@ -311,14 +311,14 @@ def layers_of(text: str, plan: Path | None) -> str:
 
 
 def plan_help() -> str:
-    """The language of plans, explained."""
+    """Explain the format of plan files."""
     from ..stream import plan_file
 
     return (plan_file.__doc__ or "").replace("``", "")
 
 
 def as_points(what: Any) -> Mesh:
-    """A table of points, rows of x, y, value, as scattered points.
+    """Convert a table with rows of x, y, value to scattered points.
 
     Raises
     ------
@@ -338,7 +338,7 @@ def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:
     remarks = []
     count = len(np.asarray(what.points)) if isinstance(what, Mesh) else what.values.size
     if isinstance(what, Field) and what.values.ndim == 2 and (gone := missing_of(what.values, what.mask)).any():
-        remarks.append(f"{int(gone.sum()):,} missing samples: the triangulation spans them")
+        remarks.append(f"{int(gone.sum()):,} missing samples: the triangulation covers them")
         if coded:
             placed = what.placement.notes() if what.placement is not None else {}
             what = Mesh(np.argwhere(~gone), None, np.asarray(what.values)[~gone], notes={**placed, **what.metadata})
@@ -348,14 +348,15 @@ def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:
 
 
 def merged_by(tin: Tin) -> list[str]:
-    """A remark about points that thinning merged, if it did."""
+    """Remark on points that thinning merged, if any."""
     if tin.removals is None or not tin.merged:
         return []
-    return [f"{tin.merged:,} points coincide with others: merged, with the mean of their values"]
+    return [f"{tin.merged:,} points coincide with others: each group is merged into one point with the mean of its "
+            "values"]
 
 
 def facts_of(tin: Tin, what: Any) -> dict[str, Any]:
-    """Counts of a surface, and how far it is from what was thinned, for programs."""
+    """Counts and errors of a thinned surface, for programs."""
     out: dict[str, Any] = {"points": len(tin.points), "triangles": len(tin.triangles)}
     if tin.removals is not None:
         errors = tin.removals.errors

@@ -1,4 +1,4 @@
-"""One face for every ``.iso`` file: opened once and asked for its curves, its samples and what it states of itself."""
+"""One class for every kind of ``.iso`` file: opened once, then asked for curves, samples and information."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..stream.options import ProfileName
 
 _DRAWN = 16
-"""Most isovalues that a notebook shows."""
+"""Largest number of isovalues that a notebook shows."""
 
 
 class IsoFile:
@@ -40,9 +40,9 @@ class IsoFile:
     Attributes
     ----------
     kind : str
-        ``grid``: curves or surfaces of a sampled field; ``series``: of several, frame by frame; ``mesh``: of values on
-        a mesh; ``surface``: a triangulated surface; ``tiles``: of a field in tiles, read piece by piece as they are
-        asked for.
+        ``grid``: curves or surfaces of a sampled field; ``series``: of several fields, frame by frame; ``mesh``: of
+        values on a mesh; ``surface``: a triangulated surface; ``tiles``: curves or surfaces in tiles, which are read
+        when they are needed.
     size : int
         Bytes.
     shape : tuple of int
@@ -50,11 +50,11 @@ class IsoFile:
     isovalues : tuple of float
         In the order of the file.
     frames : int
-        Frames of a series, 1 of other files.
+        Number of frames of a series; 1 for other files.
     metadata : dict of str to str
         Notes of the file.
     complete : bool
-        Whether the file is whole.
+        Whether the file is complete.
     limits : Limits or None
     """
 
@@ -68,8 +68,10 @@ class IsoFile:
         return f"IsoFile({self.kind}, {self.size:,} bytes, shape={self.shape}, isovalues {values})"
 
     def _repr_html_(self) -> str:
-        """A drawing of the first isovalues for notebooks, with size, layers and promises; without the drawing if it
-        takes more than the limits allow, or a mesh that the file does not hold."""
+        """Draw the first isovalues for notebooks, with size, layers and promises.
+
+        The drawing is omitted if it would exceed the limits, or needs a mesh that the file does not store.
+        """
         from ..drawing.pictures.inline import page_of
 
         info = self.info
@@ -98,12 +100,12 @@ class IsoFile:
 
     @property
     def data(self) -> bytes:
-        """The bytes of the file; of a file in tiles this reads all of it."""
+        """The bytes of the file; for a tiled file, this reads all of them."""
         return self.held.data
 
     @property
     def info(self) -> FileInfo:
-        """Layers, chunks, offsets, promises, without decoding."""
+        """Layers, chunks, offsets and promises, read without decoding."""
         return self.held.info
 
     @property
@@ -118,7 +120,7 @@ class IsoFile:
 
     @property
     def frames(self) -> int:
-        """Frames of a series, 1 of other files."""
+        """Number of frames of a series; 1 for other files."""
         return self.held.frames
 
     @property
@@ -128,7 +130,7 @@ class IsoFile:
 
     @property
     def placement(self) -> Placement | None:
-        """Placement of the samples, by the notes of the file; contours know that of samples with coordinates."""
+        """Placement of the samples as stated in the notes; for grids with coordinates, see `Contour.placement`."""
         return read_placement(self.metadata, len(self.shape))
 
     @property
@@ -138,7 +140,7 @@ class IsoFile:
 
     @property
     def complete(self) -> bool:
-        """Whether the file is whole."""
+        """Whether the file is complete."""
         return self.held.complete
 
     # -- drawings ------------------------------------------------------------------------------------------------
@@ -156,27 +158,28 @@ class IsoFile:
         isovalue : float, optional
             An isovalue of the file, the first if not given. Required for a triangulated surface, where it can be any.
         frame : int, optional
-            Frame of a series, from 0; the first if not given. Only the frames that it leans on are decoded with it.
+            Frame of a series, from 0; the first if not given. Only the frames it is predicted from are decoded as well.
         layers : int, optional
-            Decode that many layers only; all if the file has fewer.
+            Decode only this many layers, or all if the file has fewer.
         max_bytes : int, optional
-            Decode the first bytes of the file only, whatever curve they give.
+            Decode only the first bytes of the file, even if they give an incomplete curve.
         window : n pairs of numbers, optional
-            From where to where along each axis, in samples (on a mesh: in its coordinates): the cells that reach into
-            it. From a file in tiles nothing else is read.
+            Start and end along each axis, in samples (on a mesh, in its coordinates); cells that reach into this window
+            are drawn. From a tiled file, nothing else is read.
         within : float or callable, optional
-            For grids: stop at cubes of the mesh no wider than this many samples. For tiles also a function that gives
-            this number for the window of a tile, n pairs of samples.
+            For grids: stop refining as soon as cubes of the mesh are at most this many samples wide. For tiled files
+            also a function that returns this number for the window of a tile, n pairs of samples.
         smooth : bool
-            Where the file only knows which grid edges are crossed, place the points so that the curve bends smoothly
-            instead of at the midpoints: nearer to the curve in the mean where the field is smooth, by up to a half,
-            farther from it where it is rough. A tolerance holds without this only.
+            If the file only records which grid edges are crossed, place the points so that the curve is smooth, rather
+            than at the midpoints of edges. On average this brings points closer to the true curve where the field is
+            smooth, by up to half the distance, and moves them away from it where the field is rough. Guaranteed
+            distances hold only without smoothing.
         through_holes : bool
-            Draw the curve through missing samples, too, where the encoder chose its way.
+            Draw the curve through missing samples, too; its course there was chosen by the encoder.
         partial : bool
-            Draw what there is of a file that ends too early.
+            Draw as much as there is of a truncated file.
         progress : callable, optional
-            Called with the layers done and their number.
+            Called with the number of layers done and the total.
 
         Returns
         -------
@@ -192,7 +195,7 @@ class IsoFile:
         OptionError
             If the file does not have the isovalue or the frame, or a parameter does not apply to its kind.
         InputError
-            If the mesh given is not the one that the file was made on.
+            If the given mesh is not the one that the file was made on.
         """
         return self.held.contour(isovalue, Viewed(
             frame=frame, layers=layers, max_bytes=max_bytes, window=window, within=within, smooth=smooth,
@@ -200,11 +203,11 @@ class IsoFile:
         ))
 
     def contours(self, **view: Unpack[ViewOptions]) -> list[Contour]:
-        """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
+        """Decode the curves or surfaces of all isovalues, in the order of the file; see `contour`."""
         return self.held.contours(Viewed(**view))
 
     def each_frame(self, *, smooth: bool = False) -> Iterator[list[Contour]]:
-        """Decode frame after frame; no more than two are in memory.
+        """Decode frame by frame; at most two frames are in memory.
 
         Yields
         ------
@@ -222,7 +225,7 @@ class IsoFile:
         ----------
         isovalue : float, optional
         whole : bool
-            The mesh of the whole domain; otherwise the simplices that the curve crosses.
+            Decode the mesh of the whole field; otherwise only the cells that the curve crosses.
         view
             Parameters of `contour`.
 
@@ -242,27 +245,27 @@ class IsoFile:
         ----------
         isovalue : float, optional
         view
-            ``frame``, ``max_bytes``, ``partial``, ``progress`` as of `contour`.
+            ``frame``, ``max_bytes``, ``partial``, ``progress``, as for `contour`.
 
         Returns
         -------
         NDArray
-            Bool, of the shape of the field: ``field > isovalue``, compared exactly; undefined where samples are missing
-            (see `valid`). On a mesh (V,), for its vertices.
+            Bool, in the shape of the field: ``field > isovalue``, compared exactly; undefined where samples are missing
+            (see `valid`). On a mesh (V,), one value for each vertex.
 
         Raises
         ------
         OptionError
-            If the mesh of the file is coarser than the samples.
+            If the mesh of the file is coarser than the grid.
         FormatError, LimitError
             As `contour`; ``limits.samples`` bounds the result.
         """
         return self.held.above(isovalue, Viewed(**view))
 
     def valid(self, *, max_bytes: int | None = None) -> NDArray[np.bool_]:
-        """Decode which samples are valid; the others are missing. Bool, of the shape of the field.
+        """Decode which samples are valid, that is, not missing: bool, in the shape of the field.
 
-        With ``max_bytes`` of the first bytes of the file, as soon as they show it.
+        With ``max_bytes``, only the first bytes of the file are decoded; an error is raised if they are too few.
         """
         return self.held.valid(max_bytes)
 
@@ -282,7 +285,7 @@ class IsoFile:
         return self.held.labels()
 
     def surface(self, *, max_bytes: int | None = None) -> Tin:
-        """Decode a triangulated surface, or what its first bytes hold of it.
+        """Decode a triangulated surface, or as much of it as the first ``max_bytes`` bytes hold.
 
         Raises
         ------
@@ -303,21 +306,21 @@ class IsoFile:
         Parameters
         ----------
         field : array_like, Field, Mesh, DataArray or image
-            What was encoded; of a series one frame.
+            What was encoded; for a series, one frame.
         frame : int, optional
-            Number of the field in a series, from 0.
+            Which frame of the series the field is, from 0.
         within : float, optional
-            Distance to check, instead of the one that the file promises.
+            Distance to check, instead of the one that the file guarantees.
 
         Returns
         -------
         list of Verified
-            One for each isovalue, in the order of the file; of a surface a single one, with distances of values.
+            One for each isovalue, in the order of the file; for a surface a single one, with errors of values.
 
         Raises
         ------
         InputError
-            If the field has another shape than the file's, or other samples are missing.
+            If the shape or the missing samples of the field differ from those of the file.
         """
         return verified(self.held, field, frame, within)
 
@@ -326,25 +329,27 @@ class IsoFile:
         isovalues: Sequence[float] | None = None, profile: ProfileName | None = None, precision: Any = None,
         keep_topology: bool = False,
     ) -> bytes:
-        """Make another file of this one, without the field.
+        """Make another file from this one; the field is not needed.
 
         Parameters
         ----------
         layers : int, optional
-            Keep the first layers; all if the file has fewer.
+            Keep the first layers, counted over all isovalues, or all if there are fewer; of a tiled file, the first
+            stages.
         size : int, optional
             Keep as many symbols or layers as fit into this many bytes.
         window : n pairs of numbers, optional
-            Keep a window of samples, grown to whole ones, and to even ones where it begins; no point moves.
+            Keep a window of samples, enlarged to whole samples, with its start rounded down to an even index; no point
+            moves.
         isovalues : sequence of float, optional
-            Keep these.
+            Keep only these isovalues.
         profile : str, optional
             ``main`` or ``baseline``.
         precision : optional
-            ``"signs"``, or a tolerance in cells from the curve that this file decodes to; what that curve is off comes
-            on top.
+            ``"signs"``, or a tolerance in cells, relative to the curve that this file decodes to, whose own error has
+            to be added.
         keep_topology : bool
-            With a precision: every layer has the components of the curve, nested alike.
+            With a precision: the curve of every layer has the components of the complete curve, nested in the same way.
 
         Returns
         -------
@@ -354,7 +359,7 @@ class IsoFile:
         Raises
         ------
         OptionError
-            If nothing is asked for, or the file cannot be changed in this way.
+            If no change is asked for, or the file cannot be changed in this way.
         FormatError, LimitError
         """
         return edited(self.held, Edit(layers, size, window, isovalues, profile, precision, keep_topology))
@@ -369,15 +374,15 @@ def open(
     ----------
     source : path, URL, file object or bytes
     mesh : (points, cells), optional
-        The mesh of a file that was made on one and does not hold it: what was encoded.
+        The mesh that was encoded, for files that do not store their mesh.
     limits : Limits, optional
-        The most that decoding may need, for files from strangers.
+        Limits on memory and work for decoding, for untrusted files.
 
     Returns
     -------
     IsoFile
-        Its header and notes have been read; curves are decoded when they are asked for. A file in tiles is read
-        only as far as a question asks for.
+        An open file, whose header and notes have been read; curves are decoded when they are asked for. A tiled file is
+        read only as far as needed.
 
     Raises
     ------
@@ -398,7 +403,7 @@ def open(
     """
     check_kernels()
     file = _opened(source, mesh, limits)
-    # what is not an .iso file fails here, too
+    # raises an error if this is not an .iso file
     if file.kind != "mesh" and mesh is not None:
         raise OptionError(f"a file of kind {file.kind} takes no mesh", code="mesh",
                           remedy="leave it out")
@@ -406,7 +411,7 @@ def open(
 
 
 def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: Limits | None) -> IsoFile:
-    """A file whose kind has not been looked at."""
+    """Open a file without checking its kind."""
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
     data = whole_bytes(content(source, limits, (SIGNATURE, TILED_SIGNATURE)))
@@ -430,7 +435,7 @@ def decode(
     source : path, URL, file object or bytes
     isovalue : float, optional
     mesh, limits
-        As of `open`.
+        As for `open`.
     view
         Parameters of `IsoFile.contour`: ``frame``, ``layers``, ``max_bytes``, ``window``, ``within``, ``smooth``,
         ``through_holes``, ``partial``, ``progress``.
@@ -443,9 +448,9 @@ def decode(
 
 
 def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile | None:
-    """Open the tiled file at a path or URL; its tiles are read as they are asked for.
+    """Open the tiled file at a path or URL; its tiles are read when they are needed.
 
-    None if it is something else, comes through a pipe, or if its server does not give parts.
+    Returns None if the file is not tiled, comes through a pipe, or if its server does not support range requests.
     """
     from ..storage.content import is_url
     from ..storage.ranges import NoRangesError, ranges_of

@@ -1,4 +1,4 @@
-"""Several files of one field put into one."""
+"""Merge several files of the same field."""
 
 from __future__ import annotations
 
@@ -25,34 +25,35 @@ if TYPE_CHECKING:
 
 
 def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: Limits | None = None) -> bytes:
-    """Put the isovalues of several files of one field, or of one mesh, into one file, point by point as they are.
+    """Put the isovalues of several files of one field, or of one mesh, into one file; no point moves.
 
     Parameters
     ----------
     files : sequence of bytes, paths, URLs or file objects
-        Files of fields of the same shape, place and missing samples, with different isovalues; series with the
-        same frames; or of values on one mesh.
+        Files of the same field (with the same shape, placement and missing samples) with different isovalues; series
+        with the same frames; or files of values on the same mesh.
     profile : str
-        Profile of the result, for files of grids, which are coded anew.
+        Profile of the result, for files of grids, which are re-encoded.
     limits : Limits, optional
-        The most that each of the files may need.
+        Limits for decoding each file.
 
     Returns
     -------
     bytes
-        An ``.iso`` file with the isovalues in the order of the files. Of notes that several have, those of the first.
+        An ``.iso`` file with the isovalues in the order of the files. If several files have the same note, the first
+        one's is kept.
 
     Raises
     ------
     InputError
-        If the files are not of one field: they differ in shape, place or missing samples, have different steps of
-        values, or a sample lies above one isovalue and not above a lower one.
+        If the files are not of the same field: they differ in shape, placement, missing samples or step of values, or a
+        sample lies above one isovalue but not above a lower one.
     OptionError
-        If an isovalue is in two of them, or a file cannot be coded anew (see `IsoFile.edited`).
+        If two files have the same isovalue, or a file cannot be re-encoded (see `IsoFile.edited`).
     FormatError, LimitError
     """
     if isinstance(files, str | bytes) or not len(files):
-        raise OptionError("no files to merge", code="files", remedy="give a sequence of them")
+        raise OptionError("no files to merge", code="files", remedy="give a sequence of files")
     opened = [open(file, limits=limits).held for file in files]
     kinds = [held.kind for held in opened]
     if "surface" in kinds:
@@ -79,7 +80,7 @@ def _check_one_place(metadata: Sequence[Mapping[str, str]]) -> None:
     for number, other in enumerate(others, start=2):
         for note in (PLACEMENT, CRS):
             if first.get(note) != other.get(note):
-                raise InputError(f"file {number} has another {note} than the first", code="merge")
+                raise InputError(f"file {number} differs from the first in {note}", code="merge")
 
 
 def _check_one_field(all_held: Sequence[Held]) -> None:
@@ -89,16 +90,17 @@ def _check_one_field(all_held: Sequence[Held]) -> None:
         if LABELS in {**first.metadata, **other.metadata}:
             raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
         if first.header.shape != other.header.shape:
-            raise InputError(f"file {number} is of shape {other.header.shape}, the first of {first.header.shape}",
+            raise InputError(f"file {number} has shape {other.header.shape}, but the first has {first.header.shape}",
                              code="merge")
         if not np.array_equal(first.valid, other.valid):
-            raise InputError(f"other samples are missing in file {number} than in the first", code="merge")
+            raise InputError(f"the missing samples of file {number} differ from those of the first", code="merge")
     if len({source.field.scale for source in sources if source.field.number is not None}) > 1:
-        raise InputError("the files have values in different steps", code="merge")
+        raise InputError("the values in the files are rounded to different steps", code="merge")
     rising = sorted((source.field for source in sources), key=lambda field: field.isovalue)
     for lower, higher in pairwise(rising):
         if (higher.signs & ~lower.signs & first.valid).any():
             raise InputError(
-                f"samples lie above {higher.isovalue:g} that do not lie above {lower.isovalue:g}: the files are not of "
-                "one field", code="merge",
+                f"some samples lie above {higher.isovalue:g} but not above {lower.isovalue:g}: the files are not of "
+                "the "
+                "same field", code="merge",
             )

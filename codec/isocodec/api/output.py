@@ -1,4 +1,4 @@
-"""Outputs of programs: whether they can be written, found out before the work, and workers for what takes long."""
+"""Outputs of programs: checks before the work begins, and workers for long tasks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STANDARD = "-"
 
 
 def read_of(file: IsoFile) -> tuple[str, dict[str, int]]:
-    """Bytes read of a file in tiles, in words and for programs; empty for other files."""
+    """Bytes read from a tiled file, as text and for programs; empty for other files."""
     from .files import TileFile
 
     if not isinstance(file.held, TileFile):
@@ -36,7 +36,7 @@ def read_of(file: IsoFile) -> tuple[str, dict[str, int]]:
 
 
 def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = False) -> None:
-    """Find out before the work that an output cannot be written, or is the input.
+    """Check, before the work begins, that an output can be written and is not the input.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
     source : str
         Path or URL of the input.
     iso : bool
-        Whether it becomes an .iso file, which does not go under the name of another format.
+        Whether the output is an .iso file, whose name must not have the suffix of another format.
 
     Raises
     ------
     OptionError
-        If the input is the same file, or the name that of another format.
+        If the output is the input file, or its name has the suffix of another format.
     OSError
         If it cannot be written.
     """
@@ -75,7 +75,7 @@ def other_format(name: str) -> str | None:
 
 
 def formats() -> dict[str, str]:
-    """Suffixes of formats for help, from the records of the writers, by the names that help has for them in braces."""
+    """Lists of suffixes for help texts, from the writers' records, by the names that help texts have in braces."""
     from ..io.writers.registry import suffixes_of
 
     def listed(kind: Kind, n: int | None = None) -> str:
@@ -95,19 +95,19 @@ def formats() -> dict[str, str]:
 
 @contextmanager
 def engine_of(workers: int | None, scheduler: str | None) -> Iterator[Any]:
-    """Workers that encode tiles: processes, or a Dask cluster; None without either.
+    """Yield workers that encode tiles: processes or a Dask cluster; None if neither is asked for.
 
     Parameters
     ----------
     workers : int or None
         Processes.
     scheduler : str or None
-        Address of a cluster's scheduler, as ``tcp://HOST:PORT``.
+        Address of a cluster's scheduler: ``tcp://HOST:PORT``.
 
     Raises
     ------
     MissingExtraError
-        Without distributed.
+        If the library distributed is missing.
     """
     if scheduler is not None:
         from ..extras import optional

@@ -26,11 +26,11 @@ from .encoding import encode
 from .isofile import IsoFile, open
 
 MESH = 600
-"""Bytes that drawing the mesh takes for each simplex at most."""
+"""Most memory, in bytes, that drawing the mesh takes for each simplex."""
 TOLERANCE = 0.005
-"""Cells: where a cell is as wide as a thumb, lines are still right to a tenth of a millimetre."""
+"""In cells: even if a cell is drawn 2 cm wide, lines are correct to a tenth of a millimetre."""
 LINES = 25
-"""Lines of a map at most, if no interval is given."""
+"""Largest number of lines on a map, if no interval is given."""
 
 
 @dataclass
@@ -40,13 +40,13 @@ class Plotted:
     Attributes
     ----------
     render : callable
-        Gives the bytes of its file.
+        Returns the bytes of the picture's file.
     facts : dict
         Counts, for programs.
     text : str
-        The same for people.
+        The same counts, for people.
     remarks : list of str
-        What of the file was left out.
+        What of the file is not drawn.
     """
 
     render: Callable[[], bytes]
@@ -57,7 +57,7 @@ class Plotted:
 
 @dataclass(frozen=True)
 class Look:
-    """The look of a map: each ``index``-th line is thick and labelled; title, longest side in cm, pixels an inch."""
+    """Appearance of a map: every ``index``-th line is thick and labelled; longest side in cm, pixels per inch."""
 
     index: int = 5
     title: str = ""
@@ -68,12 +68,12 @@ class Look:
 
 
 def check_plot(path: str | os.PathLike[str], view: str | None = None) -> str:
-    """The suffix of a picture's name, found out before the work.
+    """Check the name of a picture and the view, before the work begins; returns the suffix.
 
     Raises
     ------
     OptionError
-        If it is that of something else, or the view is not one.
+        If the suffix is not that of a picture, or the view is not valid.
     MissingExtraError
     """
     if view is not None:
@@ -86,23 +86,23 @@ def check_plot(path: str | os.PathLike[str], view: str | None = None) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Choice of steps of a file to draw, and their look.
+    """Choice of the steps of a file to draw, and how to draw them.
 
     Attributes
     ----------
     count : int
-        Panels at most.
+        Largest number of panels.
     isovalue : float, optional
-        The first of the file if not given; of a surface the middle of its values.
+        If not given, the first of the file; for a surface, the middle of its values.
     frame : int, optional
     smooth : bool
         As of `IsoFile.contour`.
     mesh : bool
-        Draw the cells that the curve crosses, too.
+        Also draw the cells that the curve crosses.
     partial : bool
         Draw what is there of a truncated file.
     view : str, optional
-        From where a surface is seen.
+        Direction from which a surface is seen.
     """
 
     count: int = 5
@@ -115,7 +115,7 @@ class Steps:
 
 
 def steps_of(file: IsoFile, path: str | os.PathLike[str], steps: Steps, progress: Any = None) -> Plotted:
-    """Draw prefixes of a file side by side, from the first on that has something of the curve.
+    """Draw prefixes of a file side by side, starting with the first one that shows any of the curve.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def steps_of(file: IsoFile, path: str | os.PathLike[str], steps: Steps, progress
 
 
 def _by_layers(file: IsoFile, steps: Steps, progress: Any) -> tuple[list[Step], float]:
-    """Steps of a file that is decoded once for each: tiles, and surfaces."""
+    """Steps of a file that is decoded anew for each step: tiled files and surfaces."""
     isovalue = steps.isovalue
     if isovalue is None:
         isovalue = file.isovalues[0] if file.isovalues else _middle(file)
@@ -177,7 +177,7 @@ def _middle(file: IsoFile) -> float:
 
 
 def _as_decoded(file: IsoFile, steps: Steps, progress: Any, remarks: list[str]) -> tuple[list[Step], float]:
-    """Steps of a file that is decoded once, drawn on the way."""
+    """Steps of a file that is decoded once, drawn while it is decoded."""
     info, total = file.info, file.size
     number, wanted = info.number_of(steps.isovalue), steps.frame or 0
     layers = [layer for layer in info.layers if (layer.frame, layer.isovalue) == (wanted, number)]
@@ -205,28 +205,29 @@ def _as_decoded(file: IsoFile, steps: Steps, progress: Any, remarks: list[str]) 
     except TruncatedError as exc:
         if not (steps.partial and number < len(decoder.isovalues) and (own or _begun(decoder))):
             raise
-        remarks.append(f"{exc.message}; drawn as far as it goes")
+        remarks.append(f"{exc.message}; drawn as far as possible")
     if decoder.frame < wanted:
-        raise OptionError(f"the file has no frame {wanted}", code="frame", remedy=f"it has {file.frames}")
+        raise OptionError(f"the file has no frame {wanted}", code="frame",
+                          remedy=f"its frames are 0 to {file.frames - 1}")
     if own < len(layers) or not drawn:
         draw(total, None)  # the file ends within a layer
     return drawn, info.isovalues[number]
 
 
 def _begun(decoder: Decoder) -> bool:
-    """Whether something of a layer has been decoded."""
+    """Whether a part of a layer has been decoded."""
     symbols = getattr(decoder.contents, "symbols", None)
     return symbols is None or any(symbols.values())
 
 
 def _add(drawn: list[Step], step: Step, limits: Limits | None, decoder: Decoder | None = None) -> None:
-    """Add a step, as far as the limit of memory allows it and the picture."""
+    """Add a step, if the memory limit allows it and the picture."""
     drawn.append(step)
     cost = PICTURE[len(step.contour.shape) or 2]
     sizes = [(len(one.contour.points), len(one.contour.cells)) for one in drawn]
     arrays = [a for one in drawn for a in (one.contour.points, one.contour.cells, *(one.mesh or ()))]
     held = sum(array.nbytes for array in arrays)
-    # of each cell or simplex three sides
+    # three sides for each cell or simplex
     held += sum(MESH * max(len(one.mesh[1]), len(one.contour.cells)) for one in drawn if one.mesh is not None)
     held += sum(cost.after(*size) for size in sizes) + max(cost.peak(*size) for size in sizes)
     if decoder is None:
@@ -236,21 +237,21 @@ def _add(drawn: list[Step], step: Step, limits: Limits | None, decoder: Decoder 
 
 
 class Panels:
-    """Chooses layers as they come, from the first one on after which there is something to see.
+    """Chooses layers while they are decoded, starting with the first after which any of the curve is visible.
 
     Parameters
     ----------
     kinds : sequence of str
-        Those of the layers, in their order.
+        Kinds of the layers, in order.
     steps : int
-        Panels at most.
+        Largest number of panels.
     promised : sequence of int
-        Numbers of the layers, from 1 on, that promise something.
+        Numbers, from 1, of the layers that complete a promise.
 
     Attributes
     ----------
     chosen : list of int
-        Numbers of the layers after which to draw, as far as that is known.
+        Numbers of the layers after which to draw, as far as they are already known.
     """
 
     def __init__(self, kinds: Sequence[str], steps: int, promised: Sequence[int] = ()) -> None:
@@ -259,7 +260,7 @@ class Panels:
         self.chosen: list[int] = []
 
     def draws(self, layer: int, seen: Callable[[], bool]) -> bool:
-        """Whether to draw after a layer, as always after the last; ``seen`` finds out whether there is something."""
+        """Whether to draw after this layer (always after the last); ``seen`` checks if any of the curve is visible."""
         if not self._seen:
             before = layer - 1
             promised = [number - before for number in self._promised if number > before]
@@ -271,11 +272,11 @@ class Panels:
 
 
 def shown(kinds: list[str], steps: int, promised: Sequence[int] = ()) -> list[int]:
-    """Numbers of the layers after which to draw: promised ones, ends of geometry that a mesh follows on, or any."""
+    """Layers after which to draw: those with promises, those with geometry before a finer mesh, or any."""
     geometry = [kind in GEOMETRY for kind in kinds]
     ends = [i + 1 for i, here in enumerate(geometry) if here and not (i + 1 < len(kinds) and geometry[i + 1])]
     if promised:
-        # what comes behind the last promise is more precise: all values
+        # what follows the last promise is more precise: all values
         ends = sorted({*promised, len(kinds)})
     if len(ends) < 2:
         return spread(len(kinds), steps)
@@ -283,7 +284,7 @@ def shown(kinds: list[str], steps: int, promised: Sequence[int] = ()) -> list[in
 
 
 def spread(layers: int, steps: int) -> list[int]:
-    """At most ``steps`` numbers of layers, evenly spread over 1 .. ``layers``; the last is all of them."""
+    """At most ``steps`` numbers, evenly spread over 1 .. ``layers`` and including ``layers``."""
     if steps == 1 or layers <= 1:
         return [max(layers, 1)]
     count = min(steps, layers)
@@ -297,24 +298,24 @@ def map_of(
     what: IsoFile | Field, path: str | os.PathLike[str], look: Look, isovalues: Any = None, *,
     frame: int | None = None, metadata: dict[str, str] | None = None, progress: Any = None,
 ) -> Plotted:
-    """Draw the contour map of a file, or of a field: of this with the lines that a precise file of it would have.
+    """Draw the contour map of a file, or of a field with the lines that a precise file of it would have.
 
     Raises
     ------
     OptionError
-        If it has other than two axes.
+        If the file or field does not have two axes.
     InputError, FormatError, LimitError
     """
     samples = valid = None
     remarks: list[str] = []
     if isinstance(what, IsoFile):
         if len(what.shape) != 2:
-            raise OptionError("a map needs a sampled field of two axes", code="dimension",
-                              remedy="decode it to a file")
+            raise OptionError("this file cannot be drawn as a map, which needs a grid with two axes", code="dimension",
+                              remedy="decode it instead")
         view = {"frame": frame, "progress": progress}
         if isinstance(isovalues, str) and what.isovalues:
             raise OptionError("an interval does not apply to a file that holds isovalues", code="interval",
-                              remedy="choose some with --isovalue")
+                              remedy="choose some of them with --isovalue")
         if not what.isovalues:
             isovalues = _isovalues_on(what.surface().values, isovalues)
         contours = [what.contour(v, **view) for v in isovalues] if isovalues else what.contours(**view)
@@ -342,9 +343,9 @@ def map_of(
 
 
 def _lines(field: Field, isovalues: Any, metadata: dict[str, str], progress: Any) -> tuple[Any, Any, Any]:
-    """The curves that a file of a field would hold, its samples, and which of them are valid if not all are."""
+    """The curves that a file of a field would hold, the samples, and which of them are valid (None if all are)."""
     if not isinstance(field, Field) or field.values.ndim != 2:
-        raise InputError(f"a map needs a field of two axes; this one has {np.ndim(getattr(field, 'values', 0))}",
+        raise InputError(f"a map needs a field with two axes; this one has {np.ndim(getattr(field, 'values', 0))}",
                          code="dimension")
     gone = _missing(field)
     valid = field.values[~gone]
@@ -357,7 +358,7 @@ def _lines(field: Field, isovalues: Any, metadata: dict[str, str], progress: Any
 
 
 def _isovalues_on(values: np.ndarray, given: Any) -> list[float]:
-    """Isovalues of a surface: those given, or even steps within its values."""
+    """Isovalues of a surface: those given, or evenly spaced ones within its values."""
     text = f"every {usual_interval(values)!r}" if given is None else given
     return isovalues_of(text, lambda: (float(values.min()), float(values.max())))
 
@@ -369,7 +370,7 @@ def _missing(field: Field) -> np.ndarray:
 
 
 def usual_interval(samples: np.ndarray) -> float:
-    """Choose a round interval with about twenty multiples within the data; for integers a whole one.
+    """Choose a round interval with about twenty multiples within the range of the data; for integer data, an integer.
 
     Raises
     ------

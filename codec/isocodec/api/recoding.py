@@ -1,4 +1,4 @@
-"""Curves of files coded anew, without their field, point by point as they are."""
+"""Re-encode the curves of files without their field, so that no point moves."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ if TYPE_CHECKING:
 def extracted(
     tiled: TiledFile, window: Sequence[Sequence[float]] | None, isovalues: Sequence[float] | None = None
 ) -> bytes:
-    """A window of a file in tiles as a file in one piece, in which no point moves.
+    """Extract a window of a tiled file as an ordinary file; no point moves.
 
-    If the window is that of one tile, the bytes of its layers stay as they are; otherwise they are coded anew from what
-    the tiles hold: what this file promises of its curve holds for the result.
+    If the window is that of one tile, the bytes of its layers are copied; otherwise layers are encoded anew from what
+    the tiles hold. The guarantees of the tiled file hold for the result.
 
     Raises
     ------
     OptionError
-        If the window lies outside; or if meshes are coarser than the samples and the window is not that of one tile.
+        If the window lies outside the field, or if meshes are coarser than the grid and the window is not that of one
+        tile.
     """
     from ..tiles.extraction import Extract
 
@@ -53,7 +54,7 @@ def extracted(
 
 @dataclass(frozen=True)
 class Held:
-    """Contents of a grid's file, frame by frame.
+    """Decoded contents of a grid's file, frame by frame.
 
     Attributes
     ----------
@@ -82,12 +83,13 @@ class Held:
 
 
 def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
-    """Decode all that a file of a grid holds; ``what`` names it in messages.
+    """Decode everything in a file of a grid; ``what`` names the file in messages.
 
     Raises
     ------
     OptionError
-        If it is of another kind, not on the full grid, has coordinates, or holds values in part.
+        If the file is of another kind, its mesh does not reach every sample, it has coordinates, or it holds values
+        only in part.
     FormatError, LimitError
     """
     decoder = Decoder(limits)
@@ -108,11 +110,11 @@ def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
 
 
 def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
-    """A file of the same curves.
+    """Encode a file of the same curves.
 
-    They are decoded to see that they are: crossings of curves that touch may lie in an order that isovalues which
-    lean on one another cannot have, and then none of them does. Without ``expected`` they have to be those of a file
-    in which none does, instead of ``held.contours``.
+    The result is decoded to check that the curves are the same: where curves touch, their crossings may lie in an order
+    that prediction of one isovalue from another does not allow, and then the isovalues are coded independently. Without
+    ``expected``, the result is compared with a file of independent isovalues instead of ``held.contours``.
     """
     steps = {source.field.scale for sources in held.frames for source in sources if source.field.number is not None}
     options = replace(options, precision=Precision(step=next(iter(steps), None)))
@@ -135,7 +137,7 @@ def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
 
 
 def _drawn(data: bytes) -> Iterator[list[Contour]]:
-    """Contours of all isovalues, frame by frame."""
+    """Decode the contours of all isovalues, frame by frame."""
     decoder = Decoder()
     decoder.feed(data)
     for event in decoder:
@@ -145,13 +147,13 @@ def _drawn(data: bytes) -> Iterator[list[Contour]]:
 
 
 def _same(a: Contour, b: Contour) -> bool:
-    """Whether two curves or surfaces have the same cells at the same places, in whatever order."""
+    """Whether two curves or surfaces have the same cells at the same places, in any order."""
     if len(a.cells) != len(b.cells):
         return False
     rows = []
     for contour in (a, b):
         corners = contour.points[contour.cells]
-        # each cell from its least corner on
+        # rotate each cell to begin with its least corner
         first = np.lexsort(np.moveaxis(corners, 2, 0)[::-1], axis=1)[:, :1]
         turned = (first + np.arange(contour.n)) % contour.n if contour.n > 2 else np.arange(2)[None]
         whole = np.take_along_axis(corners, turned[..., None], axis=1).reshape(len(corners), contour.n**2)

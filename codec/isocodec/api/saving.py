@@ -1,4 +1,4 @@
-"""Files by their names: whatever there is, written in the format that the suffix names."""
+"""Write fields, files, contours and surfaces in the format that the suffix of a name chooses."""
 
 from __future__ import annotations
 
@@ -36,44 +36,45 @@ def save(
     progress: Callable[[int, int], object] | None = None,
     **options: Unpack[EncodeOptions],
 ) -> None:
-    """Write an ``.iso`` file, in one piece or in tiles, or contours or a surface in another format.
+    """Write an ``.iso`` file, with or without tiles, or contours or a surface in another format.
 
     Parameters
     ----------
     path : path
-        Written whole, or not at all. The suffix names the format: ``.iso``, or one of ``isocodec decode --help``.
+        Written completely or not at all. The suffix chooses the format: ``.iso``, or one of those in ``isocodec decode
+        --help``.
     what : bytes, IsoFile, Contour, several Contours, Tin, or what `encode` takes
-        For ``.iso``: bytes and an IsoFile are written as they are, everything else is encoded. For other formats:
+        For ``.iso``: bytes and an IsoFile are written unchanged, everything else is encoded. For other formats:
         contours, a Tin, or bytes and an IsoFile, which are decoded: a surface to its points and triangles, other files
         to their contours.
     isovalue : optional
-        Isovalues to encode, as in `encode`; or those of the file whose contours are written.
+        Isovalues to encode, as for `encode`; or isovalues of the file whose contours are to be written.
     tile : int, optional
-        Write a file in tiles of this many samples along each axis, a power of two from 32 on (1024 in the plane and 128
-        in space are usual). ``what`` is a Field, or anything that has ``shape``, ``dtype`` and slices: an array of
-        numpy (also mapped from a file), Dask, xarray, Zarr or h5py, of two or three axes, which need not be in memory:
-        slices of a tile are read at a time.
+        Write a tiled file, with tiles of this many samples along each axis: a power of two from 32 to 8192 (1024 in 2-D
+        and 128 in 3-D are usual). ``what`` is a Field, or anything that has ``shape``, ``dtype`` and slices: an array
+        of numpy (also mapped from a file), Dask, xarray, Zarr or h5py with two or three axes. It need not be in memory,
+        since only one tile is read at a time.
     engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
-        Encodes tiles; without one the caller's thread does. The file has the same bytes.
+        Encodes the tiles; if not given, the calling thread does. The bytes of the file are the same.
     workers : int, optional
-        Number of the engine's workers; asked of it if not given.
+        Number of the engine's workers; if not given, the engine is asked.
     spool : path, optional
-        A folder for the tiles that have been encoded, beside the file if not given. It goes when the file is written;
-        if work stops before, the same call goes on where it was.
+        A folder for tiles that have been encoded; if not given, one next to the file. It is removed when the file is
+        complete; if work stops earlier, the same call resumes where it stopped.
     progress : callable, optional
-        As of `encode`; with ``tile`` called with the tiles done and their total.
+        As for `encode`; with ``tile``, called with the number of tiles done and the total.
     **options
-        Those of `encode`.
+        Options of `encode`.
 
     Raises
     ------
     OSError
         If the file cannot be written; tiles that have been encoded are kept in the spool.
     OptionError
-        If the format cannot hold this, options are given where nothing is encoded, or the spool has tiles of something
-        else.
+        If the format cannot hold ``what``, if options are given although nothing is encoded, or if the spool has tiles
+        of a different field.
     InputError, MissingExtraError
-        As `encode` and the writers; of tiles naming the tile, or if the field has changed while it was read.
+        As for `encode` and the writers; for tiles, naming the tile, or if the field changed while it was being read.
 
     Examples
     --------
@@ -95,7 +96,7 @@ def save(
                           remedy="encode the field, or choose another suffix")
     if isinstance(what, bytes | IsoFile):
         if isovalue is not None or options or tile is not None:
-            raise OptionError("isovalue and options do not apply to files that are encoded already", code="options")
+            raise OptionError("isovalue and options do not apply to files that are already encoded", code="options")
         check_target(path)
         write_bytes(path, what if isinstance(what, bytes) else what.data)
         return
@@ -134,17 +135,17 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
         write(path, what)
         return
     if not contours:
-        raise OptionError(f"{suffix or 'a name without a suffix'} for an .iso file", code="suffix",
-                          remedy="choose a name that ends in .iso; decode first to write another format")
+        raise OptionError(f"an .iso file cannot be saved as {suffix or 'a name without a suffix'}", code="suffix",
+                          remedy="choose a name that ends in .iso, or decode it first")
     write(path, contours if len(contours) > 1 else contours[0])
 
 
 def _contours(what: Any) -> list[Contour] | None:
-    """The contours that something is, or None if it is something else."""
+    """The contours in an object, or None if it is not a contour or a list of them."""
     if isinstance(what, Contour):
         return [what]
     if isinstance(what, list | tuple) and any(isinstance(one, Contour) for one in what):
         if not all(isinstance(one, Contour) for one in what):
-            raise InputError("contours and other things cannot be written to one file", code="contours")
+            raise InputError("contours and other objects cannot be written to one file", code="contours")
         return list(what)
     return None

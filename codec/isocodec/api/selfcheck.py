@@ -1,4 +1,6 @@
-"""Check that kernels work here as where they were tested, for libraries that could not be run when built."""
+"""Check that kernels give the same results here as where they were tested.
+
+Needed for libraries that could not be run when they were built."""
 
 from __future__ import annotations
 
@@ -13,11 +15,11 @@ from ..kernel import kernels, untested
 __all__ = ["check_kernels", "digest", "kernels"]
 
 DIGEST = "97c4cbcfe2830ce1bae13e316ad05fa6f98b28a631d08c4223d2eab01dd7880f"
-"""Result of `digest` on every machine where kernels are right."""
+"""Result of `digest` on every machine where the kernels are correct."""
 
 
 def digest() -> str:
-    """SHA-256 of files and curves of small fields, with everything in them that floating point decides."""
+    """Compute a SHA-256 of files and curves of small fields that exercise everything that depends on floating point."""
     from ..stream.decoder import Decoder
     from ..stream.encoder import encoder_of
 
@@ -44,12 +46,12 @@ def digest() -> str:
 
 @cache
 def check_kernels() -> None:
-    """Warn, once, if the kernels of a library that could not be run where it was built give other results here."""
+    """Warn, once, if the kernels of a library that could not be run where it was built give different results here."""
     if not untested():
         return
     found = digest()
     if found != DIGEST:
         warnings.warn(
-            f"the compiled kernels give other results on this platform ({found[:12]}) than where they were tested "
+            f"the compiled kernels give different results on this platform ({found[:12]}) than where they were tested "
             f"({DIGEST[:12]}): please report it; ISOCODEC_KERNELS=python does without them, slowly", stacklevel=2,
         )

@@ -1,4 +1,4 @@
-"""Triangulated surfaces of few points: by the published thinning, or the points that make the best file."""
+"""Make triangulated surfaces of few points: by the published thinning, or with the points that give the best file."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from ..tin.thinning import thin_to, thinning
 from ..tin.tin import Removals, Tin, tin_of
 
 ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
-"""Measure of which point of a triangulation matters least."""
+"""Name of a criterion for which point of a triangulation is least significant."""
 MEMORY = 320
-"""Bytes that thinning takes for each point at most, beside what is given."""
+"""Most memory, in bytes, that thinning takes for each point, in addition to the input."""
 _PIECE = 1 << 14
 """Removals between two reports of progress."""
 Progress = Callable[[int, int], object]
@@ -50,55 +50,57 @@ def thin(
     metadata: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> Tin:
-    """Keep the points of a terrain, a picture or scattered points that matter, and triangulate them.
+    """Keep the most significant points of a terrain, a picture or scattered points, and triangulate them.
 
-    With a ``criterion``, points are taken out one by one, always the one that matters least, as published. Without one,
-    points and steps of values are chosen so that the file which `encode` makes of the surface is small.
+    With a ``criterion``, points are removed one by one, always the least significant one, as published. Without a
+    criterion, the points and the rounding of their values are chosen so that the file that `encode` makes from the
+    surface is small.
 
     Parameters
     ----------
     what : Field, (s0, s1) array_like, or Mesh without cells
         Samples of a terrain or a picture, which lie at their indices; or scattered points with values. Positions that
-        no grid of ``2**28`` steps holds are rounded to ``2**24`` steps of the longer side. Points that coincide become
-        one with the mean of their values.
+        do not fit a grid of ``2**28`` steps are rounded to ``2**24`` steps of the longer side. Points that coincide are
+        merged into one with the mean of their values.
     criterion : str, optional
-        Which point matters least. The smallest largest error, over the point's star: ``AT1``; over all points:
-        ``inf``; at the point alone: ``AT2``; there, by triangles in each direction, which is fastest: ``AT3``. The
-        least growth of the sum of squared errors: ``l2``. The nearest neighbour, whatever the values: ``NAT``. It goes
-        with ``to`` or ``error``.
+        How points are ranked; the point whose removal does least harm goes first. ``AT1``: largest error in the
+        triangles around the point; ``AT2``: error at the point itself; ``AT3``: the same, estimated from triangles in
+        each direction, which is fastest; ``inf``: largest error over all points; ``l2``: growth of the sum of squared
+        errors; ``NAT``: distance to the nearest point, whatever the values. Needs ``to`` or ``error``.
     to : int, optional
-        How many points are left; without a criterion, these and their values are chosen so that the sum of squared
-        errors is small. Corners of the convex hull always stay.
+        Number of points to keep; without a criterion, the points and their values are chosen so that the sum of squared
+        errors is small. Corners of the convex hull are always kept.
     error : float, optional
         Largest distance of the surface from any value.
     size : int, optional
-        Bytes of the file at most; points and values are chosen as for ``to``.
+        Largest size of the file, in bytes; points and values are chosen as for ``to``.
     contours : sequence of float, optional
-        Isovalues: the surface keeps their contours and little else of the field.
+        Isovalues whose contours the surface keeps, with hardly any other points.
     tolerance : float, optional
-        With ``contours``: largest distance, in samples, between their contours and those of the field, both ways.
+        With ``contours``: largest distance, in samples, between the contours of the surface and those of the field, in
+        both directions.
     step : float, optional
-        Step of values, with ``to`` and ``size``; one that fits the error, if not given.
+        Step to which values are rounded, with ``to`` or ``size``; if not given, one that suits the error.
     layers : int
-        Layers that points of a file come in, each with four times as many as the one before: the beginning of a file is
-        a coarse surface, for some more bytes in all.
+        Number of layers in the file, each with four times as many points as the one before, so that the first bytes
+        give a coarse surface; this costs some bytes.
     metadata : mapping of str to str, optional
-        Notes for the file, besides those of the field.
+        Notes for the file, in addition to those of the field.
     progress : callable, optional
-        Called with the points taken out and how many there are at most; with a criterion only.
+        With a criterion: called with the number of points removed and the largest number that can be.
 
     Returns
     -------
     Tin
-        With a criterion, `Tin.order`, `Tin.anticipated` and `Tin.errors` have the points that went, and `Tin.at` the
-        surfaces before.
+        With a criterion, `Tin.order`, `Tin.anticipated` and `Tin.errors` describe the removed points, and `Tin.at`
+        gives earlier surfaces.
 
     Raises
     ------
     InputError
         If there are fewer than three distinct points, all lie on a line, or numbers are not finite.
     OptionError
-        If not exactly one of ``to``, ``error``, ``size`` and ``contours`` is given, or a number is out of range.
+        If not exactly one of ``to``, ``error``, ``size`` and ``contours`` is given, or if a number is out of range.
 
     Notes
     -----
@@ -135,8 +137,8 @@ def thin(
         assert tolerance is not None
         if field is None:
             raise OptionError(
-                "contours are kept of a field, not of scattered points", code="contours",
-                remedy="encode(Mesh(points, None, values), isovalue) has those of scattered points",
+                "contours= needs a field, not scattered points", code="contours",
+                remedy="for these use encode(Mesh(points, None, values), isovalue)",
             )
         return found(near_contours(given, field, contours, float(tolerance), lambda each: len(file(each))))
     if to is not None:
@@ -149,7 +151,7 @@ def thin(
 
 
 def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | None, dict[str, str]]:
-    """Points of what is thinned, the field that they are samples of, its notes; ``partial``: some may be missing."""
+    """Points to thin, the field that they sample, and its notes; with ``partial``, samples may be missing."""
     if isinstance(what, Mesh):
         if what.cells is not None or what.values is None:
             raise InputError("thin needs scattered points with values: a Mesh without cells", code="mesh",
@@ -163,8 +165,8 @@ def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | 
     if not gone.any():
         return points_of(field.values), np.asarray(field.values, np.float64), notes
     if not partial:
-        raise InputError("samples are missing, and a surface in a file has no holes", code="missing",
-                         remedy="give the others as scattered points: Mesh(points, None, values)")
+        raise InputError("samples are missing, but a surface in a file cannot have holes", code="missing",
+                         remedy="give the remaining samples as scattered points: Mesh(points, None, values)")
     there = np.flatnonzero(~gone)
     given = points_of(np.argwhere(~gone), np.asarray(field.values)[~gone])
     return replace(given, source=there[given.source]), np.asarray(field.values, np.float64), notes
@@ -173,7 +175,7 @@ def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | 
 def _surface(
     given: Points, chosen: ChosenPoints, shape: tuple[int, int] | None, layers: int, metadata: Mapping[str, str]
 ) -> Tin:
-    """The surface of chosen points as its file will have it."""
+    """Make the surface of chosen points, with values as the file will have them."""
     head, parts = surface_of(given, chosen, shape, layers)
     some = np.sort(chosen.some)
     numbers = chosen.numbers[np.argsort(chosen.some, kind="stable")]
@@ -186,15 +188,15 @@ def _removed(
     given: Points, criterion: str, to: int | None, error: float | None, shape: tuple[int, int] | None,
     metadata: Mapping[str, str], progress: Progress | None,
 ) -> Tin:
-    """The published thinning."""
+    """Thin by a criterion, as published."""
     if criterion not in NAMES:
         raise OptionError(f"unknown criterion {criterion!r}", code="criterion", remedy=f"one of {', '.join(NAMES)}")
     if (to is None) == (error is None):
-        raise OptionError("give exactly one of to and error", code="thin", remedy="to=1000 or error=5.0")
+        raise OptionError("give either to or error", code="thin", remedy="to=1000 or error=5.0")
     if to is not None and not (isinstance(to, Integral) and to >= 3):
         raise OptionError(f"{to} points cannot make a surface", code="points", remedy="give 3 or more")
     if error is not None and not (error >= 0):
-        raise OptionError(f"the error is {error}; it must be 0 or more", code="error")
+        raise OptionError(f"the error is {error}; it must be 0 or greater", code="error")
     state = thinning(given.x, given.y, given.value, NAMES[criterion])
     least, most = (0, float(error)) if error is not None else (int(to or 0), math.inf)
     while not thin_to(state, least, most, _PIECE):
@@ -215,26 +217,27 @@ def _check(
     error: float | None, to: int | None, size: int | None, step: float | None, layers: int,
     contours: Sequence[float] | None, tolerance: float | None,
 ) -> None:
-    """Refuse numbers that no file is made for."""
+    """Refuse invalid parameters of a surface for a file."""
     if sum(each is not None for each in (error, to, size, contours)) != 1:
         raise OptionError(
-            "give exactly one of error, to, size and contours", code="tin", remedy="error=5.0, or size=2000"
+            "give exactly one of error, to, size or contours", code="tin", remedy="error=5.0, or size=2000"
         )
     if (contours is None) != (tolerance is None) or (tolerance is not None and not 0 < tolerance < math.inf):
         raise OptionError(
-            "contours go with a tolerance greater than 0", code="tolerance", remedy="contours=[500], tolerance=0.5"
+            "contours= needs a tolerance greater than 0, and tolerance= needs contours",
+            code="tolerance", remedy="contours=[500], tolerance=0.5"
         )
     if contours is not None and not (len(contours) and np.isfinite(contours).all()):
-        raise OptionError("the isovalues of contours have to be numbers", code="isovalue", remedy="contours=[500]")
+        raise OptionError("contours= must be a sequence of finite numbers", code="isovalue", remedy="contours=[500]")
     if error is not None and not 0 <= error < math.inf:
-        raise OptionError(f"the error is {error}; it must be 0 or more", code="error")
+        raise OptionError(f"the error is {error}; it must be 0 or greater", code="error")
     for what, number, least in (("points", to, 3), ("bytes", size, 1), ("layers", layers, 1)):
         if number is not None and not (isinstance(number, Integral) and number >= least):
-            raise OptionError(f"{number} {what}; it must be a whole number from {least} on", code=what)
+            raise OptionError(f"{number} {what}; it must be an integer of at least {least}", code=what)
     if layers > MOST_LAYERS:
         raise OptionError(f"{layers} layers; a surface has at most {MOST_LAYERS}", code="layers")
     if step is not None and (error is not None or contours is not None or not 0 < step < math.inf):
         raise OptionError(
-            "a step goes with a number of points or a size, and is greater than 0", code="step",
-            remedy="with an error, values are rounded as it allows",
+            "step needs a number of points or a size, and must be greater than 0", code="step",
+            remedy="with error=, the rounding step follows from the error",
         )

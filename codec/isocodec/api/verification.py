@@ -1,4 +1,4 @@
-"""Check that a file keeps its promises for a field: signs, missing samples, and distances measured anew."""
+"""Check that a file keeps its promises for a field: compare signs and missing samples, and measure distances."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from ..field.samples import Samples
 
 ROUNDING = 1e-6
-"""Cells that the measured distance, which is an upper bound, and points in double precision may be off."""
+"""Tolerance, in cells, for the measured distance, which is an upper bound, and for points in double precision."""
 MEASURED = 0.001
-"""Cells by which the distance is measured too large at most."""
+"""Most cells by which a measured distance may be too large."""
 
 
 @dataclass(frozen=True)
@@ -34,17 +34,18 @@ class Verified:
     Attributes
     ----------
     isovalue : float
-        NaN of a surface.
+        NaN for a surface.
     promised : float or None
-        Largest distance between decoded and original curve that the file or the caller promises.
+        Largest distance between decoded and original curve that the file guarantees, or that the caller gave.
     there, back : float
         Largest distance, in cells (on a mesh in the unit of its points), from the decoded to the original curve, and
-        back; at most 0.001 cells too large. Of a surface the largest distance of values, twice.
+        from the original to the decoded one; measured at most 0.001 cells too large. For a surface, both are the
+        largest error of values.
     wrong : int or None
-        Samples or vertices on the wrong side of the isovalue; None if the mesh of the file is coarser than the samples,
-        or is another than the one that was encoded.
+        Number of samples or vertices on the wrong side of the isovalue; None if the mesh of the file is coarser than
+        the grid, or differs from the one that was encoded.
     kept : bool
-        Whether no sample is wrong, and neither distance is larger than promised.
+        Whether no sample is wrong and neither distance exceeds the guaranteed one.
     """
 
     isovalue: float
@@ -58,8 +59,8 @@ class Verified:
 def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: float | None) -> list[Verified]:
     """Verify each isovalue of a file; see `IsoFile.verify`.
 
-    For a file in tiles the joined curve is measured against that of the whole field. Such a file states no promises,
-    nor which samples far from the curve are missing.
+    For a tiled file, the curve joined from all tiles is measured against that of the whole field. Such a file records
+    no promises, nor which samples far from the curve are missing.
     """
     if held.kind == "mesh":
         assert isinstance(held, WholeFile)
@@ -82,7 +83,8 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     missing = np.zeros(values.shape, np.bool_) if gone is None else gone
     others = int((held.valid() == missing).sum())
     if others:
-        raise InputError(f"{others:,} samples are missing in the field or in the file, but not in both", code="missing")
+        raise InputError(f"{others:,} samples are missing either in the field or in the file, but not in both",
+                         code="missing")
     out = []
     for number, contour in enumerate(contours):
         promised = within if within is not None else _promised(info.layers, frame or 0, number)
@@ -91,10 +93,10 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
 
 
 def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = False) -> None:
-    """Raise `InputError` if a field has another shape than a file, or each frame of a series."""
+    """Raise `InputError` if the shape of a field differs from that of a file, or of each frame of a series."""
     if found != shape:
         of, remedy = ("each frame", "choose a frame: frame=.. (--frame)") if series else ("the file", None)
-        raise InputError(f"the field has shape {found}, that of {of} {shape}", code="shape", remedy=remedy)
+        raise InputError(f"the field has shape {found}, but {of} has shape {shape}", code="shape", remedy=remedy)
 
 
 def _of_grid(
@@ -142,7 +144,7 @@ def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | Non
         original = _drawn(points, cells, values, contour.isovalue)
         wrong = None
         if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN:
-            # a mesh in the file has its vertices in another order
+            # a mesh in the file has its vertices in a different order
             wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above).sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
         unit = float(np.median(np.sqrt((edges**2).sum(axis=1))))
@@ -151,7 +153,7 @@ def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | Non
 
 
 def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Points, cells and the values of a frame of a `Mesh`, or of values on the mesh that was given to `open`."""
+    """Points, cells and values of a frame of a `Mesh`, or of an array of values on the mesh given to `open`."""
     points, cells, values = (getattr(field, name, None) for name in ("points", "cells", "values"))
     if points is None:
         if held.mesh_given is None:
@@ -172,7 +174,7 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
 
 
 def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isovalue: float) -> Contour:
-    """The contour of values that are linear on each cell."""
+    """Draw the contour of values that are linear on each cell."""
     from ..drawing.contour import Contour
     from ..drawing.explicit import crossed_edges, draw_cells
 
@@ -190,13 +192,13 @@ def _surface(held: WholeFile | TileFile, values: NDArray[Any], within: float | N
     """Measure how far a triangulated surface lies from the values of a field."""
     tin = held.surface(None)
     if tin.shape is None:
-        raise InputError("the surface is of scattered points, not of a field", code="shape")
+        raise InputError("the surface was made from scattered points, not from a field", code="shape")
     _check_shape(values.shape, tin.shape)
     there = float(np.nanmax(np.abs(tin.raster() - values.astype(np.float64))))
     return Verified(float("nan"), within, there, there, None, within is None or there <= within * (1 + ROUNDING))
 
 
 def _promised(layers: Any, frame: int, number: int) -> float | None:
-    """Promise of the last layer of an isovalue of a frame; None without one."""
+    """Promise of the last layer of an isovalue in a frame; None without a promise."""
     own = [layer for layer in layers if (layer.frame, layer.isovalue) == (frame, number)]
     return own[-1].within if own else None

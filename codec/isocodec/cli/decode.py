@@ -26,8 +26,9 @@ class DecodeArguments(Writing, Viewing):
 
     what: str | None = option(
         "--what", heading=OUTPUT, type=click.Choice(WHAT), metavar="WHAT",
-        help="curve (or surface in space), areas beside curves, bands between them, samples above the isovalue, valid "
-        "samples, labels, the mesh, or the triangulated surface.  [default: curve, or surface]",
+        help="One of: curve (of a volume, a surface), areas (on one side of a curve), bands (between curves), above "
+        "(mask), valid (mask of the samples that are not missing), labels, mesh, surface (triangulated).  [default: "
+        "curve, or surface if the file holds one]",
     )
     layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
                                 help="Decode the first N layers of an isovalue.")
@@ -35,10 +36,10 @@ class DecodeArguments(Writing, Viewing):
                                    help="Decode the first N bytes.")
     window: tuple[tuple[float, float], ...] | None = option(
         "--window", heading=PART, type=WindowType(), metavar="A:B,C:D",
-        help="Decode a window of samples, from:to for each axis; of a file in tiles only this part is read.",
+        help="Decode a window of samples, from:to for each axis; from a tiled file only this part is read.",
     )
     within: float | None = option("--within", heading=PART, type=float, metavar="N",
-                                  help="Stop at cubes of the mesh no wider than N samples.")
+                                  help="Stop refining as soon as mesh cells are at most N samples wide.")
     side: str = option("--side", heading=OUTPUT, type=click.Choice(["above", "below"]), default="above",
                        show_default=True, help="With --what areas or --capped: which side of the curve.")
     along_holes: bool = option("--along-holes", heading=DRAWING, is_flag=True,
@@ -48,15 +49,16 @@ class DecodeArguments(Writing, Viewing):
     capped: bool = option("--capped", heading=DRAWING, is_flag=True,
                           help="Close a surface in space where it leaves the field, around the --side.")
     whole: bool = option("--whole", heading=OUTPUT, is_flag=True,
-                         help="With --what mesh: the mesh of the whole field, not only the cells that are crossed.")
+                         help="With --what mesh: the mesh of the whole field, not only the cells that the curve "
+                              "crosses.")
     to: str | None = option("--to", heading=OUTPUT, metavar="SUFFIX",
-                            help="Format of OUT, if its name has no suffix: .geojson, for - as OUT.")
+                            help="Format of OUT if its name has no suffix, or is -; for example .geojson.")
     keep_crs: bool = option(
         "--keep-crs", heading=OUTPUT, is_flag=True,
         help="Write .geojson in the reference system of the file, not in longitude and latitude.",
     )
     in_samples: bool = option("--in-samples", heading=OUTPUT, is_flag=True,
-                              help="Write coordinates in samples, even if the file has a placement.")
+                              help="Write coordinates in samples, even if the file states where its samples lie.")
 
     @property
     def view(self) -> dict[str, Any]:
@@ -77,20 +79,20 @@ class DecodeArguments(Writing, Viewing):
         )
 
     def check(self) -> None:
-        """Refuse options that do not go together.
+        """Refuse options that cannot be combined.
 
         Raises
         ------
         UsageError
         """
         if self.to is None and str(self.output) == STANDARD:
-            raise click.UsageError("--to names the format for standard output: --to .geojson")
+            raise click.UsageError("standard output needs a format: give --to, for example --to .geojson")
         if self.what != "areas" and not self.capped:
             self.refuse("apply without --what areas or --capped", "side")
         if self.what not in (None, "curve"):
             self.refuse(f"apply to --what {self.what}", "capped")
         if self.capped:
-            self.refuse("apply with --capped", "box")
+            self.refuse("apply with --capped", "window")
         if self.what not in ("areas", "bands"):
             self.refuse("apply without --what areas or bands", "along_holes")
         if self.what != "mesh":
@@ -103,24 +105,29 @@ class DecodeArguments(Writing, Viewing):
 
 @command("decode", DecodeArguments, "Decode to a curve, a surface, a mask or a picture.")
 def decode_command(options: DecodeArguments) -> None:
-    """Decode IN.iso to OUT; the suffix of OUT names the format. IN.iso may be - or a URL, OUT - (with --to).
+    """Decode IN.iso to OUT; the suffix of OUT chooses the format.
+
+    IN.iso may be a URL, or - for standard input; OUT may be - for standard output (with --to).
 
     \b
     {formats}
 
-    .npz has points, cells, isovalue, shape, placement and crs. Areas are polygons, closed along the border of the
-    samples. Above and valid are 1, or white. Meshes have the level of each cell and the sign of each vertex (1 above, 0
-    not). .npy of a triangulation is the picture that it makes.
+    .npz has points, cells, isovalue, shape, placement and crs. Areas are polygons, closed along the border of the grid.
+    In `above` and `valid` masks, samples that are above, or valid, are 1 (white in a picture). Meshes have the level of
+    each cell and the sign of each vertex (1 above, 0 not). For a triangulation, .npy holds the surface resampled on the
+    grid.
 
-    Coordinates are in samples: x, y, z along axes 0, 1, 2; .svg has x along axis 1, y along axis 0. If the file has a
-    placement (from NIfTI or GeoTIFF, for example, or encode --spacing), all but .npz, .svg and .png have world
-    coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the file names its reference system.
+    Coordinates are in samples: x, y, z along axes 0, 1, 2; .svg has x along axis 1, y along axis 0. If the file states
+    where its samples lie (from NIfTI or GeoTIFF, for example, or encode --spacing), all formats but .npz, .svg and .png
+    have world coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the file names its reference
+    system.
 
-    If there are several isovalues, {single} hold one of them, the other formats all: as features and rows with
+    If there are several isovalues, {single} hold one of them, the other formats all of them: as features or rows with
     their isovalue, layers (.dxf) or named objects.
 
-    Samples above an isovalue are known if the file holds the full grid; files made with a criterion, or with a (last)
-    tolerance of 0.1 or more, may not. Missing samples are undefined there; --what valid has them.
+    Which samples lie above an isovalue is known only if the file's mesh reaches every sample (the full grid). It may
+    not do so if the file was made with --layers CRITERION, or with a (last) distance of 0.1 or more. In an `above`
+    mask, the values of missing samples are undefined; --what valid shows which samples are missing.
     """
     options.check()
     from ..api.export import check_export, decoded
@@ -147,7 +154,7 @@ def decode_command(options: DecodeArguments) -> None:
 
 @contextmanager
 def explained(options: Any) -> Iterator[None]:
-    """Errors of truncated files offer ``--partial``, if it was not given; errors of formats are about the output."""
+    """Offer ``--partial`` in errors of truncated files, unless it was given; attribute errors of formats to OUT."""
     try:
         yield
     except OptionError as exc:

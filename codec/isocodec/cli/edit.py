@@ -1,4 +1,4 @@
-"""``isocodec edit``: an .iso file made of others, without the field."""
+"""``isocodec edit``: makes an .iso file from others, without the field."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ class EditArguments(Writing, Opening):
 
     source: Any = argument("IN.iso ...", nargs=-1, required=True)
     layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
-                                help="Keep the first N layers, of all isovalues.")
+                                help="Keep the first N layers, counted over all isovalues; of a tiled file, the "
+                                "first N stages of every tile.")
     size: int | None = option("--size", heading=PART, type=SizeType(), metavar="SIZE",
-                              help="Keep as much as fits into this size: 900, 20K.")
+                              help="Keep as much as fits into this many bytes: 900, 20K.")
     window: tuple[tuple[float, float], ...] | None = option(
         "--window", heading=PART, type=WindowType(), metavar="A:B,C:D",
         help="Keep a window of samples, from:to for each axis.",
@@ -51,18 +52,20 @@ class EditArguments(Writing, Opening):
                                  help="With --precision: keep the topology of the curves in every layer.")
 
 
-@command("edit", EditArguments, "Shorten, cut out, re-encode or merge files without the field.")
+@command("edit", EditArguments, "Shorten, crop, re-encode or merge files; the original field is not needed.")
 def edit_command(options: EditArguments) -> None:
-    """Make OUT.iso of IN.iso: with its first layers or bytes, of a window, less precise, or in another profile.
+    """Make OUT.iso from IN.iso: keep its first layers or bytes, crop it, reduce its precision, or change its profile.
 
-    Several IN.iso are files of one field; OUT.iso gets the isovalues of all of them, and no point moves.
+    If several IN.iso are given, they must all be of the same field; OUT.iso gets the isovalues of all of them, with
+    every point unchanged.
 
-    A window is grown to whole samples, and to even ones where it begins. Of a file in tiles, or of its URL, only the
-    bytes of that part are read.
+    A window is enlarged to whole samples, and its start is rounded down to an even sample index. If IN.iso is a tiled
+    file, only the bytes of that window are read, from disk or from a URL.
 
-    To encode curves again, merge them or cut a window out, IN.iso must hold the full grid. Files made with a criterion,
-    or with a (last) tolerance of 0.1 or more, may not. Promises of OUT.iso are about the curves of IN.iso: their
-    distance from those of the field comes on top.
+    To crop, merge or re-encode curves, the mesh of IN.iso must reach every sample (the full grid). It may not do so if
+    the file was made with encode --layers CRITERION, or with a (last) distance of 0.1 or more. The distances that
+    OUT.iso guarantees are relative to the curves of IN.iso; add the distance of those curves from the field's.
+
     """
     from ..api.export import counted as inspected
     from ..api.isofile import open
@@ -76,7 +79,7 @@ def edit_command(options: EditArguments) -> None:
     if several:
         options.refuse("apply to several files: merge them first", *(name for name in ASKED if name != "profile"))
     elif not options.given(*ASKED):
-        raise click.UsageError("give one of --layers, --size, --window, --isovalue, --profile and --precision")
+        raise click.UsageError("give one of --layers, --size, --window, --isovalue, --profile or --precision")
     files = [options.opened(source) for source in options.source]
     with concerning(options.source[0]), progress_bar("encoding"):
         if several:
@@ -89,7 +92,7 @@ def edit_command(options: EditArguments) -> None:
         lost = [] if several or options.isovalues else [v for v in files[0].isovalues if v not in made.isovalues]
     write_output(options.output, data)
     if lost:
-        warn(options.source[0], f"the result ends before isovalue {' and '.join(map(repr, lost))}")
+        warn(options.source[0], f"the result does not reach isovalue {' and '.join(map(repr, lost))}")
     before = sum(file.size for file in files)
     isovalues = [float(value) for value in made.isovalues]
     holds, facts = counted(len(isovalues), "isovalue"), dict[str, Any](isovalues=isovalues)

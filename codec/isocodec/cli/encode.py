@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from ..api.inputs import Observed
 
 CRITERION = re.compile(r"[0-9]+|crossing|topology|(curvature|distortion|level)=.*")
-"""Layers that are not a plan in a file."""
+"""Values of ``--layers`` that are not the name of a plan file."""
 GRIDS = ("spacing", "no_placement", "coordinates_error", "periodic", "period", "labels", "missing", "channel")
 """Options of sampled grids."""
 APART = {
@@ -62,12 +62,12 @@ APART = {
     "tile": ("labels", "independent", "keep_topology", "layers", "frames", "frame_axis", "frame_interval", "periodic",
              "period", "coordinates_error", "missing"),
 }
-"""Options that do not go with the one that names a kind of file."""
+"""Options that do not apply to a kind of file, by the option that chooses the kind."""
 OF_TILES, OF_SURFACES = ("workers", "scheduler", "spool"), ("points", "error", "size", "tolerance", "step")
 
 
 def _explain(context: click.Context, _: click.Parameter, asked: bool) -> None:
-    """Print the language of plans."""
+    """Print the explanation of plan files."""
     if asked:
         from ..api.inputs import plan_help
 
@@ -81,9 +81,9 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
 
     source: str = argument("INPUT")
     isovalues: tuple[float, ...] = option("--isovalue", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="V",
-                                          help="Inside is value > V. Repeatable.")
+                                          help="Samples with value > V are inside. Repeatable.")
     interval: float | None = option("--interval", heading=ISOVALUE, type=NumberType(), metavar="S",
-                                    help="All multiples of S within the data, in one file.")
+                                    help="All multiples of S within the range of the data, in one file.")
     offset: float | None = option("--offset", heading=ISOVALUE, type=NumberType(), metavar="V",
                                   help="With --interval: V, V + S, V + 2 S, ..")
     labels: tuple[Any, ...] = option(
@@ -91,72 +91,76 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
         help="Inside is value == K; all: of all values but 0. --precision signs by default. Repeatable.",
     )
     independent: bool = option("--independent", heading=ISOVALUE, is_flag=True,
-                               help="Keep each isovalue decodable without the others.")
+                               help="Make each isovalue decodable without the others.")
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
-        help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, "
-        "100m; falling distances: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
+        help="exact (integer data); signs (only which samples are inside); a distance in cells or in world units: "
+        "0.05, 100m; decreasing distances: 4,1,0.25,exact; step=S (floating-point data: values rounded to multiples of "
+        "S).  [default: 0.05]",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")
     layers: str | None = option(
         "--layers", heading=LAYERS, metavar="L",
-        help="Begin on the uniform mesh of level L, without a search; or reduce the mesh by crossing, topology, "
-        "curvature=K, distortion=D or level=L; or make the layers that a file lists (--plan-help).",
+        help="One of: a level L, to start from the uniform mesh of that level instead of searching for the best mesh; "
+        "a criterion that the coarsened mesh must meet (crossing, topology, curvature=K, distortion=D or level=L); a "
+        "plan file that lists the layers (see --plan-help). With --surface: the number of layers.",
     )
     plan_help: bool = option("--plan-help", heading=LAYERS, is_flag=True, is_eager=True, expose_value=False,
-                             callback=_explain, help="Explain the format of these files.")
+                             callback=_explain, help="Explain the plan files that --layers takes, and the criteria.")
     frames: bool = option("--frames", heading=INPUT, is_flag=True,
-                          help="Keep slices, or the volumes of a 4-D file, as a series.")
+                          help="Encode the slices, or the volumes of a 4-D file, as a series.")
     frame_axis: int | None = option(
         "--frame-axis", heading=INPUT, type=int, metavar="A",
-        help="With --frames: the axis that counts them.  [default: 0; for 4-D volume files 3]",
+        help="With --frames: the axis along which frames are counted.  [default: 0; for 4-D volume files 3]",
     )
     frame_interval: int | None = option(
         "--frame-interval", heading=INPUT, type=WHOLE, metavar="K",
-        help="Make every K-th frame decodable without those before it.  [default: 0, the first only]",
+        help="Make every K-th frame a key frame, which decodes on its own.  [default: 0, the first only]",
     )
     missing: str | None = option(
         "--missing", heading=INPUT, type=click.Choice(["hole", "below", "above", "nearest"]), metavar="HOW",
-        help="Treat missing samples as a hole, where the contour ends (default), below, above, or as the nearest one.",
+        help="What to do with missing samples: hole, the contour ends there (default); below or above, count them as "
+        "such; nearest, copy the nearest sample.",
     )
     spacing: tuple[float, ...] | None = option("--spacing", heading=INPUT, type=NumbersType(), metavar="S,S[,S]",
-                                               help="Distances of samples along the axes; may be negative.")
+                                               help="Sample spacing along each axis; may be negative.")
     no_placement: bool = option("--no-placement", heading=INPUT, is_flag=True,
                                 help="Ignore the coordinates that INPUT gives its samples.")
     coordinates_error: float | None = option("--coordinates-error", heading=INPUT, type=float, metavar="D",
-                                             help="Cells that coordinates may be off.  [default: 0.005]")
+                                             help="Largest error of stored coordinates, in cells.  [default: 0.005]")
     periodic: tuple[int, ...] = option("--periodic", heading=INPUT, type=WHOLE, multiple=True, metavar="AXIS",
-                                       help="Join the ends of an axis (from 0). Repeatable.")
+                                       help="Join the two ends of this axis (counted from 0). Repeatable.")
     period: tuple[float, ...] | None = option("--period", heading=INPUT, type=NumbersType(), metavar="P[,P..]",
-                                              help="Distance after which x (or x, y, z) repeats; 0: never.")
+                                              help="Distance after which x (or x, y, z) repeats; 0 if it does not.")
     surface: bool = option("--surface", heading=SURFACE, is_flag=True,
                            help="Encode a triangulated surface instead of contours.")
     values: str | None = option("--values", heading=MESH, metavar="NAME",
                                 help="Encode these values at the points of INPUT, a mesh or scattered points.")
     stored: str | None = option(
         "--stored", heading=MESH, type=click.Choice(["known", "coded", "whole", "delaunay"]), metavar="HOW",
-        help="known: decoders have the mesh (default); coded: the file stores the crossed cells; whole: it stores all; "
-        "delaunay: cells follow from the points (default for points).",
+        help="known: decoders have the mesh (default); coded: the file stores the cells that the contour crosses; "
+        "whole: it stores all cells;  delaunay: it stores points, which decoders triangulate (default for "
+        "points).",
     )
     mesh_error: float | None = option("--mesh-error", heading=MESH, type=float, metavar="D",
-                                      help="Largest error of points of a mesh in the file.")
+                                      help="For a mesh that the file stores: largest error of its point positions.")
     tile: int | None = option("--tile", heading=TILES, type=COUNT, metavar="N",
                               help="Encode tile by tile, N = 2**k samples along each axis, for fields larger than "
-                              "memory; a stopped command resumes.")
+                              "memory. Run the same command again to resume an interrupted one.")
     workers: int | None = option("--workers", heading=TILES, type=COUNT, metavar="N",
                                  help="Number of encoding processes.  [default: 1]")
     scheduler: str | None = option("--scheduler", heading=TILES, metavar="ADDRESS",
                                    help="Encode on the Dask cluster of this scheduler: tcp://HOST:PORT.")
     spool: Path | None = option("--spool", heading=TILES, type=FILE, metavar="FOLDER",
-                                help="Keep encoded tiles here until all are done.  [default: OUT.iso.tiles]")
+                                help="Keep encoded tiles here until the file is complete.  [default: OUT.iso.tiles]")
     metadata: tuple[str, ...] = option("--metadata", heading=OUTPUT, multiple=True, metavar="KEY=TEXT",
                                        help="Add a note to the file. Repeatable.")
     profile: str = option("--profile", heading=OUTPUT, type=click.Choice(["main", "baseline"]), default="main",
                           metavar="NAME", help="Entropy coding: main (default) or baseline.")
 
     def check(self) -> None:
-        """Refuse options that do not go together.
+        """Refuse options that cannot be combined.
 
         Raises
         ------
@@ -230,12 +234,12 @@ def encode_command(options: EncodeArguments) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
-    (a folder of slices, or a file) or .vti; - for standard input, or a URL. With --values it is a mesh of triangles or
-    tetrahedra: .vtu, .msh, .ply, .xdmf, or .npz with points and cells; or it holds scattered points, which are joined
-    to triangles: .csv, .xyz, .las, .laz, .gpkg.
+    (a folder of slices, or a file) or .vti; - for standard input, or a URL. With --values, INPUT is a mesh of triangles
+    or tetrahedra: .vtu, .msh, .ply, .xdmf, or .npz with points and cells; or a table of scattered points, which are
+    triangulated: .csv, .xyz, .las, .laz, .gpkg.
 
-    With --tile, INPUT is read in windows (.npy, GeoTIFF, Zarr, HDF5, NetCDF; other formats whole). Curves of
-    neighbouring tiles meet without seams, and decode --window reads a part of the file, also from a URL.
+    With --tile, INPUT is read one tile at a time (.npy, GeoTIFF, Zarr, HDF5, NetCDF; other formats at once). Curves of
+    neighbouring tiles meet without seams, and decode --window reads only a part of the file, also from a URL.
     """
     options.check()
     from ..api.output import check_output
@@ -260,7 +264,7 @@ def encode_command(options: EncodeArguments) -> None:
 
 
 def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Encode in one piece; facts about the file, and remarks."""
+    """Encode without tiles; returns facts about the file, and remarks."""
     from ..api.encoding import encode
     from ..api.inputs import facts_of, to_thin
     from ..api.isofile import open
@@ -284,14 +288,14 @@ def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
 
 
 def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Encode tile by tile; facts about the file, and remarks."""
+    """Encode tile by tile; returns facts about the file, and remarks."""
     from ..api.inputs import windows_of
     from ..api.isofile import open
     from ..api.output import engine_of
     from ..api.saving import save
 
     if str(options.output) == STANDARD:
-        raise click.UsageError("a file in tiles is not written to standard output")
+        raise click.UsageError("a tiled file cannot be written to standard output")
     with (
         concerning(options.source), windows_of(options.source, options.reading(options.source)) as (what, place),
         engine_of(options.workers, options.scheduler) as engine, progress_bar("encoding tiles") as progress,
@@ -310,4 +314,4 @@ def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
     empty = [file.isovalues[number] for number, size in sizes.items() if not size]
     facts = {"bytes": file.size, "layers": len(file.info.layers), "tiles": math.prod(file.info.tiles or ()),
              "shape": list(file.shape), "isovalues": [float(value) for value in file.isovalues]}
-    return facts, [f"no samples lie on both sides of the isovalue {value:g}: the curve is empty" for value in empty]
+    return facts, [f"all samples lie on the same side of the isovalue {value:g}: the curve is empty" for value in empty]

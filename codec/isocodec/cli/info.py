@@ -1,4 +1,4 @@
-"""``isocodec info``: what an .iso file states about itself."""
+"""``isocodec info``: print what an .iso file states about itself."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class InfoArguments(Opening):
                            help="Also count symbols by syntax element (decodes the file).")
     statistics: bool = option(
         "--statistics", heading=OUTPUT, is_flag=True,
-        help="Also count bits per crossed pixel, vertex and face, and how many signs were as predicted (decodes the "
-        "file).",
+        help="Also count bits per crossed pixel, vertex and face, and how many signs were predicted correctly (decodes "
+        "the file).",
     )
 
 
@@ -63,12 +63,12 @@ def _print(source: str, info: FileInfo, complete: bool) -> None:
     console.print(facts)
     console.print(_table(_frames(info) if info.frames else _layers(info)))
     if not info.frames and any(layer.bytes is None for layer in info.layers):
-        why = "which is too small for a level index" if complete else "or in the part that is missing"
-        console.print(f"- : not in the file, {why}; --symbols decodes the file to find out.")
+        why = "is too small for an index of its layers" if complete else "has no index of its layers, or not all of it"
+        console.print(f"- : unknown, because the file {why}; --symbols decodes the file to find out.")
 
 
 def _facts(info: FileInfo) -> list[tuple[str, str]]:
-    """Collect by name what holds for the whole file."""
+    """Collect by name the facts about the whole file."""
     out = [("kind", info.kind), ("version", f"{info.version} (read version {info.read_version})"),
            ("profile", str(info.profile))]
     if info.shape:
@@ -79,25 +79,25 @@ def _facts(info: FileInfo) -> list[tuple[str, str]]:
         out.append(("mesh", f"{info.domain.vertices:,} points, {info.domain.cells:,} cells"))
     for number, isovalue in enumerate(info.isovalues):
         lean = info.leans[number] if info.leans else None
-        leaning = "" if lean is None else f", leans on {shortest(info.isovalues[lean])}"
+        leaning = "" if lean is None else f"; predicted from {shortest(info.isovalues[lean])}"
         out.append((f"isovalue {number}" if number else "isovalue", f"{shortest(isovalue)}{leaning}"))
     out += info.metadata.items()
     if any(info.topology):
         kept = [shortest(v) for v, kept in zip(info.isovalues, info.topology, strict=True) if kept]
         whose = "" if all(info.topology) else f" of {', '.join(kept)}"
-        out.append(("topology", f"promised in every layer{whose}"))
+        out.append(("topology", f"kept in every layer{whose}"))
     if info.coordinates is not None:
         out.append(("coordinates", info.coordinates))
     if info.mask_bytes is not None:
         out.append(("mask", f"{info.mask_bytes:,} bytes"))
     if info.interval is not None:
-        every = f", every {info.interval} decodes without those before it" if info.interval else ""
+        every = f", with a key frame every {info.interval}" if info.interval else ""
         out.append(("frames", f"{len(info.frames)}{every}"))
     return [*out, ("bytes", f"{info.bytes:,}"), ("overhead", f"{_number(info.overhead_bytes)} bytes")]
 
 
 Rows = tuple[dict[str, str], list[list[str]]]
-"""Headings with where their columns are justified, and rows."""
+"""Headings, each with how its column is justified, and rows."""
 
 
 def _table(rows: Rows, title: str | None = None) -> Any:
@@ -120,7 +120,7 @@ def _frames(info: FileInfo) -> Rows:
     for number, frame in enumerate(info.frames):
         count = sum(layer.frame == number for layer in info.layers)
         rows.append([str(number), f"{frame.offset:,}", f"{frame.bytes:,}", str(count), "yes" if frame.key else ""])
-    return _columns("frame", "offset", "bytes", "layers", "decodes by itself"), rows
+    return _columns("frame", "offset", "bytes", "layers", "key frame"), rows
 
 
 def _layers(info: FileInfo) -> Rows:
@@ -137,7 +137,7 @@ def _layers(info: FileInfo) -> Rows:
 
 
 def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
-    """Two tables: signs as predicted, by layer; bits for each pixel, vertex and face, by isovalue."""
+    """Print two tables: signs predicted correctly, by layer; bits for each pixel, vertex and face, by isovalue."""
     from rich.console import Console
 
     console = Console()
@@ -150,7 +150,7 @@ def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
     if signs:
         rows.append(["", "all", "", "", f"{signs:,}", f"{right / signs:.1%}"])
     columns = _columns("layer", "kind", "level", "bits", "signs", "right")
-    console.print(_table((columns, rows), "Signs that were as predicted"))
+    console.print(_table((columns, rows), "Signs that were predicted correctly"))
 
     pixel, face = ("crossed voxel", "face") if dimension == 3 else ("crossed pixel", "segment")
     columns = _columns("for each", "number", "connectivity", "geometry", "all", "signs before coding")

@@ -32,7 +32,7 @@ COLUMN = 30
 
 
 class NumberType(click.ParamType):
-    """A number; whole ones stay whole, so that the encoder notices those that would be rounded."""
+    """A number; integers stay integers, so that the encoder notices those that would be rounded."""
 
     name = "float"
 
@@ -100,7 +100,7 @@ class WindowType(click.ParamType):
 
 
 class From(click.IntRange):
-    """A whole number from some least one on, which help does not repeat."""
+    """An integer with a minimum, which the help does not repeat."""
 
     def _describe_range(self) -> str:
         return ""
@@ -114,18 +114,18 @@ class From(click.IntRange):
 
 WHOLE, COUNT = From(min=0), From(min=1)
 FILE = click.Path(path_type=Path, readable=False)
-"""Whether files can be read is not asked here: a missing file is an error of input (3), not of usage (2)."""
+"""Whether files are readable is not checked here: a missing file is an error of input (3), not of usage (2)."""
 
 
 def option(*names: str, heading: str = OUTPUT, **attributes: Any) -> Any:
-    """A field of a record that is an option; attributes as of `click.Option`."""
+    """A record field for an option; the attributes are those of `click.Option`."""
     usual = () if attributes.get("multiple") else False if "is_flag" in attributes else None
     default = attributes.get("default", usual)
     return field(default=default, metadata={"names": names, "heading": heading, "attributes": attributes})
 
 
 def argument(metavar: str, **attributes: Any) -> Any:
-    """A field of a record that is an argument, which has to be given."""
+    """A record field for a required positional argument."""
     return field(metadata={"names": (), "attributes": {"metavar": metavar, **attributes}})
 
 
@@ -139,7 +139,7 @@ class Grouped(click.Command):
     """A command whose help shows its options under headings, in columns of the same width."""
 
     def text(self) -> str:
-        """The help but for its options, with the suffixes of formats that it names in braces."""
+        """The help text without the options; names in braces are replaced by suffixes of formats."""
         if "{" not in (self.help or ""):
             return self.help or ""
         from ..api.output import formats
@@ -147,7 +147,7 @@ class Grouped(click.Command):
         return str(self.help).format_map(formats())
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Format help like click, with the suffixes of formats."""
+        """Format help as click does, with the suffixes of formats filled in."""
         self.help = self.text()
         super().format_help_text(ctx, formatter)
 
@@ -166,7 +166,7 @@ class Grouped(click.Command):
 
 
 def command(name: str, record: type[R], short_help: str) -> Callable[[Callable[[R], Any]], Grouped]:
-    """Make a command of a function that takes a record of options; its help is the function's docstring."""
+    """Make a command from a function that takes a record of options; the function's docstring is the help."""
 
     def made(function: Callable[[R], Any]) -> Grouped:
         own = vars(record).get("__annotations__", {})
@@ -219,7 +219,7 @@ class Arguments:
             raise click.UsageError(f"{' and '.join(chosen)} cannot be combined: choose one")
         if required and not chosen:
             listed = [written(type(self), name) for name in names]
-            raise click.UsageError(f"give one of {', '.join(listed[:-1])} and {listed[-1]}")
+            raise click.UsageError(f"give one of {', '.join(listed[:-1])} or {listed[-1]}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,15 +228,16 @@ class Limited(Arguments):
 
     limit_memory: int | None = option(
         "--limit-memory", heading=LIMITS, type=SizeType(), metavar="SIZE",
-        help=f"Most memory for decoding.  [default: {Limits().memory >> 20}M]",
+        help=f"Limit on the memory for decoding.  [default: {Limits().memory >> 20}M]",
     )
     limit_work: int | None = option(
         "--limit-work", heading=LIMITS, type=COUNT, metavar="N",
-        help=f"Most work, in symbols, besides an allowance for each byte.  [default: {Limits().work:,}]",
+        help="Limit on decoding work, counted in symbols, on top of a fixed allowance per byte of input.  "
+        f"[default: {Limits().work:,}]",
     )
     limit_samples: int | None = option(
         "--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
-        help=f"Most samples.  [default: {FIELD_SAMPLES:,}; decoded {Limits().samples:,}]",
+        help=f"Limit on the number of samples.  [default: {FIELD_SAMPLES:,} read; {Limits().samples:,} decoded]",
     )
 
     @property
@@ -260,7 +261,7 @@ class Opening(Limited):
 
     source: str = argument("IN.iso")
     mesh: str | None = option(
-        "--mesh", heading=INPUT, metavar="FILE", help="The mesh, if IN.iso has values on one that it does not hold."
+        "--mesh", heading=INPUT, metavar="FILE", help="The mesh that IN.iso was made on, if the file does not store it."
     )
 
     def opened(self, source: str | None = None) -> IsoFile:
@@ -274,7 +275,7 @@ class Opening(Limited):
 
 
 def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
-    """Open a file, standard input (``-``) or what a URL names.
+    """Open a file, standard input (``-``) or a URL.
 
     Raises
     ------
@@ -306,11 +307,12 @@ class Viewing(Opening):
                                     help="Isovalue to decode.  [default: all that OUT can hold]")
     frame: int | None = option("--frame", heading=PART, type=WHOLE, metavar="N",
                                help="Frame of a series, from 0.  [default: the first]")
-    partial: bool = option("--partial", heading=PART, is_flag=True, help="Decode what is there of a truncated file.")
+    partial: bool = option("--partial", heading=PART, is_flag=True,
+                           help="Decode as much as there is of a truncated file.")
     smooth: bool = option(
         "--smooth", heading=DRAWING, is_flag=True,
-        help="Where only the edge of a crossing is known, place the point so that the curve bends smoothly instead of "
-        "at the midpoint.",
+        help="If the file only records which grid edges are crossed, place each point so that the curve is smooth, "
+        "rather than at the midpoint of its edge.",
     )
 
 
@@ -323,9 +325,9 @@ class Reading(Arguments):
     channel: int | None = option("--channel", heading=INPUT, type=WHOLE, metavar="N",
                                  help="Channel of a colour picture, from 0.")
     kind: str | None = option("--kind", heading=INPUT, metavar="SUFFIX",
-                              help="Format of standard input or a URL: .tif.")
+                              help="Format of standard input or of a URL, for example .tif.")
     frame: int | None = option("--frame", heading=INPUT, type=WHOLE, metavar="N",
-                               help="Item of a series or time step, from 0.")
+                               help="Number, from 0, of the time step or item of a series.")
     nodata: float | None = option("--nodata", heading=INPUT, type=float, metavar="V",
                                   help="Value that marks missing samples, besides NaN.")
     follow: bool = option("--follow-paths", heading=INPUT, is_flag=True,
@@ -333,7 +335,7 @@ class Reading(Arguments):
     slice_tolerance: float | None = option("--slice-tolerance", heading=INPUT, type=float, metavar="MM",
                                            help="Distance that slices of DICOM may lie from even steps.")
     limit_samples: int | None = option("--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
-                                       help=f"Most samples.  [default: {FIELD_SAMPLES:,}]")
+                                       help=f"Limit on the number of samples.  [default: {FIELD_SAMPLES:,}]")
 
     def reading(self, source: str, **more: Any) -> ReadOptions:
         """Collect the options for reading a source."""
@@ -367,13 +369,14 @@ class ThinningArguments(Arguments):
     points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
                                 help="Keep N points.")
     error: float | None = option("--error", heading=SURFACE, type=float, metavar="E",
-                                 help="Keep as few points as miss no value by more than E.")
+                                 help="Keep as few points as possible with no value off by more than E.")
     size: int | None = option("--size", heading=SURFACE, type=SizeType(), metavar="SIZE",
                               help="Keep as many points as fit into an .iso file of this size.")
     tolerance: float | None = option("--tolerance", heading=SURFACE, type=float, metavar="D",
-                                     help="With --isovalue: keep its contour to within D samples, and little else.")
+                                     help="With --isovalue: keep its contour to within D samples, and hardly any "
+                                          "other points.")
     step: float | None = option("--step", heading=SURFACE, type=float, metavar="S",
-                                help="Steps that values are rounded to in an .iso file.")
+                                help="In an .iso file: round values to multiples of this step.")
 
     def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: Any, progress: Any) -> Any:
         """Thin a field or points to a triangulation."""
@@ -388,32 +391,32 @@ class ThinningArguments(Arguments):
         """Check that one measure of thinning is given."""
         measures = self.given("points", "error", "size") + ["--isovalue"] * bool(isovalues)
         if len(measures) != 1:
-            raise click.UsageError("give exactly one of --points, --error, --size and --isovalue")
+            raise click.UsageError("give exactly one of --points, --error, --size or --isovalue")
         if bool(isovalues) != (self.tolerance is not None):
-            raise click.UsageError("--isovalue and --tolerance go together")
+            raise click.UsageError("--isovalue and --tolerance must be given together")
 
 
 def stream(source: str) -> Any:
-    """Resolve the name of a source: standard input for ``-``, a path, or a URL as it is."""
+    """Resolve the name of a source: standard input for ``-``; a path or a URL is returned unchanged."""
     return sys.stdin.buffer if source == STANDARD else source
 
 
 def notes_of(given: Collection[str]) -> dict[str, str]:
-    """Notes by their keys, of texts KEY=TEXT."""
+    """Parse texts KEY=TEXT into notes by key."""
     out: dict[str, str] = {}
     for text in given:
         key, equals, note = text.partition("=")
         if not (key and equals) or key in out:
-            raise click.UsageError(f"--metadata {text}: give KEY=TEXT, each key once")
+            raise click.UsageError(f"--metadata {text}: give KEY=TEXT, and each key only once")
         out[key] = note
     return out
 
 
 def multiples_of(interval: float | None, offset: float | None) -> str | None:
-    """Isovalues in even steps, as the library takes them."""
+    """Write evenly spaced isovalues as the library takes them: ``every 20 from 5``."""
     if interval is None:
         if offset is not None:
-            raise click.UsageError("--offset goes with --interval")
+            raise click.UsageError("--offset needs --interval")
         return None
     if not 0 < interval < math.inf:
         raise click.UsageError(f"--interval {interval}: must be greater than 0")

@@ -1,4 +1,4 @@
-"""``isocodec plot``: the progressive steps of a file side by side, or a contour map of a field or a file."""
+"""``isocodec plot``: draw the progressive steps of a file side by side, or a contour map of a field or a file."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ class PlotArguments(Writing, Viewing, Reading):
 
     source: str = argument("INPUT")
     isovalue: Any = option("--isovalue", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="V",
-                           help="Isovalue to draw; with --map repeatable.  [default: the first; on a map all]")
+                           help="Isovalue to draw; repeatable with --map.  [default: the first; on a map, all]")
     steps: int = option("--steps", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="N",
                         help="Number of steps.")
     draw_mesh: bool = option("--draw-mesh", heading=DRAWING, is_flag=True,
-                             help="Draw the triangles that the curve crosses, or those of the surface, too.")
+                             help="Also draw the triangles that the curve crosses, or those of the surface.")
     seen_from: str | None = option(
         "--view", heading=DRAWING, metavar="VIEW",
         help="Look at a surface from front, back, left, right, top or bottom, or from AZIMUTH,ELEVATION in degrees "
@@ -56,17 +56,19 @@ class PlotArguments(Writing, Viewing, Reading):
     offset: float | None = option("--offset", heading=ISOVALUE, type=NumberType(), metavar="V",
                                   help="With --interval: draw V, V + S, V + 2 S, ..")
     index: int = option("--index", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="K",
-                        help="With --map: draw each K-th line thicker and label it: the multiples of K S.")
-    title: str = option("--title", heading=DRAWING, default="", metavar="TEXT", help="With --map: its title.")
+                        help="With --map: draw every K-th line thicker and label it, that is, the multiples of "
+                        "K times S.")
+    title: str = option("--title", heading=DRAWING, default="", metavar="TEXT", help="With --map: title of the map.")
     size: float = option("--size", heading=DRAWING, type=click.FloatRange(4, 400), default=20, show_default=True,
-                         metavar="CM", help="With --map: its longest side.")
+                         metavar="CM", help="With --map: length of the longest side.")
     dpi: int = option("--dpi", heading=DRAWING, type=click.IntRange(30, 2400), default=200, show_default=True,
-                      metavar="N", help="With --map: pixels per inch, in a .png of all, otherwise of the relief.")
-    dark: bool = option("--dark", heading=DRAWING, is_flag=True, help="With --map: light lines on dark ground.")
+                      metavar="N", help="With --map: resolution in pixels per inch, of the whole .png; in .pdf and "
+                      ".svg, of the relief only.")
+    dark: bool = option("--dark", heading=DRAWING, is_flag=True, help="With --map: light lines on a dark background.")
     no_relief: bool = option("--no-relief", heading=DRAWING, is_flag=True,
                              help="With --map: leave out the shaded relief.")
     metadata: tuple[str, ...] = option("--metadata", heading=INPUT, multiple=True, metavar="KEY=TEXT",
-                                       help="With a field: add what it lacks: placement, crs, unit.")
+                                       help="With a field: state what it does not: placement, crs or unit.")
 
     @property
     def coded(self) -> bool:
@@ -74,7 +76,7 @@ class PlotArguments(Writing, Viewing, Reading):
         return not self.map or (self.kind or self.source.rpartition(".")[2]).lstrip(".").lower() == "iso"
 
     def check(self) -> None:
-        """Refuse options that do not go together.
+        """Refuse options that cannot be combined.
 
         Raises
         ------
@@ -87,20 +89,20 @@ class PlotArguments(Writing, Viewing, Reading):
             self.refuse("apply to fields", "mesh")
             self.choose("map_interval", "isovalue")
         if not self.map and len(self.isovalue) > 1:
-            raise click.UsageError("--isovalue is given once, unless with --map")
+            raise click.UsageError("--isovalue may be given only once, except with --map")
 
 
 @command("plot", PlotArguments, "Draw the progressive steps of a file, or a contour map.")
 def plot_command(options: PlotArguments) -> None:
     """Draw prefixes of INPUT, an .iso file, from its first layer to all of it ({pictures}).
 
-    The steps are those of encode --precision 4,1,.., if the file was made with them; otherwise, and if there are more
-    than asked for, they are spread evenly over the layers, from the first one on that has something of the curve. The
-    last step of a file that ends within a layer shows that part of it.
+    The steps are those of encode --precision 4,1,.., if the file was made with them; otherwise, or if those outnumber
+    --steps, the steps are spread evenly over the layers, starting with the first one that shows any of the curve. If
+    the file ends in the middle of a layer, the last step shows as much of that layer as there is.
 
-    With --map INPUT may also be a field of two axes that encode reads. Lines of a field are those of encode --precision
-    0.005. Around them come world coordinates, the reference system and a scale bar, as far as INPUT states
-    where its samples lie; holes are hatched. A field has a shaded relief beneath.
+    With --map, INPUT may also be any field with two axes that encode reads. Its lines are those of encode --precision
+    0.005, drawn over a shaded relief. The map shows world coordinates, the reference system and a scale bar, as far as
+    INPUT states where its samples lie; holes are hatched.
     """
     options.check()
     every = multiples_of(options.map_interval, options.offset)
@@ -126,7 +128,7 @@ def plot_command(options: PlotArguments) -> None:
 
 
 def _steps(options: PlotArguments, _: str | None) -> Plotted:
-    """Steps of a file."""
+    """Draw the steps of a file."""
     from ..api.plots import Steps, steps_of
 
     steps = Steps(
@@ -139,7 +141,7 @@ def _steps(options: PlotArguments, _: str | None) -> Plotted:
 
 
 def _map(options: PlotArguments, every: str | None) -> Plotted:
-    """A contour map of a file or a field."""
+    """Draw a contour map of a file or a field."""
     from ..api.plots import Look, map_of
 
     look = Look(options.index, options.title, options.size, options.dpi, options.dark, not options.no_relief)

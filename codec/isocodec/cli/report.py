@@ -43,22 +43,22 @@ Exit codes:
   6  a limit is exceeded (memory, work, samples, vertices, layers or isovalues)
   7  an optional library is missing
   8  the compiled kernels cannot be loaded, or are of another version
-  9  verify: the file does not keep its promises
+  9  verify: the file does not keep a guaranteed distance, or has wrong signs
   130, 143, 129  interrupted (SIGINT), terminated (SIGTERM, SIGHUP); nothing is left behind
 Set ISOCODEC_DEBUG=1 in the environment to see tracebacks."""
 
-PARTIAL = "use --partial to decode what is there"
+PARTIAL = "use --partial to decode as much as there is"
 """Remedy of the command line for a truncated file."""
 STANDARD = "-"
 """Name of standard input and standard output."""
 BROKEN = 9
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 PATIENCE = 1.0
-"""Seconds after which a progress bar appears: shorter work is over before a bar is read."""
+"""Seconds after which a progress bar appears: shorter work is done before anyone reads a bar."""
 _SHOWN = 3
-"""Messages of libraries that a warning lists."""
+"""Largest number of library messages that a warning lists."""
 _KEPT = 1 << 16
-"""Bytes of a library's output that are looked at."""
+"""Largest number of bytes of a library's output that are examined."""
 
 
 class Failure(Exception):
@@ -72,7 +72,7 @@ class Failure(Exception):
 
 @contextmanager
 def concerning(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Report errors within as being about ``path``, except those about this installation."""
+    """Attribute errors raised within to ``path``, except those about this installation."""
     try:
         yield
     except KernelError:
@@ -91,7 +91,7 @@ class Program(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Resolve a command like click; errors raised while options are read do not know the command they belong to."""
+        """Resolve a command as click does, and remember its name for errors that are raised while options are read."""
         resolved = super().resolve_command(ctx, args)
         self.verb = resolved[0] or ""
         return resolved
@@ -126,7 +126,7 @@ def _is_damage(cause: IsoError) -> bool:
 
 
 def _report(exc: Exception, verb: str) -> int:
-    """Print one line about an error; returns the exit code."""
+    """Print one line about an error; return the exit code."""
     if isinstance(exc, click.Abort):
         if isinstance(exc.__cause__, KeyboardInterrupt) or isinstance(exc.__context__, KeyboardInterrupt):
             say("interrupted")
@@ -165,12 +165,12 @@ def _report(exc: Exception, verb: str) -> int:
 
 
 def say(text: str) -> None:
-    """Print one line on the error stream, whatever a file name or a library's message contains."""
+    """Print text on the error stream as a single line, even if it contains line breaks or control characters."""
     click.echo("isocodec: " + plain(" ".join(text.split())), err=True)
 
 
 def warn(path: str | os.PathLike[str], text: str) -> None:
-    """Print a warning about a file; the command goes on."""
+    """Print a warning about a file; the command continues."""
     say(f"{click.format_filename(path)}: warning: {text}")
 
 
@@ -185,9 +185,9 @@ def result(text: str, record: dict[str, Any], as_json: bool) -> None:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A function ``(done, total)`` to report with, or None if the error stream is not a terminal.
+    """Yield a function ``(done, total)`` to report progress with, or None if the error stream is not a terminal.
 
-    The bar appears after a second, and goes when the work is done. A total of 0 is unknown: that of a search.
+    The bar appears after a second, and disappears when the work is done. A total of 0 means unknown, as in a search.
     """
     if not sys.stderr.isatty():
         yield None
@@ -213,7 +213,7 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
             bar.update(task, description=f"searching ({done} tried)")
 
     def clear() -> None:
-        # past rich, whose locks may be held where a signal comes: the line is emptied, the cursor is shown
+        # bypasses rich, whose locks may be held when a signal arrives: clear the line, show the cursor
         if bar is not None:
             os.write(2, b"\r\x1b[2K\x1b[?25h")
 
@@ -227,7 +227,7 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
 
 @contextmanager
 def own_warnings(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Print what the library warns of as warnings about ``path``; an error replaces them."""
+    """Print warnings of this library as warnings about ``path``; if an error is raised, they are dropped."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         yield
@@ -248,9 +248,9 @@ class _Notes(logging.Handler):
 
 @contextmanager
 def one_warning(path: str | os.PathLike[str], doing: str = "reading") -> Iterator[None]:
-    """Collect the output of third-party libraries into one warning about ``path``; an error replaces it.
+    """Collect the output of third-party libraries into one warning about ``path``, dropped if an error is raised.
 
-    Not for anything that prints on purpose: both streams of the process are taken away from it.
+    Must not enclose code that prints on purpose: both output streams of the process are redirected.
     """
     notes, printed = _Notes(), io.StringIO()
     loggers = [logging.getLogger(name) for name in [*logging.root.manager.loggerDict]]
@@ -273,12 +273,12 @@ def one_warning(path: str | os.PathLike[str], doing: str = "reading") -> Iterato
     lines = [*dict.fromkeys(line for text in texts if (line := one_line(text)))]
     if lines:
         more = f", and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
-        warn(path, f"messages while {doing} it: {'; '.join(lines[:_SHOWN])}{more}")
+        warn(path, f"messages while {doing}: {'; '.join(lines[:_SHOWN])}{more}")
 
 
 @contextmanager
 def _streams(lines: list[str]) -> Iterator[None]:
-    """Collect lines that libraries of C and C++ print past Python."""
+    """Collect lines that C and C++ libraries print, bypassing Python."""
     with tempfile.TemporaryFile() as file:
         saved: dict[int, int] = {}
 
@@ -290,7 +290,7 @@ def _streams(lines: list[str]) -> Iterator[None]:
             if stream is not None and not stream.closed:
                 stream.flush()
         try:
-            # a signal that ends the process prints a line
+            # if a signal ends the process, its line must reach the real streams
             with undoing(back):
                 for number in (1, 2):
                     try:
@@ -309,9 +309,9 @@ def _streams(lines: list[str]) -> Iterator[None]:
 
 @contextmanager
 def written_to(output: Path, source: str) -> Iterator[Any]:
-    """Open the target of a result: a path, or standard output once it is whole; libraries' output is one warning.
+    """Yield where to write a result: a path, or a buffer that goes to standard output once complete.
 
-    Errors of formats are about the output, others about the source.
+    Output of libraries becomes one warning. Errors of formats are attributed to the output, others to the source.
     """
     whole = io.BytesIO()
     try:
@@ -326,7 +326,7 @@ def written_to(output: Path, source: str) -> Iterator[Any]:
 
 
 def write_output(output: Path, data: bytes) -> None:
-    """Write a result, whole or not at all; to standard output as it is."""
+    """Write a result to a file, completely or not at all, or to standard output."""
     from ..api.output import write_bytes
 
     with concerning(output):
@@ -338,10 +338,10 @@ def write_output(output: Path, data: bytes) -> None:
 
 
 def named(output: str | os.PathLike[str]) -> str:
-    """The name of a file as a result shows it."""
+    """Format the name of a file for a result."""
     return click.format_filename(output)
 
 
 def counted(number: int, noun: str) -> str:
-    """A number with its noun: ``1 layer``, ``2 layers``."""
+    """Format a number with its noun: ``1 layer``, ``2 layers``."""
     return f"{number:,} {noun}{'s' * (number != 1)}"

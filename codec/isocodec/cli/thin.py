@@ -1,4 +1,4 @@
-"""``isocodec thin``: a terrain, picture or table of points in, a triangulation of the points that matter out."""
+"""``isocodec thin``: thin a terrain, picture or table of points to a triangulation of its most significant points."""
 
 from __future__ import annotations
 
@@ -19,13 +19,16 @@ class ThinArguments(ThinningArguments, Writing, Reading):
 
     source: str = argument("INPUT")
     isovalues: tuple[float, ...] = option("--isovalue", heading=SURFACE, type=NumberType(), multiple=True, metavar="V",
-                                          help="OUT.iso: keep the contour of V, and little else. Repeatable.")
+                                          help="If OUT is .iso: keep the contour of V, and hardly any other points. "
+                                               "Repeatable.")
     layers: int = option("--layers", heading=SURFACE, type=COUNT, default=1, metavar="N",
-                         help="OUT.iso: points in N layers.")
+                         help="If OUT is .iso: store the points in N layers.")
     criterion: str | None = option(
         "--criterion", heading=SURFACE, type=click.Choice(CRITERIA),
-        help="Which point matters least: by its star's largest error (AT1), at the point alone (AT2, AT3), over all "
-        "points (inf), by squared errors (l2), by distance (NAT).  [default: AT1]",
+        help="How points are ranked; the point whose removal does least harm goes first. AT1: largest error in the "
+        "triangles around the point; AT2: error at the point itself; AT3: the same, estimated faster from triangles in "
+        "each direction; inf: largest error over all points; l2: sum of squared errors; NAT: distance to the nearest "
+        "point, whatever the values.  [default: AT1]",
     )
     scattered: bool = option("--scattered", heading="Input", is_flag=True,
                              help="INPUT is a table of points: rows of x, y, value.")
@@ -33,20 +36,22 @@ class ThinArguments(ThinningArguments, Writing, Reading):
 
 @command("thin", ThinArguments, "Thin a terrain, picture or table of points to a triangulation.")
 def thin_command(options: ThinArguments) -> None:
-    """Take the points that matter least out of INPUT one by one; write the Delaunay triangulation of the others.
+    """Remove the least significant points of INPUT one by one; write the Delaunay triangulation of the rest.
 
-    OUT is one of {surfaces}: a surface, its height the value. .npz has the order of removal and the error after each
-    one, too; .npy is the picture that the triangles make. Or OUT is .iso: points and values in few bytes, as encode
-    --surface; decode makes the others of it.
+    OUT is one of {surfaces}: a surface whose height is the value. .npz also has the order of removal and the error
+    after each removal; .npy holds the surface resampled on the grid. Or OUT is .iso: compactly coded points and values,
+    as from encode --surface; decode converts that file to the other formats.
 
-    INPUT is a picture, a terrain or any array of two axes that encode reads; or points: .csv, .xyz, .las, .laz, .gpkg.
+    INPUT is a picture, a terrain or any array with two axes that encode reads; or points: .csv, .xyz, .las, .laz,
+    .gpkg.
+
     """
     coded = options.output.suffix.lower() == ".iso"
     options.check_thinning(options.isovalues)
     if not coded:
         options.refuse("apply unless OUT ends in .iso", "size", "layers", "isovalues", "step")
     elif options.criterion is not None:
-        raise click.UsageError("--criterion does not apply to .iso: the points that make the best file are kept")
+        raise click.UsageError("--criterion does not apply to .iso: points are chosen so that the file is best")
     from ..api.encoding import encode
     from ..api.export import OutputOptions, check_export, write_surface
     from ..api.inputs import as_points, facts_of, merged_by, to_thin
@@ -76,7 +81,7 @@ def thin_command(options: ThinArguments) -> None:
             size = write_surface(tin, target, OutputOptions())
     seconds, facts = time.perf_counter() - started, facts_of(tin, given)
     error = f", largest error {facts['error']:g}" if "error" in facts else ""
-    error += f", in the mean {facts['rms']:.4g}" if "rms" in facts else ""
+    error += f", RMS error {facts['rms']:.4g}" if "rms" in facts else ""
     of = f" of {facts['points'] + facts['removed']:,}" if "removed" in facts else ""
     result(
         f"{named(options.output)}: {size:,} bytes, {facts['points']:,}{of} points, {facts['triangles']:,} triangles"

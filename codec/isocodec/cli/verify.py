@@ -1,4 +1,4 @@
-"""``isocodec verify``: does a file keep its promises about the field that it was made from?"""
+"""``isocodec verify``: check that a file keeps its promises about the field that it was made from."""
 
 from __future__ import annotations
 
@@ -24,10 +24,12 @@ class VerifyArguments(Reading, Limited):
 
 @command("verify", VerifyArguments, "Check a file against the field it was made from.")
 def verify_command(options: VerifyArguments) -> None:
-    """Decode IN.iso and measure how far it is from the contour of FIELD, both ways.
+    """Decode IN.iso and measure its distance from the contour of FIELD, in both directions.
 
-    Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or the distance is larger than promised:
-    by IN.iso (see info), or --within. A file in tiles promises nothing itself; its joined curve is measured.
+    Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or if the distance exceeds --within or,
+    without it, the promise (guaranteed distance) that IN.iso records (see info). A tiled file records no promise; the
+    curve joined from all tiles is measured.
+
     """
     file = opened(options.source, options.limits)
     field = options.read(options.field)
@@ -40,7 +42,7 @@ def verify_command(options: VerifyArguments) -> None:
         records.append({**asdict(one), "isovalue": None if surface else one.isovalue})
         promise = "no promise in the file" if one.promised is None else f"promised {one.promised:g}"
         signs = "signs not known" if one.wrong is None else f"{one.wrong:,} wrong signs"
-        far = f"{one.there:.3f} cells file to field, {one.back:.3f} field to file"
+        far = f"largest distance {one.there:.3f} cells from file to field, {one.back:.3f} from field to file"
         verdict = "ok" if one.kept else "NOT KEPT"
         lines.append(
             f"surface: {verdict}; largest error {one.there:g}; {promise}" if surface

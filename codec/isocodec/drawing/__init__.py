@@ -1,4 +1,4 @@
-"""Drawing: polylines and surfaces out of the mixed leaves of a decoded state (spec clause 9).
+"""Drawing: polylines and surfaces from the mixed leaves of a decoded state (spec clause 9).
 
-Arrays in, arrays out; numpy is all it needs.
+Arrays in, arrays out; only numpy is needed.
 """

@@ -1,4 +1,4 @@
-"""Areas on one side of an isocontour: its lines, closed along the border of the box, as polygons with holes."""
+"""Areas on one side of an isocontour: its lines, closed along the border of the grid, as polygons with holes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Ring = NDArray[np.float64]
 
 
 def polygons() -> Any:
-    """The library of polygons.
+    """Import the library for polygons.
 
     Raises
     ------
@@ -25,16 +25,16 @@ def polygons() -> Any:
 
 
 def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-    """Polygons of the part above or not above the isovalue; see `Contour.areas`."""
+    """Make polygons of the part above, or not above, the isovalue; see `Contour.areas`."""
     if len(contour.shape) != 2:
         raise OptionError("only an isocontour (n = 2) has areas", code="dimension")
     if contour.masked:
         raise OptionError(
-            "the field has missing samples, where areas have no border", code="holes",
-            remedy="close them along holes: contour(.., through_holes=True).areas(valid=..); --along-holes",
+            "areas are not closed where samples are missing", code="holes",
+            remedy="to close them along holes, use contour(.., through_holes=True).areas(valid=..) (--along-holes)",
         )
     if valid is not None and np.shape(valid) != contour.shape:
-        raise OptionError(f"valid has shape {np.shape(valid)}, the field {contour.shape}", code="valid")
+        raise OptionError(f"valid has shape {np.shape(valid)}, but the field has {contour.shape}", code="valid")
     shapely = polygons()
     touching = _touching(contour)
     outer: list[Any] = []
@@ -45,7 +45,7 @@ def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | N
             polygon = shapely.Polygon(ring)
             pieces = pieces_of(shapely.make_valid(polygon)) if touching and not polygon.is_valid else [polygon]
             (outer if size > 0 else holes).extend(pieces)
-    # a hole belongs to the smallest of the rings around it; those within it do not cover it
+    # a hole belongs to the smallest ring around it; rings inside the hole do not cover it
     candidates = np.array(outer, object)
     around, hole = shapely.STRtree(holes).query(candidates, predicate="covers")
     by_size = np.argsort(-shapely.area(candidates)[around], kind="stable")
@@ -73,7 +73,7 @@ def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | N
 
 
 def _holes(valid: NDArray[np.bool_], shapely: Any) -> Any:
-    """Boxes that make up the unit cells with a missing corner: in each row of cells the runs."""
+    """Boxes that cover the unit cells with a missing corner: the runs of cells in each row."""
     missing = ~(valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:])
     ends = np.diff(missing.astype(np.int8), axis=1, prepend=0, append=0)
     row, first = np.nonzero(ends == 1)
@@ -82,7 +82,7 @@ def _holes(valid: NDArray[np.bool_], shapely: Any) -> Any:
 
 
 def _touching(contour: Curve) -> bool:
-    """Whether rings may touch: points fall together, or lie on the border without a line's end there."""
+    """Whether rings may touch: points coincide, or lie on the border although no line ends there."""
     points = contour.points
     on_border = np.count_nonzero(((points == 0) | (points == np.array(contour.shape) - 1)).any(axis=1))
     open_lines = sum(walk[0] != walk[-1] for walk in contour.walks)
@@ -90,19 +90,19 @@ def _touching(contour: Curve) -> bool:
 
 
 def pieces_of(shape: Any) -> list[Any]:
-    """The polygons that a shape is made of."""
+    """The polygons of which a shape consists."""
     parts = getattr(shape, "geoms", [shape])
     return [p for part in parts for p in getattr(part, "geoms", [part]) if p.geom_type == "Polygon"]
 
 
 def _twice_area(ring: Ring) -> float:
-    """Twice the signed area of a closed ring: positive if it runs counter-clockwise, axis 0 as x and axis 1 as y."""
+    """Twice the signed area of a closed ring: positive if counter-clockwise, with axis 0 as x and axis 1 as y."""
     x, y = (ring - ring[0]).T
     return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
 
 
 def _rings(contour: Curve, above: bool) -> list[Ring]:
-    """Closed rings with the part on their left, in index coordinates."""
+    """Make closed rings with the part on their left, in index coordinates."""
     step = 1 if above else -1
     walks = [walk[::step] for walk in contour.walks]
     lines = [contour.points[walk] for walk in walks if walk[0] != walk[-1]]
@@ -113,15 +113,15 @@ def _rings(contour: Curve, above: bool) -> list[Ring]:
         raise _unfinished()
     here = contour.origin_above == above
     if not lines:
-        # the border lies on one side
+        # the whole border lies on one side
         return [*rings, corners[[0, 1, 2, 3, 0]]] if here else rings
 
     starts = _along_border(np.array([line[0] for line in lines]), far)
     ends = _along_border(np.array([line[-1] for line in lines]), far)
     once = 2 * far.sum()
-    # a line may meet the first sample from the other side
+    # a line may reach the first sample from the other side
     (ends if here else starts)[(ends if here else starts) == 0] = once
-    # with the part on the left, the border belongs to it from each end on, counter-clockwise, to the next start
+    # with the part on the left, its border runs counter-clockwise from the end of each line to the next start
     first, last = np.argsort(starts), np.argsort(ends)
     until = np.append(starts[first], starts[first[0]] + once)[here:][: len(lines)]
     follower, length = np.empty_like(first), np.empty_like(ends)
@@ -143,7 +143,7 @@ def _rings(contour: Curve, above: bool) -> list[Ring]:
 
 
 def _along_border(points: Ring, far: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances of points along the border, counter-clockwise from (0, 0), axis 0 as x."""
+    """Distances of points along the border, counter-clockwise from (0, 0), with axis 0 as x."""
     x, y = points.T
     on = [y == 0, x == far[0], y == far[1], x == 0]
     if not np.logical_or.reduce(on).all():
@@ -153,6 +153,6 @@ def _along_border(points: Ring, far: NDArray[np.float64]) -> NDArray[np.float64]
 
 def _unfinished() -> TruncatedError:
     return TruncatedError(
-        "too little has been received to close the areas: the curve ends within the box", code="truncated",
-        remedy="take whole layers",
+        "too little has been received to close the areas: the curve ends inside the field", code="truncated",
+        remedy="draw whole layers only",
     )

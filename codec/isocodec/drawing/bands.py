@@ -15,13 +15,13 @@ from .curve import Curve
 
 @dataclass(frozen=True)
 class Band:
-    """Area where values lie between two isovalues.
+    """The area where values lie between two isovalues.
 
     Attributes
     ----------
     lower, upper : float or None
-        Values there are greater than the one and not greater than the other; None below the lowest isovalue and above
-        the highest one.
+        Values in the area are greater than ``lower`` and not greater than ``upper``; None below the lowest and above
+        the highest isovalue.
     geometry : dict
         GeoJSON ``MultiPolygon`` in the coordinates of `Contour.placed`.
     """
@@ -32,24 +32,25 @@ class Band:
 
 
 def bands(contours: Iterable[Curve], *, valid: NDArray[np.bool_] | None = None) -> list[Band]:
-    """Areas between neighbouring isovalues of a field, from below the lowest one to above the highest one.
+    """Make the areas between neighbouring isovalues of a field, from below the lowest to above the highest.
 
     Parameters
     ----------
     contours : iterable of Contour
-        Isocontours (n = 2) of one field, as `IsoFile.contours` gives them.
+        Isocontours (n = 2) of one field, as returned by `IsoFile.contours`.
     valid : (s0, s1) array_like of bool, optional
-        As of `Contour.areas`.
+        As for `Contour.areas`.
 
     Returns
     -------
     list of Band
-        Rising, one more than there are contours. They make up the box, without cells that have a missing corner.
+        In increasing order, one more than there are contours. Together they cover the grid, except for cells with a
+        missing corner.
 
     Raises
     ------
     OptionError, TruncatedError, MissingExtraError
-        As `Contour.areas`.
+        As for `Contour.areas`.
     """
     shapely = polygons()
     above: list[tuple[float, Any]] = []

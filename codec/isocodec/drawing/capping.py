@@ -1,4 +1,4 @@
-"""Closed surfaces: what lies on one side of an isosurface, bounded by the surface and by faces of the box."""
+"""Closed surfaces: the part on one side of an isosurface, bounded by the surface and by faces of the grid."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 def capped_mesh(contour: Curve, above: bool, make: Callable[..., Curve]) -> Mesh:
-    """Points and triangles of a closed surface; see `Contour.capped`. ``make`` is the class of the contour."""
+    """Make the points and triangles of a closed surface; see `Contour.capped`. ``make`` is the class of the contour."""
     if contour.n != 3 or len(contour.shape) != 3:
         raise OptionError("only an isosurface of a grid (n = 3) can be capped", code="dimension")
     if contour.masked:
-        raise OptionError("the field has missing samples, where the surface has no cap", code="holes",
+        raise OptionError("the surface cannot be closed where samples are missing", code="holes",
                           remedy="fill them when the field is encoded: --missing nearest")
     if contour.origin_above is None:
         raise TruncatedError("too little has been received to close the surface", code="truncated")
@@ -43,15 +43,15 @@ def capped_mesh(contour: Curve, above: bool, make: Callable[..., Curve]) -> Mesh
                     found.append(numbers[key])
                 added.append(np.array(found))
     if left.any():
-        raise TruncatedError("too little has been received to close the surface: it ends within the box",
-                             code="truncated", remedy="take whole layers")
+        raise TruncatedError("too little has been received to close the surface: it ends inside the field",
+                             code="truncated", remedy="draw whole layers only")
     cells = contour.cells if above else contour.cells[:, ::-1]
     whole = np.concatenate([cells, np.array(added, np.int64).reshape(-1, 3)])
     return np.array(points).reshape(-1, 3), whole
 
 
 def _rim(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Edges (K, 2) of one triangle only, in its direction."""
+    """Edges (K, 2) that belong to only one triangle, in its direction."""
     edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
     _, which, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     return edges[count[which.reshape(-1)] == 1]
@@ -60,13 +60,13 @@ def _rim(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 def _face(
     contour: Curve, rim: NDArray[np.int64], axis: int, last: bool, above: bool, make: Callable[..., Curve]
 ) -> NDArray[np.float64]:
-    """Triangles (M, 3, 3) that cover the part of a face of the box, seen counter-clockwise from outside."""
+    """Triangles (M, 3, 3) that cover the part in a face of the grid, counter-clockwise as seen from outside."""
     shapely = polygons()
     others = [a for a in range(3) if a != axis]
     plane = contour.shape[axis] - 1 if last else 0
-    # right-handed seen from outside, or not
+    # right-handed as seen from outside, or not
     straight = last != (axis == 1)
-    # the cap's border runs against that of the surface
+    # the cap's border runs in the opposite direction to that of the surface
     walk = rim[:, ::-1] if straight else rim
     used, number = np.unique(walk, return_inverse=True)
     flat = make(
@@ -78,7 +78,7 @@ def _face(
     rings = [shapely.get_coordinates(triangle)[:3] for piece in pieces for triangle in piece.geoms]
     if not rings:
         return np.zeros((0, 3, 3))
-    # without a placement x of an area runs along the second axis
+    # without a placement, x of an area runs along the second axis
     corners = np.array(rings)[:, :, ::-1]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     turn = (across > 0) != straight
@@ -89,7 +89,7 @@ def _face(
 
 
 def _corner_above(contour: Curve, axis: int, last: bool) -> bool:
-    """Whether the first sample of a face lies above: as the first of all, but for crossings on the way there."""
+    """Whether the first sample of a face lies above, from the first sample of all and the crossings in between."""
     first = bool(contour.origin_above)
     if not last:
         return first

@@ -1,4 +1,4 @@
-"""Drawings without what lies in unit cells that have missing corners (spec clause 9.8)."""
+"""Remove from drawings whatever lies in unit cells with missing corners (spec clause 9.8)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .leaves import WholeCells
 
 _GRAIN = 1 << 30
-"""Points of pieces that were cut are one if they agree to this part of a cell."""
+"""Points of cut pieces are merged if they agree to within this fraction of a cell."""
 Pieces = NDArray[np.float64]
 """(M, n, n) corners of segments or triangles."""
 
@@ -24,7 +24,7 @@ class Clipped(NamedTuple):
     points : (Q, n) float64
     cells : (M, n) int64
     kept : (K,) int64
-        Numbers that the first points had before; the others were made by cutting.
+        Original indices of the first K points; the remaining ones were created by cutting.
     """
 
     points: NDArray[np.float64]
@@ -35,9 +35,9 @@ class Clipped(NamedTuple):
 def clipped(
     points: NDArray[np.float64], cells: NDArray[np.int64], shape: tuple[int, ...], whole: WholeCells
 ) -> Clipped:
-    """Points and cells of a drawing, cut where planes of the grid part whole unit cells from others.
+    """Cut the points and cells of a drawing where planes of the grid separate whole unit cells from others.
 
-    Pieces that lie in whole cells stay as they are; points that none has go.
+    Pieces that lie in whole cells are unchanged; unused points are removed.
     """
     pieces, owner = _unit_pieces(points[cells])
     kept = _in_whole_cell(pieces, shape, whole)
@@ -48,14 +48,14 @@ def clipped(
     if len(shape) == 2:
         pieces, owner = _joined(pieces, owner)
     stays = cells[untouched]
-    # corners of pieces that were cut are points of before, too
+    # corners of cut pieces are original points, too
     part, _, old = np.nonzero((pieces[:, :, None] == points[cells[owner]][:, None]).all(axis=3))
     used = np.unique(np.concatenate([stays.reshape(-1), cells[owner[part], old]]))
     number = np.zeros(len(points), np.int64)
     number[used] = np.arange(len(used))
     both = np.concatenate([points[used], pieces.reshape(-1, len(shape))])
     _, first, same = np.unique(np.rint(both * _GRAIN), axis=0, return_index=True, return_inverse=True)
-    # points that were there before stay apart, even where they fall together
+    # original points stay separate, even if they coincide
     order = np.sort(first[first >= len(used)])
     place = np.empty(len(both), np.int64)
     place[order] = len(used) + np.arange(len(order))
@@ -66,8 +66,7 @@ def clipped(
 
 
 def _unit_pieces(pieces: Pieces) -> tuple[Pieces, NDArray[np.int64]]:
-    """Pieces cut by the planes of the grid, each in one unit cell, and what each is a part of; the order along segments
-    stays."""
+    """Cut pieces by the planes of the grid, each into one unit cell; returns parts and their pieces, in order."""
     owner = np.arange(len(pieces))
     for axis in range(pieces.shape[2]):
         while True:
@@ -84,7 +83,7 @@ def _unit_pieces(pieces: Pieces) -> tuple[Pieces, NDArray[np.int64]]:
 
 
 def _crossing(a: NDArray[np.float64], b: NDArray[np.float64], plane: NDArray[np.float64], axis: int) -> Pieces:
-    """Intersect lines from a to b (K, n) with planes; the result is the same whichever end is a."""
+    """Intersect lines from a to b (K, n) with planes; the result does not depend on which end is a."""
     swap = a[:, axis] > b[:, axis]
     low, high = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
     share = (plane - low[:, axis]) / (high[:, axis] - low[:, axis])
@@ -94,14 +93,14 @@ def _crossing(a: NDArray[np.float64], b: NDArray[np.float64], plane: NDArray[np.
 
 
 def _cut_segments(pieces: Pieces, plane: NDArray[np.float64], axis: int) -> tuple[Pieces, NDArray[np.int64]]:
-    """Both parts of each segment."""
+    """Split each segment into both parts."""
     middle = _crossing(pieces[:, 0], pieces[:, 1], plane, axis)
     parts = np.stack([np.stack([pieces[:, 0], middle], axis=1), np.stack([middle, pieces[:, 1]], axis=1)], axis=1)
     return parts.reshape(-1, 2, 2), np.repeat(np.arange(len(pieces)), 2)
 
 
 def _cut_triangles(pieces: Pieces, plane: NDArray[np.float64], axis: int) -> tuple[Pieces, NDArray[np.int64]]:
-    """The three parts of each triangle, those without area left out: one corner is alone on its side."""
+    """Split triangles, one corner of which is alone on its side, into three parts; parts without area are dropped."""
     side = np.sign(pieces[:, :, axis] - plane[:, None])
     alone = np.argmax(
         [(side[:, i] != 0) & (side[:, i - 2] != side[:, i]) & (side[:, i - 1] != side[:, i]) for i in range(3)], axis=0
@@ -123,7 +122,7 @@ def _cut_triangles(pieces: Pieces, plane: NDArray[np.float64], axis: int) -> tup
 
 
 def _in_whole_cell(pieces: Pieces, shape: tuple[int, ...], whole: WholeCells) -> NDArray[np.bool_]:
-    """Whether pieces lie in whole unit cells; those within a face of some cells, in one of these."""
+    """Whether pieces lie in whole unit cells; a piece in a face of several cells, in one of these."""
     middle = pieces.mean(axis=1)
     low, high = np.floor(pieces.min(axis=1)), np.ceil(pieces.max(axis=1))
     cell = np.where(high > low, np.floor(middle), low).astype(np.int64)
@@ -136,7 +135,7 @@ def _in_whole_cell(pieces: Pieces, shape: tuple[int, ...], whole: WholeCells) ->
 
 
 def _joined(pieces: Pieces, owner: NDArray[np.int64]) -> tuple[Pieces, NDArray[np.int64]]:
-    """Parts of the same segment that follow on each other, as one; and what each is a part of."""
+    """Merge consecutive parts of the same segment; returns the merged parts and their segments."""
     if not len(pieces):
         return pieces, owner
     way = pieces[:, 1] - pieces[:, 0]

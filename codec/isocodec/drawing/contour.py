@@ -1,4 +1,4 @@
-"""Contours: points and cells of a curve or surface, where they lie, and their conversions for other libraries."""
+"""Contours: points and cells of a curve or surface, their placement, and conversions for other libraries."""
 
 from __future__ import annotations
 
@@ -19,36 +19,37 @@ from .seam import joined
 
 @dataclass(frozen=True, eq=False)
 class Contour:
-    """An isocontour (n = 2) or isosurface (n = 3): points, and the segments or triangles between them.
+    """An isocontour (n = 2) or isosurface (n = 3): points, and segments or triangles between them.
 
-    Orientation, n = 2: on the way from ``points[cells[i, 0]]`` to ``points[cells[i, 1]]``, in the plane with axis 0 as
-    x and axis 1 as y (right-handed), the higher values lie on the left. ``skimage.measure.find_contours`` walks in the
-    same direction with ``positive_orientation="high"``, and in the opposite one with its default ``"low"``, since it
-    counts left and right with rows as y and columns as x.
+    Orientation, n = 2: going from ``points[cells[i, 0]]`` to ``points[cells[i, 1]]``, in the plane with axis 0 as x and
+    axis 1 as y (right-handed), higher values lie on the left. ``skimage.measure.find_contours`` uses the same direction
+    with ``positive_orientation="high"``, and the opposite one with its default ``"low"``, since it defines left and
+    right with rows as y and columns as x.
 
-    Orientation, n = 3: by the right-hand rule in index coordinates (axes 0, 1, 2 right-handed) the normals of the
+    Orientation, n = 3: by the right-hand rule in index coordinates (axes 0, 1, 2 right-handed), the normals of the
     triangles point towards lower values.
 
     Attributes
     ----------
     points : (P, n) float64
-        Index coordinates in samples, axes in the order of the sampled array.
+        Index coordinates in samples, with axes in the order of the sampled array.
     cells : (M, n) int64
         Indices into ``points``: directed segments (n = 2) or triangles (n = 3). In a contour each point is the start
         of at most one segment and the end of at most one.
     isovalue : float
     shape : tuple of int
-        Samples along each axis of the sampled box; empty if the domain is a mesh, whose coordinates points then have.
+        Samples along each axis of the grid; empty on a mesh, in whose coordinates the points then are.
     complete : bool
-        False if the contour was drawn before all of its data had come, or from a file cut within a layer.
+        False if the contour was drawn before all of its data had arrived, or from a file that ends within a layer.
     placement : Placement or None
-        Where samples lie in the world; None if the file does not hold that.
+        Where samples lie in the world; None if the file does not state it.
     metadata : dict of str to str
-        Notes of the file, as far as they had come.
+        Notes of the file, as far as they had been read.
     masked : bool
-        Whether samples are missing: lines may end, and surfaces have edges, at unit cells with a missing corner.
+        Whether samples are missing, so that lines may end, and surfaces have edges, at unit cells with a missing
+        corner.
     origin_above : bool or None
-        Whether the first sample lies above the isovalue; None if that had not come.
+        Whether the first sample lies above the isovalue; None if that is not known yet.
     """
 
     points: NDArray[np.float64]
@@ -77,27 +78,27 @@ class Contour:
     def placed(self) -> NDArray[np.float64]:
         """The points in the coordinates x, y (, z) of the placement, (P, n) float64.
 
-        Without a placement the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z
-        are the axes 0, 1, 2.
+        Without a placement, the unit is the cell: in 2-D, x runs along axis 1 and y along axis 0; in 3-D, x, y, z are
+        the axes 0, 1, 2.
         """
         return self.place(self.points)
 
     def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Coordinates of the placement, as of `placed`, of points in index coordinates, (P, n) float64 both."""
+        """Convert points in index coordinates to those of the placement, as `placed` does, (P, n) float64 both."""
         if self.placement is not None and self.placement.placed:
             return self.placement.place(points)
         return points[:, ::-1] if len(self.shape) == 2 else points
 
     @property
     def bent(self) -> bool:
-        """Whether samples have coordinates one by one, so that straight lines between them may bend in the world."""
+        """Whether each sample has its own coordinates, so that straight lines may be curved in the world."""
         return self.placement is not None and self.placement.coordinates is not None
 
     @property
     def joined(self) -> Contour:
-        """The contour with one point where it had two, at either end of a periodic axis that closes in the world.
+        """The contour with its two ends joined along periodic axes that close in the world.
 
-        Its index coordinates jump there, its places do not. The contour itself if no axis closes so.
+        At the seam, index coordinates jump, but world coordinates do not. Returns the contour itself if no axis closes.
         """
         if self.placement is None or not self.placement.closes:
             return self
@@ -106,7 +107,7 @@ class Contour:
 
     @property
     def frame(self) -> NDArray[np.float64] | None:
-        """Steps along each axis in x, y (, z), (n, n) float64; with coordinates, in a cell of the contour.
+        """Steps along each axis in x, y (, z), (n, n) float64; with coordinates, those in a cell of the contour.
 
         None without a placement.
         """
@@ -115,7 +116,7 @@ class Contour:
         return self.placement.frame(self.points[len(self.points) // 2] if len(self.points) else None)
 
     def along(self, walk: list[int]) -> NDArray[np.float64]:
-        """Places of points one after the other, (K, n) float64: coordinates with a period go on across its end."""
+        """World coordinates of consecutive points, (K, n) float64; periodic ones continue across their ends."""
         places = self.placed[walk]
         for c, period in enumerate(self.placement.periods if self.placement is not None else ()):
             if period:
@@ -124,11 +125,10 @@ class Contour:
 
     @cached_property
     def lines(self) -> list[NDArray[np.float64]]:
-        """Polylines of an isocontour, (K, 2) float64 each, their points in walking order (see Orientation).
+        """Polylines of an isocontour, (K, 2) float64 each, with points in order (see Orientation).
 
-        First those that are open, which start and end at the border of the box (or at missing samples, or where a part
-        has not been received yet), then the closed ones, which repeat their first point at the end as ``find_contours``
-        does.
+        First the open ones, which start and end at the border of the grid (or at missing samples, or where data have
+        not arrived yet), then the closed ones, which repeat their first point at the end, as in ``find_contours``.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class Contour:
 
     @cached_property
     def walks(self) -> list[list[int]]:
-        """Numbers of the points of each polyline, as `lines`."""
+        """Indices of the points of each polyline, in the order of `lines`."""
         if self.n != 2:
             raise OptionError("only an isocontour (n = 2) has lines; a surface has points and cells", code="dimension")
         following = np.full(len(self.points), -1, dtype=np.int64)
@@ -147,7 +147,7 @@ class Contour:
         starts_line = following >= 0
         starts_line[self.cells[:, 1]] = False
 
-        # Plain lists: one step of the walk on numpy scalars would take several times as long.
+        # Plain lists, since walking along numpy scalars would take several times as long.
         step = following.tolist()
         walks = []
         for first in [*np.flatnonzero(starts_line).tolist(), *range(len(step))]:
@@ -165,8 +165,8 @@ class Contour:
     def __geo_interface__(self) -> dict[str, Any]:
         """GeoJSON-like ``MultiLineString`` of an isocontour, for shapely, geopandas and others.
 
-        Coordinates are tuples ``(x, y)`` of `placed`. Without a placement, swapping the axes mirrors the plane, so that
-        with x to the right and y upwards the higher values are on the right; where rows run southwards, on the left.
+        Coordinates are tuples ``(x, y)`` of `placed`. Without a placement, swapping the axes mirrors the plane: with x
+        to the right and y upwards, higher values are on the right; if rows run southwards, on the left.
 
         Raises
         ------
@@ -181,20 +181,24 @@ class Contour:
 
     @cached_property
     def mirrored(self) -> bool:
-        """Whether the way from index coordinates to those of the placement turns left into right."""
+        """Whether the conversion from index coordinates to those of the placement mirrors."""
         frame = self.frame
         return bool(self.n == 2 and self.shape) if frame is None else bool(np.linalg.det(frame) < 0)
 
     @property
     def placed_cells(self) -> NDArray[np.int64]:
-        """Segments or triangles (M, n) between the points of `placed`, of which triangles are turned where those are
-        mirrored: counter-clockwise seen from lower values."""
+        """Segments or triangles (M, n) between the points of `placed`.
+
+        Triangles are flipped if the placement mirrors, so that they are counter-clockwise as seen from lower values.
+        """
         return self.cells[:, ::-1] if self.n == 3 and self.mirrored else self.cells
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
-        """Unit vectors (P, n) at the points of `placed`, towards lower values: means over the cells around each,
-        weighted by their size; 0 where a point has no cell."""
+        """Unit vectors (P, n) at the points of `placed`, towards lower values.
+
+        They are averages over the cells around each point, weighted by size; 0 for points without a cell.
+        """
         placed = self.placed
         cells = self.placed_cells
         out = np.zeros_like(placed)
@@ -203,7 +207,7 @@ class Contour:
             across = np.cross(b - a, c - a)
         else:
             along = placed[cells[:, 1]] - placed[cells[:, 0]]
-            # in index coordinates higher values are on the left
+            # in index coordinates, higher values are on the left
             across = np.stack([along[:, 1], -along[:, 0]], axis=1) * (-1 if self.mirrored else 1)
         for k in range(cells.shape[1]):
             np.add.at(out, cells[:, k], across)
@@ -211,45 +215,45 @@ class Contour:
         return np.asarray(np.divide(out, length, out=np.zeros_like(out), where=length > 0))
 
     def flip(self) -> Contour:
-        """Exchange above and below of the curve or surface: cells run the other way, normals point to higher values.
+        """Exchange the sides of the curve or surface: cells are reversed, and normals point to higher values.
 
-        For distance fields and densities whose inside is what lies below.
+        For fields whose inside is the part below the isovalue, such as distance fields.
         """
         above = None if self.origin_above is None else not self.origin_above
         return replace(self, cells=self.cells[:, ::-1].copy(), origin_above=above)
 
     def areas(self, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-        """The part of the box where values lie above the isovalue, or not above it, as polygons.
+        """Make polygons of the part of the grid where values lie above the isovalue, or not above it.
 
         Parameters
         ----------
         above : bool
             Which part.
         valid : (s0, s1) array_like of bool, optional
-            For a file with missing samples, its valid samples (`IsoFile.valid`), with a contour that was decoded
-            ``through_holes``: areas are closed along the unit cells that have a missing corner.
+            For a file with missing samples, its valid samples (`IsoFile.valid`). The contour must have been decoded
+            with ``through_holes``; areas are closed along unit cells with a missing corner.
 
         Returns
         -------
         dict
-            GeoJSON ``MultiPolygon`` in the coordinates of `placed`, exterior rings counter-clockwise in these and
-            holes clockwise; ``shapely.geometry.shape`` takes it. The two parts share the contour and make up the box,
-            from the first sample to the last along each axis, without cells that have a missing corner. Where samples
-            equal the isovalue, rings may touch.
+            GeoJSON ``MultiPolygon`` in the coordinates of `placed`, with exterior rings counter-clockwise and holes
+            clockwise; ``shapely.geometry.shape`` accepts it. The two parts share the contour and together cover the
+            grid, from the first sample to the last along each axis, except for cells with a missing corner. Where
+            samples equal the isovalue, rings may touch.
 
         Raises
         ------
         OptionError
-            For an isosurface, if samples are missing and ``valid`` is not given, or if it is of another shape.
+            For an isosurface, if samples are missing and ``valid`` is not given, or if ``valid`` has a different shape.
         TruncatedError
-            If the curve ends within the box, since only a part of a layer has come.
+            If the curve ends inside the grid, since only a part of a layer has arrived.
         MissingExtraError
             If shapely is not installed.
         """
         return areas_of(self, above=above, valid=valid)
 
     def capped(self, *, above: bool = True) -> Contour:
-        """The boundary of the part of the box where values lie above the isovalue, or not above it.
+        """Make the closed boundary of the part of the grid where values lie above the isovalue, or not above it.
 
         Parameters
         ----------
@@ -259,16 +263,16 @@ class Contour:
         Returns
         -------
         Contour
-            A closed surface: the points of the isosurface, then those that its caps add; the triangles of the
-            isosurface, then those of the caps, which lie in the faces of the box, from the first sample to the last
-            along each axis. Normals point out of the part.
+            A closed surface: the points of the isosurface, followed by those of the caps; the triangles of the
+            isosurface, followed by those of the caps, which lie in the faces of the grid (from the first sample to the
+            last along each axis). Normals point out of the part.
 
         Raises
         ------
         OptionError
             For an isocontour, or if samples are missing.
         TruncatedError
-            If the surface ends within the box, since only a part of a layer has come.
+            If the surface ends inside the grid, since only a part of a layer has arrived.
         MissingExtraError
             If shapely is not installed.
         """
@@ -276,7 +280,7 @@ class Contour:
         return replace(self, points=points, cells=cells)
 
     def to_shapely(self) -> Any:
-        """A ``shapely.MultiLineString`` of an isocontour.
+        """Convert an isocontour to a ``shapely.MultiLineString``.
 
         Raises
         ------
@@ -291,8 +295,9 @@ class Contour:
         return polygons().MultiLineString([whole.along(walk) for walk in whole.walks])
 
     def to_geodataframe(self) -> Any:
-        """A ``geopandas.GeoDataFrame`` of an isocontour: a row for each line, with ``isovalue``, ``closed`` and
-        ``complete``, in the reference system of the file.
+        """Convert an isocontour to a ``geopandas.GeoDataFrame`` in the reference system of the file.
+
+        There is a row for each line, with ``isovalue``, ``closed`` and ``complete``.
 
         Raises
         ------
@@ -306,7 +311,7 @@ class Contour:
         return table_of([self])
 
     def to_trimesh(self) -> Any:
-        """A ``trimesh.Trimesh`` of an isosurface: its points as vertices, in their order.
+        """Convert an isosurface to a ``trimesh.Trimesh``, with its points as vertices, in the same order.
 
         Raises
         ------
@@ -323,7 +328,7 @@ class Contour:
         return mesh.copy()  # what is done to it does not move the contour
 
     def to_pyvista(self) -> Any:
-        """A ``pyvista.PolyData``: lines, or triangles with normals; cells have the value ``isovalue``.
+        """Convert to a ``pyvista.PolyData`` of lines, or of triangles with normals; cells have the value ``isovalue``.
 
         Raises
         ------
@@ -344,8 +349,10 @@ class Contour:
         return mesh
 
     def to_xarray(self) -> Any:
-        """An ``xarray.Dataset``: variables ``x``, ``y`` (, ``z``) along ``point``, ``index`` with the index
-        coordinates, ``cells`` with numbers of points; the isovalue, shape and notes as attributes.
+        """Convert to an ``xarray.Dataset``.
+
+        Its variables are ``x``, ``y`` (, ``z``) along ``point``, ``index`` with the index coordinates, and ``cells``
+        with indices of points; isovalue, shape and notes are attributes.
 
         Raises
         ------
@@ -361,7 +368,7 @@ class Contour:
         )
 
     def _repr_html_(self) -> str:
-        """A drawing for notebooks, in the page itself, with what is known of the contour."""
+        """Draw the contour as HTML for notebooks, with facts about it."""
         from .pictures.inline import page_of
 
         pieces = "segments" if self.n == 2 else "triangles"
@@ -373,7 +380,7 @@ class Contour:
         return page_of([self], facts)
 
     def _repr_png_(self) -> bytes | None:
-        """A picture for notebooks; none without matplotlib."""
+        """Draw a picture for notebooks; None without matplotlib."""
         from .pictures.picture import contour_picture
 
         try:

@@ -1,4 +1,4 @@
-"""The entry to the drawing: chooses between the grid's edges and the simplices' edges."""
+"""Entry point of drawing: chooses between edges of the grid and edges of simplices."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from .smoothing import smoothed
 def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Contour:
     """Draw the isocontour (n = 2) or isosurface (n = 3) that runs through mixed leaf simplices.
 
-    On the full grid (``leaves.full``), and in unit cells where the mesh is as fine, the points lie on grid edges: those
-    of marching squares and of marching cubes. Elsewhere every leaf gives one segment, one triangle or one quadrangle
-    cut in two (Lewiner et al. 2004), with one point on each crossing edge of the mesh. What lies in unit cells with
-    missing corners (``leaves.whole``) is left out.
+    On the full grid (``leaves.full``), and in unit cells where the mesh is as fine, points lie on grid edges, as in
+    marching squares and marching cubes. Elsewhere every leaf gives one segment, one triangle, or one quadrangle cut in
+    two (Lewiner et al. 2004), with one point on each crossed edge of the mesh. Parts in unit cells with missing corners
+    (``leaves.whole``) are omitted.
 
     Parameters
     ----------
     leaves : Leaves
         Mixed leaves of one isovalue in 2 or 3 dimensions.
     complete : bool
-        Whether everything that belongs to these leaves was received; passed on to the result.
+        Whether everything that belongs to these leaves has been received; copied to the result.
     smooth : bool
-        Move points that nothing is stated of but their edge (`isocodec.drawing.smoothing`).
+        Move points of which only the edge is known (`isocodec.drawing.smoothing`).
 
     Returns
     -------
     Contour
-        Coordinates in samples, axes in the order of the array. Orientation: see `Contour`.
+        Coordinates in samples, with axes in the order of the array. Orientation: see `Contour`.
 
     Raises
     ------
     OptionError
-        If the field has neither 2 nor 3 axes.
+        If the field does not have 2 or 3 axes.
     """
     return draw_with_ends(leaves, complete=complete, smooth=smooth)[0]
 
@@ -51,13 +51,13 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
 def draw_with_ends(
     leaves: Leaves, *, complete: bool = True, smooth: bool = False
 ) -> tuple[Contour, NDArray[np.int64]]:
-    """Draw as `draw`, and return the samples between which the first points lie.
+    """Draw as `draw` does, and also return the samples between which the first points lie.
 
     Returns
     -------
     Contour
     (E, 2, n) int64
-        Both ends of the edges of the first E points; others lie within cells, or where pieces were cut at missing
+        Ends of the edges of the first E points; other points lie inside cells, or where pieces were cut at missing
         samples.
     """
     n = len(leaves.shape)
@@ -74,9 +74,10 @@ def draw_with_ends(
 
 
 def _drawn_together(leaves: Leaves) -> Drawn:
-    """Leaves that fill unit cells as on the full grid, the others one by one (spec clause 9.1).
+    """Draw leaves that fill unit cells as on the full grid, and the others one by one (spec clause 9.1).
 
-    Cubes are drawn so if all leaves fill some: else diagonals of their faces would have points on one side only.
+    Cubes are drawn in this way only if all leaves fill some; otherwise diagonals of their faces would have points on
+    only one side.
     """
     finest = leaves.levels == len(leaves.shape) * cube_exponent(leaves.shape)
     plane = len(leaves.shape) == 2
@@ -91,7 +92,7 @@ def _drawn_together(leaves: Leaves) -> Drawn:
 
 
 def _joined(leaves: Leaves, grid: Drawn, other: Drawn) -> Drawn:
-    """Two drawings, with one point on each edge."""
+    """Merge two drawings, with one point on each edge."""
     both = np.concatenate([grid.edges, other.edges])
     _, first, number = np.unique(both @ (len(leaves.position), 1), return_index=True, return_inverse=True)
     centres = grid.points[len(grid.edges) :]

@@ -1,4 +1,4 @@
-"""The contour of crossed cells of an explicit domain: a piece for each (spec clause 10.7)."""
+"""Draw the contour on a mesh: one piece for each crossed cell (spec clause 10.7)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .simplices import simplex_table
 
 
 def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Sides of triangles (L, 3) whose ends lie on both sides, (E, 2), the lower vertex first, in ascending order."""
+    """Crossed edges of triangles (L, 3), whose ends lie on different sides: (E, 2), lower vertex first, sorted."""
     ends = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     return np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
 
@@ -17,13 +17,13 @@ def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray
 def surface_contour(
     points: NDArray[np.float64], values: NDArray[np.float64], triangles: NDArray[np.int64], isovalue: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (P, 2) and segments (M, 2) of the contour of a surface over the plane, linear on its triangles (T, 3)."""
+    """Points (P, 2) and segments (M, 2) of a contour of a surface over the plane, linear on its triangles (T, 3)."""
     above = values > isovalue
     mixed = above[triangles]
     cells = triangles[mixed.any(axis=1) & ~mixed.all(axis=1)]
     edges = crossed_edges(cells, above)
     low, high = values[edges[:, 0]], values[edges[:, 1]]
-    # halves first: the difference of two large floats may overflow
+    # halved first, since the difference of two large floats may overflow
     ratio = np.clip((isovalue / 2 - low / 2) / (high / 2 - low / 2), 0.0, 1.0)
     return draw_cells(points, cells, np.zeros(len(cells), np.bool_), above, edges, ratio)
 
@@ -32,7 +32,7 @@ def draw_cells(
     points: NDArray[np.float64], cells: NDArray[np.int64], mirrored: NDArray[np.bool_], above: NDArray[np.bool_],
     edges: NDArray[np.int64], ratio: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points on edges, and cells between them.
+    """Make points on edges, and cells between them.
 
     Parameters
     ----------
@@ -40,12 +40,12 @@ def draw_cells(
     cells : (L, n + 1) int64
         The crossed cells.
     mirrored : (L,) bool
-        Those whose orientation is the reverse of the one that `Contour` speaks of.
+        Which cells have the reverse of the orientation that `Contour` describes.
     above : (V,) bool
     edges : (E, 2) int64
         All crossed edges of these cells, the lower vertex first.
     ratio : (E,) float64
-        Where the points lie on them, from the lower vertex.
+        Position of the point on each edge, measured from the lower vertex.
 
     Returns
     -------
@@ -60,6 +60,6 @@ def draw_cells(
     order = np.argsort(key)
     place = np.searchsorted(key[order], ends[..., 0] * np.int64(len(points)) + ends[..., 1])
     low, high = points[edges[:, 0]], points[edges[:, 1]]
-    # halves first: the difference of two large floats may overflow
+    # halved first, since the difference of two large floats may overflow
     at = ratio[:, None]
     return low * (1 - at) + high * at, order[place]

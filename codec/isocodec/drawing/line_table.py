@@ -1,4 +1,4 @@
-"""Lines and areas as tables of geopandas."""
+"""Lines and areas as geopandas tables."""
 
 from __future__ import annotations
 
@@ -19,17 +19,15 @@ from .curve import Curve
 def table_of(
     contours: Iterable[Curve], side: str | None = None, valid: NDArray[np.bool_] | None = None
 ) -> Any:
-    """A ``GeoDataFrame`` with a row for each line, or with ``side`` for the areas of each isovalue (above, below) or
-    for those between them (bands).
+    """Make a ``GeoDataFrame`` with a row for each line or, with ``side``, for the areas of each isovalue or the bands.
 
-    Columns are ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete`` and ``geometry``; of bands ``lower``,
-    ``upper`` and ``geometry``. An isocontour of the plane has lines; the system is that of the file if it names an EPSG
-    number.
+    Columns are ``isovalue``, ``closed`` (for lines) or ``side`` (for areas), ``complete`` and ``geometry``; for bands
+    ``lower``, ``upper`` and ``geometry``. The reference system is that of the file if it names an EPSG number.
 
     Raises
     ------
     OptionError
-        For an isosurface; TruncatedError and others as `Contour.areas`.
+        For an isosurface; TruncatedError and others as for `Contour.areas`.
     MissingExtraError
         If geopandas or shapely are not installed.
     """

@@ -1,4 +1,4 @@
-"""Continuation of a contour at the other end of a periodic axis (spec clause 9.9(4))."""
+"""Join a contour across the ends of periodic axes (spec clause 9.9(4))."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 def joined(
     points: NDArray[np.float64], cells: NDArray[np.int64], shape: Sequence[int], axes: Sequence[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points and cells with the points of the last plane along some axes replaced by those of the first.
+    """Replace the points in the last plane along some axes by those in the first plane.
 
     Parameters
     ----------
     points : (P, n) float64
-        In index coordinates.
+        Points in index coordinates.
     cells : (M, n) int64
     shape : sequence of int
         Samples along each axis.
     axes : sequence of int
-        Those that are periodic.
+        Periodic axes.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def joined(
         there = {tuple(place): i for place, i in zip(beside[first].tolist(), first.tolist(), strict=True)}
         for i, place in zip(last.tolist(), beside[last].tolist(), strict=True):
             number[i] = there.get(tuple(place), i)
-        # along two axes a point may be replaced twice
+        # with two axes, a point may be replaced twice
         number = number[number]
     kept, cells = np.unique(number[cells], return_inverse=True)
     return points[kept], cells.reshape(-1, points.shape[1])

@@ -1,4 +1,4 @@
-"""Snapshots of a tube: the decoded state in canonical order, the leaves for the drawing, the mask."""
+"""Snapshots of a tube (decoded state): the state in canonical order, the leaves for drawing, and the mask."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .rows import MaskRows
 
 
 def state_of(tube: Tube) -> Decoded:
-    """All that is known, in canonical order (spec annex C)."""
+    """Everything that is known, in canonical order (spec annex C)."""
     st, est = tube.state, tube.estimates
     count = int(st.counters.vertices)
     position = st.vertex[:count, : tube.n].astype(np.int64)
@@ -41,7 +41,7 @@ def state_of(tube: Tube) -> Decoded:
 
 
 def _explicit(tube: Tube) -> NDArray[np.int64]:
-    """Unclamped positions of the vertices that the mesh has beyond its uniform level, in lexicographic order."""
+    """Unclamped positions of the vertices of the mesh beyond its uniform level, in lexicographic order."""
     store = tube.state.mesh
     used = store.table[store.table[:, 0] >= 0]
     shifts = store.head[PAGE_SHIFT : PAGE_SHIFT + AXES]
@@ -55,11 +55,11 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
 
 
 _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 160, 24), (3, False): (60, 360, 40)}
-"""Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
+"""Most memory, in bytes, that a drawing takes per vertex, leaf and stated edge, by dimension and full grid or not."""
 
 
 def drawing_bytes(tube: Tube) -> int:
-    """Bytes that `leaves_of` and the drawing take at most, the drawing included."""
+    """Most memory, in bytes, that `leaves_of` and the drawing take, including the result."""
     vertex, leaf, edge = _DRAWN[tube.n, tube.full]
     leaves = tube.simplices if tube.settled else drawn_leaves(tube.state, tube.running != "base")
     return vertex * tube.vertices + leaf * leaves + edge * len(tube.estimates.edges)
@@ -68,9 +68,9 @@ def drawing_bytes(tube: Tube) -> int:
 def leaves_of(
     tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]], holes: Holes | None = None
 ) -> Leaves:
-    """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values.
+    """Everything that drawing needs; ``value_of(number, above)`` converts numbers of steps to field values.
 
-    ``holes`` are those of a mask that the tube was not coded with.
+    ``holes`` are those of a mask that was not used in coding the tube.
     """
     holes = holes or tube.holes
     st, est = tube.state, tube.estimates
@@ -102,9 +102,9 @@ def leaves_of(
 
 
 def known_rows(tube: Tube, last_first: bool = False) -> MaskRows:
-    """Find which samples lie above, where the mesh is the full grid, some rows at a time.
+    """Find which samples lie above, some rows at a time; the mesh must be the full grid.
 
-    With ``last_first`` of the transposed array: the order in which programs in Fortran store it.
+    With ``last_first``, rows of the transposed array, which is Fortran's order.
     """
     known = tube.state.vertex[: tube.vertices]
     position = known[:, : tube.n]

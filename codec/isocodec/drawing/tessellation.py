@@ -1,7 +1,7 @@
-"""The mesh itself: its simplices with their levels, the signs of its vertices; the whole box, or the tube alone.
+"""The mesh itself: simplices with their levels, vertices with their signs; the whole mesh, or only its crossed part.
 
-The mesh of a decoded state is the uniform one of a level and a set of vertices beyond that, closed under parents
-(spec clause 4.7): it is found again by bisecting from the root cube (clauses 4.1, 4.2).
+The mesh of a decoded state consists of the uniform mesh of a level and a set of further vertices, closed under parents
+(spec clause 4.7). It is reconstructed by bisecting from the root cube (clauses 4.1, 4.2).
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ..field.placement import Placement
 
 _KEY_BITS = 63
-"""Bits of the key of a lattice point, in equal parts for its coordinates."""
+"""Number of bits of the key of a lattice point, divided equally among its coordinates."""
 _SIMPLEX = 300
-"""Bytes that bisecting, inferring signs and the mesh itself take at most for each simplex."""
+"""Most memory, in bytes, that bisecting, inferring signs and the mesh itself take for each simplex."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,20 +29,20 @@ class Tessellation:
     Attributes
     ----------
     points : (V, n) int64 or float64
-        Vertices as sample indices, within the box; on an explicit mesh their coordinates, and of a surface.
+        Vertices as sample indices, inside the grid; on a mesh or a surface, their coordinates.
     cells : (M, n + 1) int64
-        Indices into ``points``; in index coordinates all are oriented alike, with a positive volume.
+        Indices into ``points``; in index coordinates, all simplices have positive volume.
     levels : (M,) int64
-        Level of each simplex: n bisections halve its cube.
+        Level of each simplex; n bisections halve its cube.
     above : (V,) bool
         Whether the value at a vertex is greater than the isovalue.
     isovalue : float
     shape : tuple of int
-        Samples along each axis of the sampled box.
+        Samples along each axis of the grid.
     complete : bool
-        False if the file had not come as a whole.
+        False if the file had not arrived completely.
     placement : Placement or None
-        As of `Contour`.
+        As for `Contour`.
     metadata : dict of str to str
     """
 
@@ -60,7 +60,7 @@ class Tessellation:
 def tessellated(
     shape: tuple[int, ...], exponent: int, level: int, explicit: NDArray[np.int64], check: Callable[[int], object]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Vertices (V, n) in lexicographic order, simplices (M, n + 1) and levels (M,) of a mesh that fills the box.
+    """Make vertices (V, n) in lexicographic order, simplices (M, n + 1) and levels (M,) of a mesh that fills the grid.
 
     Parameters
     ----------
@@ -70,9 +70,9 @@ def tessellated(
     level : int
         Level up to which the mesh is uniform.
     explicit : (W, n) int64
-        Unclamped positions of the vertices beyond it.
+        Unclamped positions of the vertices beyond that level.
     check : callable
-        Called with the bytes that the mesh takes, as far as it has got; raises if those are too many.
+        Called with the number of bytes that the mesh takes so far; raises an error if they are too many.
     """
     n = len(shape)
     inside = np.sort(_keys(explicit))
@@ -95,7 +95,7 @@ def tessellated(
                 np.concatenate([growing[:, 1 : tag + 1], middle, growing[:, tag + 1 :]], axis=1),
             ]
         )
-        # off the box there is nothing: what has no volume there has no parts that do (clause 4.6)
+        # simplices without volume inside the grid have no parts with volume (clause 4.6)
         growing = growing[_volumes(np.minimum(growing, last)) != 0]
     corners = np.concatenate([simplices for simplices, _ in done])
     levels = np.concatenate([np.full(len(simplices), here) for simplices, here in done])
@@ -108,13 +108,13 @@ def tessellated(
 def compact(
     position: NDArray[np.int64], above: NDArray[np.bool_], simplices: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
-    """The vertices that simplices have, their signs, and the simplices, oriented."""
+    """Find the vertices of simplices and their signs, and orient the simplices."""
     used, cells = np.unique(simplices, return_inverse=True)
     return position[used], above[used], oriented(position[used], cells.reshape(simplices.shape))
 
 
 def oriented(points: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Simplices with their last two vertices exchanged where the volume is negative."""
+    """Exchange the last two vertices of simplices with negative volume."""
     out = cells.copy()
     turned = _volumes(points[cells]) < 0
     out[turned, -2:] = out[turned, :-3:-1]
@@ -125,19 +125,20 @@ def inferred(
     points: NDArray[np.int64], cells: NDArray[np.int64], known: NDArray[np.int64], above: NDArray[np.bool_],
     origin_above: bool,
 ) -> NDArray[np.bool_]:
-    """Infer the signs of all vertices of a mesh from those known (spec clause 5.5.4).
+    """Infer the signs of all vertices of a mesh from the known ones (spec clause 5.5.4).
 
-    All simplices that the curve crosses have known vertices, so that others are of one sign throughout.
+    All simplices that the curve crosses have known vertices, so that the vertices of each other simplex have the same
+    sign.
 
     Parameters
     ----------
     points : (V, n) int64
-        In lexicographic order.
+        Vertices in lexicographic order.
     cells : (M, n + 1) int64
     known : (K, n) int64
-        Positions of the vertices that are known, ``above`` (K,) their signs.
+        Positions of the known vertices; ``above`` (K,) are their signs.
     origin_above : bool
-        The sign where nothing is known at all.
+        The sign to use if nothing is known.
     """
     keys = _keys(points)
     sign = np.full(len(points), -1, np.int8)
@@ -175,7 +176,7 @@ def _volumes(corners: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _keys(position: NDArray[np.int64]) -> NDArray[np.int64]:
-    """A number for each lattice point, in lexicographic order."""
+    """Compute a key for each lattice point; keys have lexicographic order."""
     n = position.shape[1]
     key = np.zeros(len(position), np.int64)
     for a in range(n):
@@ -184,7 +185,7 @@ def _keys(position: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _found(keys: NDArray[np.int64], among: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Find which keys are among others, which are sorted."""
+    """Find which keys are among other, sorted keys."""
     if not len(among):
         return np.zeros(len(keys), bool)
     return np.asarray(among[np.minimum(np.searchsorted(among, keys), len(among) - 1)] == keys)

@@ -1,1 +1,1 @@
-"""Sampled fields: checks, signs, the numbers that geometry sends (spec clause 2)."""
+"""Sampled fields: checks, signs, and the numbers that geometry codes (spec clause 2)."""

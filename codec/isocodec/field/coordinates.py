@@ -1,4 +1,4 @@
-"""Coordinates that a user gives a field's samples: what they have to be, how finely they are kept (spec clause 9.9)."""
+"""Coordinates that a user gives for samples: checks, and the precision to which they are stored (spec clause 9.9)."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ..errors import InputError
 from .mapped import Coordinate
 
 MOST_UNITS = 1 << 50
-"""Units between two coordinates at most."""
+"""Largest number of units between two coordinates."""
 MOST_PERIOD = 1 << 32
-"""Periods have fewer units: values that go round many times still fit 64 bits (clause 3.7.4)."""
+"""Periods have fewer units than this, so that values beyond many periods still fit 64 bits (clause 3.7.4)."""
 PARTS = 8.5
-"""Units of the error that is allowed: half a quantum of what is coded, and half a unit of rounding (clause 3.7.4)."""
+"""Units per permitted error: half a quantum of coding, and half a unit of rounding (clause 3.7.4)."""
 
 Array = NDArray[np.float64]
 
@@ -30,11 +30,11 @@ class Given:
     Attributes
     ----------
     coordinates : tuple of Coordinate
-        x, y (, z), with units that keep the error.
+        x, y (, z), with units small enough for the error.
     arrays : tuple of (s0 or 1, .., sn-1 or 1) float64
-        Each of them; it varies along the axes that it has more than one node of.
+        One array for each coordinate, with one node along each axis on which the coordinate does not depend.
     needed : tuple of (s0 or 1, .., sn-1 or 1) bool
-        Where they matter: at nodes of whole unit cells.
+        Where coordinates matter: at nodes of unit cells without missing corners.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -43,7 +43,7 @@ class Given:
 
 
 def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
-    """Coordinates x, y (, z) as arrays that broadcast to the shape of the field.
+    """Convert coordinates x, y (, z) to arrays that broadcast to the shape of the field.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
     Raises
     ------
     InputError
-        If it is neither.
+        If ``given`` has neither form.
     """
     n = len(shape)
     try:
@@ -73,14 +73,14 @@ def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
             if len(part) != shape[axis]:
                 raise InputError(
                     f"{len(part)} coordinates for axis {axis} of the field, which has {shape[axis]} samples",
-                    code="coordinates", remedy="give one for each sample, axes in the order of the field",
+                    code="coordinates", remedy="give one for each sample, with axes in the order of the field",
                 )
             parts[axis] = part.reshape([-1 if a == axis else 1 for a in range(n)])
         return parts[::-1] if n == 2 else parts
     for name, part in zip("xyz", parts, strict=False):
         if part.ndim != n or any(count not in (1, size) for count, size in zip(part.shape, shape, strict=True)):
             raise InputError(
-                f"the coordinates {name} have shape {part.shape}, the field {shape}", code="coordinates",
+                f"the coordinates {name} have shape {part.shape}, but the field has {shape}", code="coordinates",
                 remedy="give one for each sample, with the field's axes",
             )
     return [_least(part) for part in parts]
@@ -99,27 +99,27 @@ def check_coordinates(
     arrays: Sequence[Array], shape: tuple[int, ...], gone: NDArray[np.bool_] | None, periods: Sequence[float],
     error: float, periodic: Sequence[int] = (),
 ) -> Given:
-    """Coordinates that do not fold, and units in which they are kept within ``error`` cells.
+    """Check that coordinates do not fold, and find units in which they are stored to within ``error`` cells.
 
     Parameters
     ----------
     arrays : sequence of (s0 or 1, .., sn-1 or 1) float64
-        As `arrays_of` gives them.
+        The arrays that `arrays_of` returns.
     shape : tuple of int
-        The field's.
+        Shape of the field.
     gone : (s0, .., sn-1) bool, optional
-        Which samples are missing: cells that have one do not count.
+        Which samples are missing; cells with a missing corner do not count.
     periods : sequence of float
-        For each coordinate; 0 if it is not periodic.
+        Period of each coordinate; 0 if it is not periodic.
     error : float
-        In cells.
+        Largest error, in cells.
     periodic : sequence of int
-        Axes whose last plane is the first one again.
+        Axes whose last plane repeats the first one.
 
     Raises
     ------
     InputError
-        If a coordinate that matters is not finite, if axes do not rise or fall strictly, or if cells fold.
+        If a coordinate that matters is not finite, if axes are not strictly increasing or decreasing, or if cells fold.
     """
     whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
     used = np.ones(shape, np.bool_) if gone is None else _touched(whole, shape)
@@ -150,7 +150,7 @@ def check_coordinates(
         if units >= MOST_PERIOD or float(np.ptp(finite)) / unit >= MOST_UNITS:
             raise InputError(
                 f"the coordinates {name} would take too many units of {unit:g}", code="coordinates",
-                remedy="allow a larger coordinates_error; or do cells all but vanish somewhere?",
+                remedy="allow a larger coordinates_error, or check for cells of almost no size",
             )
         first = array.flat[0]
         coordinates.append(Coordinate(tuple(axes), float(first if np.isfinite(first) else finite[0]), unit, units))
@@ -166,7 +166,7 @@ def whole_cells(gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _touched(whole: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Nodes of whole cells."""
+    """Nodes of cells without missing corners."""
     out = np.zeros(shape, np.bool_)
     for corner in product((0, 1), repeat=len(shape)):
         out[tuple(slice(c, c + size) for c, size in zip(corner, whole.shape, strict=True))] |= whole
@@ -180,21 +180,22 @@ def steps_along(array: Array, axis: int, period: float) -> Array:
 
 
 def _no_wrap(periodic: Sequence[int], periods: Sequence[float]) -> str | None:
-    """Remedy where the last cell of a periodic axis folds."""
+    """Remedy if the last cell of a periodic axis folds."""
     if periodic and not any(periods):
-        return "give the period of the coordinate, 360 of longitudes, unless the ends are one place"
+        return "give the period of the coordinate (360 for longitudes), unless both ends are the same place"
     return None
 
 
 def _along_axis(array: Array, axis: int, period: float, periodic: Sequence[int]) -> float:
-    """Cells by a unit of a coordinate that varies along one axis, at most."""
+    """Largest number of cells that a unit of a coordinate amounts to, for a coordinate that varies along one axis."""
     steps = steps_along(array, axis, period).ravel()
     falling = np.count_nonzero(steps < 0) > len(steps) / 2
     bad = np.flatnonzero(steps >= 0 if falling else steps <= 0)
     if len(bad):
         i = int(bad[0])
         raise InputError(
-            f"the coordinates along axis {axis} neither rise nor fall all the way: {array.ravel()[i]:g} is followed by "
+            f"the coordinates along axis {axis} neither increase nor decrease throughout: {array.ravel()[i]:g} is "
+            "followed by "
             f"{array.ravel()[i + 1]:g} at sample {i + 1}", code="coordinates",
             remedy=_no_wrap([a for a in periodic if a == axis], [period]) or "sort the samples along that axis",
         )
@@ -204,7 +205,7 @@ def _along_axis(array: Array, axis: int, period: float, periodic: Sequence[int])
 def _inverse(
     arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], periodic: Sequence[int]
 ) -> list[float]:
-    """For each coordinate the most cells by a unit of it, over all corners of whole cells, none of which may fold."""
+    """Largest number of cells that a unit of each coordinate amounts to, over all corners; cells must not fold."""
     n = len(arrays)
     steps = [
         [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
@@ -226,7 +227,7 @@ def _inverse(
                 raise InputError(
                     f"the coordinates fold: the cell at sample {where} is turned over or has no size, as are "
                     f"{np.count_nonzero(bad) - 1:,} more", code="coordinates",
-                    remedy=_no_wrap(periodic, periods) or "mask those samples, or leave out rows that repeat others",
+                    remedy=_no_wrap(periodic, periods) or "mask those samples, or remove repeated rows",
                 )
             for c in range(n):
                 column = np.sqrt(sum(part * part for part in cofactors[c])) / np.abs(size)
@@ -245,7 +246,7 @@ def at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
 
 
 def _cofactors(u: list[Any], v: list[Any]) -> list[Any]:
-    """Cofactors of a row of a matrix from the others: in the plane one other (twice), in space two (their product)."""
+    """Cofactors of a row of a matrix, from the other row (2-D) or the product of the other two (3-D)."""
     if len(u) == 2:
         return [u[1], -u[0]]
     return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]

@@ -1,4 +1,4 @@
-"""Samples out of a file: their signs, and next to the curve their numbers of steps, or crossings."""
+"""Samples decoded from a file: their signs and, next to the curve, their values in steps, or crossings."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from numpy.typing import NDArray
 from .samples import Samples, interval_value
 
 LABELS = "labels"
-"""The note of a file whose isovalues are labels: a sample lies above the one that it has."""
+"""Name of the note of files whose isovalues are labels; a sample lies above the isovalue that is its label."""
 
 
 @dataclass(frozen=True)
 class DecodedSamples(Samples):
-    """Samples at one isovalue as a file on the full grid holds them; ``values`` are made up to agree with it.
+    """Samples at one isovalue as decoded from a file on the full grid; ``values`` are chosen to agree with the file.
 
     Attributes
     ----------
     number : (s0, .., sn-1) int64, or None
-        Steps from the isovalue's side, -1 where they are unknown; None of a file without values.
+        Distance from the isovalue in steps, -1 where it is unknown; None for a file without values.
     edges : (E,) int64
-        Without numbers: grid edges that have a crossing, ascending: ``n`` times the index of the lower end in the
-        flattened array, plus the axis.
+        If there are no numbers: grid edges with a known crossing, in ascending order, each as ``n`` times the index of
+        the lower end in the flattened array, plus the axis.
     places : (E,) float64
-        Where these are crossed, from their lower ends, within (0, 1). Those that are not among them are half-way.
+        Position of the crossing on each of these edges, measured from the lower end, within (0, 1). Other crossings are
+        at midpoints.
     """
 
     number: NDArray[np.int64] | None = None
@@ -35,24 +36,25 @@ class DecodedSamples(Samples):
 
     @property
     def integer(self) -> bool:
-        """Whether there are numbers, and these are integers."""
+        """Whether there are numbers, and the data are integers."""
         return self.number is not None and self.scale is None
 
     def numbers(self, positions: NDArray[np.integer], above: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Numbers as in the file; see `Samples.numbers`."""
+        """Numbers as stored in the file; see `Samples.numbers`."""
         assert self.number is not None
         return np.maximum(self.number[tuple(positions.T)], 0)
 
     def number_bits(self) -> tuple[int, int]:
-        """Bits that the known numbers need, above and below the isovalue."""
+        """Number of bits that the known numbers need, above and below the isovalue."""
         assert self.number is not None
         above, below = (int(self.number[self.signs == side].max(initial=0)).bit_length() for side in (True, False))
         return above, below
 
     def between(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Crossings of edges between samples next to one another.
+        """Find the crossings of edges between neighbouring samples.
 
-        A diagonal is taken to be crossed where the ways along the axes between its ends are, in the mean.
+        A diagonal is taken to be crossed at the average position of the crossings on the axis-parallel paths between
+        its ends.
         """
         if self.number is not None:
             return super().between(low, high)
@@ -73,7 +75,7 @@ class DecodedSamples(Samples):
         return total / (len(orders) * np.abs(moves).sum(axis=1))
 
     def _place(self, low: NDArray[np.int64], high: NDArray[np.int64], axis: int) -> NDArray[np.float64]:
-        """Crossings of edges along an axis, from their first ends."""
+        """Find the crossings of edges along an axis, measured from their first ends."""
         first = np.minimum(low, high)
         key = np.ravel_multi_index(tuple(first.T), self.signs.shape) * low.shape[1] + axis
         place = places_of(key, self.edges, self.places)
@@ -83,7 +85,7 @@ class DecodedSamples(Samples):
 def places_of(
     keys: NDArray[np.int64], edges: NDArray[np.int64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Places of edges (K,) among those that are known, ascending, half-way for the others."""
+    """Look up crossings of edges (K,) among the known, sorted ones; midpoints for the others."""
     if not len(edges):
         return np.full(len(keys), 0.5)
     at = np.minimum(np.searchsorted(edges, keys), len(edges) - 1)
@@ -93,7 +95,7 @@ def places_of(
 def values_of_steps(
     signs: NDArray[np.bool_], isovalue: float, scale: float | None, number: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Samples (s0, .., sn-1) with so many steps from the isovalue; with none where the number is unknown."""
+    """Make samples (s0, .., sn-1) at these numbers of steps from the isovalue, or next to it where unknown."""
     out: NDArray[np.float64] = interval_value(isovalue, scale, np.maximum(number, 0), signs)
     return out
 
@@ -101,9 +103,9 @@ def values_of_steps(
 def near_values(
     signs: NDArray[np.bool_], isovalue: float, edges: NDArray[np.int64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Samples as far from the isovalue as the nearest crossing of an edge is from them, in cells; 1 if none is known.
+    """Make samples as far from the isovalue as their nearest crossing, in cells; 1 if no crossing is known.
 
-    Only searches use them, to see where it goes up.
+    Used only by searches, to find the direction in which the field increases.
     """
     n = signs.ndim
     far = np.ones(signs.size)

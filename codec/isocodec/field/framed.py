@@ -9,15 +9,15 @@ from typing import Any
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames of one shape in their order, for a file that holds a series: time steps, slices, channels.
+    """Frames of the same shape, in order, for a file that holds a series: time steps, slices, channels.
 
     Attributes
     ----------
     fields : iterable of Field or array_like
-        Fields of one shape and type; an array's first axis counts them. They are taken one by one.
+        Fields of the same shape and type; in an array, frames lie along the first axis. They are read one by one.
     interval : int or None
-        Frames whose number is a multiple of this lean on none before them, so that decoding can begin there; 0 if only
-        the first does. None leaves it to the option of `encode`.
+        Frames whose number is a multiple of this are key frames, not predicted from earlier frames, so that decoding
+        can begin there; 0 if only the first is. None leaves this to the option of `encode`.
     """
 
     fields: Iterable[Any]
@@ -28,5 +28,5 @@ class Frames:
 
     @property
     def repeatable(self) -> bool:
-        """Whether the frames can be taken more than once."""
+        """Whether the frames can be iterated over more than once."""
         return iter(self.fields) is not self.fields

@@ -1,4 +1,4 @@
-"""Coordinates as a file holds them, in whole units, and the places between samples (spec clauses 3.7.4, 9.9)."""
+"""Coordinates as a file stores them, in whole units, and interpolation between samples (spec clauses 3.7.4, 9.9)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One coordinate of the nodes of a grid.
+    """One coordinate (x, y or z) of the nodes of a grid.
 
     Attributes
     ----------
     axes : tuple of int
-        Axes of the array along which it varies.
+        Axes of the array along which the coordinate varies.
     origin, unit : float
-        It is ``origin + unit * value``.
+        The coordinate is ``origin + unit * value``.
     period : int
-        In units: places that many units apart are the same; 0 if not periodic.
+        Period in units; 0 if not periodic.
     """
 
     axes: tuple[int, ...]
@@ -30,24 +30,24 @@ class Coordinate:
     period: int = 0
 
     def counts(self, shape: Sequence[int]) -> tuple[int, ...]:
-        """Nodes along each axis of an array: 1 along those that it does not depend on."""
+        """Number of nodes along each axis of an array; 1 along axes on which the coordinate does not depend."""
         return tuple(size if axis in self.axes else 1 for axis, size in enumerate(shape))
 
 
 @dataclass(frozen=True, eq=False)
 class Mapped(Sequence[NDArray[np.float64]]):
-    """Coordinates of the samples of a file: a sequence of x, y (, z), as arrays that broadcast to the shape.
+    """Coordinates of the samples of a file: a sequence x, y (, z) of arrays that broadcast to the shape.
 
     Attributes
     ----------
     shape : tuple of int
-        Samples along each axis, the plane that closes a periodic axis included.
+        Samples along each axis, including the plane that closes a periodic axis.
     coordinates : tuple of Coordinate
         x, y (, z).
     values : tuple of (s0 or 1, .., sn-1 or 1) int64
-        For each coordinate its values at the nodes, in units; they are changed as clause 9.9(2) requires.
+        For each coordinate, its values at the nodes, in units, adjusted as clause 9.9(2) requires.
     periodic : tuple of int
-        Axes whose last plane of samples is the first one again.
+        Axes whose last plane of samples repeats the first one.
     """
 
     shape: tuple[int, ...]
@@ -67,7 +67,7 @@ class Mapped(Sequence[NDArray[np.float64]]):
 
     @property
     def periods(self) -> tuple[float, ...]:
-        """For each coordinate x, y (, z) the distance after which it is the same; 0.0 if it is not periodic."""
+        """Period of each coordinate x, y (, z); 0.0 if it is not periodic."""
         return tuple(one.unit * one.period for one in self.coordinates)
 
     def __len__(self) -> int:
@@ -86,7 +86,7 @@ class Mapped(Sequence[NDArray[np.float64]]):
         return one.origin + one.unit * self.values[index].astype(np.float64)
 
     def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Coordinates x, y (, z) of points in index coordinates within the box, (P, n) float64 both.
+        """Compute coordinates x, y (, z) of points in index coordinates inside the grid, (P, n) float64 both.
 
         Within each unit cell they are multilinear.
         """
@@ -100,7 +100,7 @@ class Mapped(Sequence[NDArray[np.float64]]):
 
 
 def nearest(difference: NDArray[Any], period: float) -> NDArray[Any]:
-    """Differences up to multiples of the period: those nearest to 0; whole numbers if all are whole."""
+    """Reduce differences by multiples of the period to those nearest to 0; integers stay integers."""
     half = period // 2 if isinstance(period, int) else period / 2
     return (difference + half) % period - half if period else difference
 
@@ -108,20 +108,20 @@ def nearest(difference: NDArray[Any], period: float) -> NDArray[Any]:
 def between(
     axes: Sequence[int], value: NDArray[Any], cell: NDArray[np.int64], along: NDArray[np.float64], period: float
 ) -> NDArray[np.float64]:
-    """Multilinear values within cells.
+    """Interpolate values multilinearly within cells.
 
     Parameters
     ----------
     axes : sequence of int
-        Along which the values vary.
+        Axes along which the values vary.
     value : (s0 or 1, .., sn-1 or 1) array
-        At the nodes.
+        Values at the nodes.
     cell : (P, n) int64
-        Lowest corners.
+        Lowest corners of the cells.
     along : (P, n) float64
-        Where in the cell, from 0 to 1 along each axis.
+        Position in the cell, from 0 to 1 along each axis.
     period : int or float
-        Values that many apart are the same; 0 if not periodic.
+        Period of the values; 0 if not periodic.
 
     Returns
     -------
@@ -138,6 +138,6 @@ def between(
     parts = [(first + nearest(corner(i) - first, period)).astype(np.float64) for i in range(1 << len(axes))]
     for axis in axes:
         t = along[:, axis]
-        # so that at t = 0 and 1 nothing is rounded, and neighbouring cells agree
+        # so that nothing is rounded at t = 0 and 1, and neighbouring cells agree
         parts = [a * (1 - t) + b * t for a, b in zip(parts[::2], parts[1::2], strict=True)]
     return parts[0]

@@ -24,25 +24,27 @@ class Mesh:
         Coordinates x, y (, z).
     cells : (T, 3) or (T, 4) array_like of int, or None
         Vertices of triangles, in the plane or of a surface in space, or of tetrahedra. None: the points are scattered
-        over the plane, and are joined to their Delaunay triangulation; those that coincide become one, with the mean of
-        their values.
+        over the plane and are triangulated (Delaunay); points that coincide are merged into one with the mean of their
+        values.
     values : (V,) or (F, V) array_like of bool, integers or floats, or None
-        With two axes, those of F frames: a series. None of a mesh alone, as files that do not hold theirs need it.
+        With two axes, the values of F frames, which make a series. None for a bare mesh, which is what one gives to
+        decode a file that does not store its mesh.
     stored : str or None
         What the file stores of the mesh. ``known``: decoders have points and cells in the same order; the file stores
-        their hash. ``coded``: the cells that contours cross, ``whole``: all cells. ``delaunay``, without cells: the
-        points. By default ``known`` with cells, ``delaunay`` without.
+        their hash. ``coded``: it stores the cells that contours cross. ``whole``: it stores all cells. ``delaunay``,
+        for points without cells: it stores the points. The default is ``known`` with cells and ``delaunay`` without.
     error : float or None
-        For a mesh in the file, the largest distance between vertices and their points; less where cells would fold. By
-        default 0.05 of the median edge. Points of contours lie on the edges of that mesh, where these meet the contour
-        of the given one, so that they may be much nearer to it.
+        For a mesh that the file stores, the largest distance between stored and given vertices, reduced where cells
+        would fold. The default is 0.05 of the median edge length. Contour points lie where the edges of the stored mesh
+        meet the contour of the original mesh, and so may be much nearer to that contour.
     progressive : bool or None
-        Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show all of the curve:
-        for triangles in the plane, the default if both sides have the mesh. Else they come along the curve.
+        Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show the whole curve.
+        Only for triangles in the plane, and the default if encoder and decoder have the mesh. Otherwise signs are coded
+        along the curve.
     crs : str or None
         Reference system of the coordinates.
     notes : mapping of str to str
-        Words and single numbers from the source.
+        Texts and single numbers from the source.
     """
 
     points: ArrayLike
@@ -57,5 +59,5 @@ class Mesh:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """The notes that a file of this mesh gets."""
+        """Notes for a file of this mesh."""
         return {**self.notes, **({CRS: self.crs} if self.crs else {})}

@@ -1,4 +1,4 @@
-"""Missing samples: which ones they are, and what can fill them instead of holes."""
+"""Missing samples: find them, or fill them instead of keeping holes."""
 
 from __future__ import annotations
 
@@ -42,19 +42,20 @@ def filled(field: Array, gone: NDArray[np.bool_], way: str, isovalues: Sequence[
     gone : (s0, .., sn-1) bool
         Which samples are missing.
     way : str
-        ``"below"``: the smallest sample or less, so that they lie below all isovalues; ``"above"``: the largest or
-        more, so that they lie above: either way the curve runs around them; ``"nearest"``: the nearest valid sample.
+        ``"below"``: with the smallest sample or less, so that they lie below all isovalues; ``"above"``: with the
+        largest sample or more, so that they lie above all isovalues (in both cases, the curve runs around them);
+        ``"nearest"``: with the nearest valid sample.
     isovalues : sequence of float
 
     Returns
     -------
     (s0, .., sn-1) array
-        Of the same type.
+        The filled field, of the same type.
 
     Raises
     ------
     InputError
-        If all samples are missing, or the type has no value that lies beyond the isovalues.
+        If all samples are missing, or the type has no value beyond the isovalues.
     MissingExtraError
         If scipy is not installed, for ``"nearest"``.
     """
@@ -76,7 +77,7 @@ def filled(field: Array, gone: NDArray[np.bool_], way: str, isovalues: Sequence[
 
 
 def _just(field: Array, isovalue: float, way: str) -> Any:
-    """The value of the field's type next to an isovalue, on the way there."""
+    """Find the value of the field's type that lies next to an isovalue on the given side."""
     if field.dtype.kind == "f":
         value = field.dtype.type(isovalue)
         return value if way == "below" else np.nextafter(value, field.dtype.type(np.inf))

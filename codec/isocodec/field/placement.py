@@ -100,7 +100,7 @@ class Placement:
             raise OptionError("a matrix and coordinates cannot be combined", code="options", remedy="give one of them")
         name = "an error" if error is not None else "a period" if turns else ""
         if name and coordinates is None and (matrix is None or not axes):
-            raise OptionError(f"{name} of coordinates needs coordinates", code="coordinates",
+            raise OptionError(f"{name} can be given only together with coordinates", code="coordinates",
                               remedy="give coordinates")
         given: dict[str, Any] = {
             "matrix": None if matrix is None else np.asarray(matrix), "coordinates": _arrays(coordinates), "crs": crs,
@@ -261,7 +261,7 @@ class Placement:
             return number / largest_step(arrays, [0.0] * n, np.ones((1,) * n, np.bool_), unit, False)
         if self.coordinates is None:
             raise OptionError(
-                f"a tolerance of {distance} needs a field with a placement in the world", code="tolerance",
+                f"a tolerance of {distance} needs a field that states where its samples lie", code="tolerance",
                 remedy="give a placement, or a number of cells",
             )
         arrays = arrays_of(self.coordinates, shape)
@@ -374,17 +374,17 @@ def matrix_of(given: ArrayLike, n: int) -> Array:
         matrix = matrix[:n]
     if matrix.shape != (n, n + 1):
         raise OptionError(
-            f"a placement of shape {matrix.shape}, but the field has {n} axes", code="placement",
+            f"the placement has shape {matrix.shape}, but the field has {n} axes", code="placement",
             remedy=f"give an array of shape {(n,)} or {(n, n + 1)}",
         )
     size = np.abs(matrix[matrix != 0])
     if not ((size >= LEAST) & (size <= MOST)).all():
         raise OptionError(
             f"the placement has numbers that are neither 0 nor between {LEAST:g} and {MOST:g}", code="placement",
-            remedy="take another unit",
+            remedy="choose another unit",
         )
     if _determinant([[Fraction(number) for number in row[:n]] for row in matrix.tolist()]) == 0:
-        raise OptionError("the placement lays different samples on one point", code="placement")
+        raise OptionError("the placement maps different samples to one point", code="placement")
     return matrix
 
 
@@ -438,9 +438,10 @@ def _axes_of(periodic: Any) -> tuple[int, ...]:
         return ()
     axes = list(periodic) if isinstance(periodic, Sequence) and not isinstance(periodic, str) else [periodic]
     if any(isinstance(axis, bool) or not isinstance(axis, int | np.integer) for axis in axes):
-        raise OptionError(f"periodic is {periodic!r}; it must be the number of an axis, or several", code="periodic")
+        raise OptionError(f"periodic is {periodic!r}; it must be the number of an axis, or several such numbers",
+                          code="periodic")
     if len(set(axes)) < len(axes) or not all(0 <= axis < _AXES for axis in axes):
-        raise OptionError(f"periodic is {periodic!r}; axes are counted from 0, each once", code="periodic")
+        raise OptionError(f"periodic is {periodic!r}; axes must be counted from 0, each given once", code="periodic")
     return tuple(sorted(int(axis) for axis in axes))
 
 

@@ -1,4 +1,4 @@
-"""Reference systems of coordinates, and longitude and latitude, which GeoJSON has (RFC 7946, clause 4)."""
+"""Reference systems of coordinates, and conversion to longitude and latitude for GeoJSON (RFC 7946, clause 4)."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ Transform = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def epsg_of(placement: Placement | None) -> str | None:
-    """EPSG number of the system that coordinates have; None if there are no coordinates, or no such number."""
+    """EPSG number of the reference system of coordinates; None without coordinates, or without such a number."""
     return None if placement is None else placement.epsg
 
 
 def to_degrees(placement: Placement | None) -> Transform:
-    """A function from coordinates (P, 2) to longitudes and latitudes on WGS 84.
+    """Make a function from coordinates (P, 2) to longitudes and latitudes on WGS 84.
 
-    Coordinates without a reference system stay as they are.
+    Coordinates without a reference system are returned unchanged.
 
     Raises
     ------
     OptionError
-        If no system has that number.
+        If there is no reference system with this number.
     MissingExtraError
         If pyproj is not installed.
     """
@@ -40,7 +40,7 @@ def to_degrees(placement: Placement | None) -> Transform:
     try:
         transformer = pyproj.Transformer.from_crs(f"EPSG:{number}", f"EPSG:{DEGREES}", always_xy=True)
     except pyproj.exceptions.ProjError as exc:
-        raise OptionError(f"there is no reference system EPSG:{number} to reproject from", code="crs",
+        raise OptionError(f"unknown reference system EPSG:{number}", code="crs",
                           remedy="--keep-crs writes the coordinates as they are") from exc
 
     def degrees(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -49,7 +49,7 @@ def to_degrees(placement: Placement | None) -> Transform:
         out = np.stack(transformer.transform(points[:, 0], points[:, 1]), axis=1)
         if not np.isfinite(out).all():
             raise OptionError(
-                f"coordinates lie outside of what EPSG:{number} covers, and have no longitude and latitude", code="crs",
+                f"coordinates lie outside the area of EPSG:{number}, and have no longitude and latitude", code="crs",
                 remedy="is the placement right? --keep-crs writes the coordinates as they are",
             )
         return np.asarray(out)

@@ -1,4 +1,4 @@
-"""Sampled fields: values, missing samples, where they lie, names and units."""
+"""Sampled fields: values, missing samples, placement, names and units."""
 
 from __future__ import annotations
 
@@ -23,37 +23,38 @@ MISSING = (HOLE, *WAYS)
 
 @dataclass(frozen=True, eq=False, init=False)
 class Field:
-    """Samples on a grid, and what is known of them.
+    """Samples on a grid, together with what is known about them.
 
     Attributes
     ----------
     values : (s0, .., sn-1) array of bool, integers or floats
-        For a masked array of numpy, the mask goes into ``mask``.
+        The mask of a numpy masked array is moved to ``mask``.
     mask : (s0, .., sn-1) array of bool, or None
         True where a sample is missing; NaN is missing as well.
     placement : Placement or None
-        Where samples lie. Numbers are turned into one: distances of neighbouring samples along each axis, or a matrix
+        Where the samples lie. Numbers are converted to a Placement: the sample spacing along each axis, or a matrix
         with a row for each coordinate x, y (, z), as `isocodec.field.placement.matrix_of` takes them.
     crs : str or None
-        Reference system of the coordinates, as ``EPSG:32631``; that of the placement if None.
+        Reference system of the coordinates, such as ``EPSG:32631``; if None, that of the placement.
     unit : str or None
         Unit of the values.
     name : str or None
-        What the values are.
+        Name of the quantity.
     labels : tuple of numbers, or None
         The values are labels of a segmentation, and these of them are encoded; ``"all"`` takes all but 0.
     missing : str
-        What an encoder does with missing samples: ``"hole"`` leaves them out, ``"below"``, ``"above"`` and
-        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does. With labels ``"below"`` is: they have none.
+        What an encoder does with missing samples: ``"hole"`` keeps them missing; ``"below"``, ``"above"`` and
+        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does. With labels, ``"below"`` means that missing
+        samples have no label.
     notes : mapping of str to str
-        Further facts from the source in words or single numbers: the time of a map, the height of a slice.
+        Further facts from the source, as texts or single numbers: the time of a map, the height of a slice.
     remarks : tuple of str
-        What the source states and is left out, and why.
+        Statements of the source that were not kept, and why.
 
     Raises
     ------
     OptionError
-        If the placement is not that of a field of so many axes, or ``missing`` is unknown.
+        If the placement does not fit the number of axes, or ``missing`` is unknown.
     """
 
     values: NDArray[Any]
@@ -110,7 +111,7 @@ class Field:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """The notes that a file of this field gets, but for the matrix of its placement."""
+        """Notes for a file of this field, except for the matrix of its placement."""
         own = {NAME: self.name, UNIT: self.unit, CRS: self.crs}
         return {**self.notes, **{key: text for key, text in own.items() if text}}
 
@@ -118,9 +119,9 @@ class Field:
         self, mask: ArrayLike | None = None, placement: Placement | ArrayLike | None = None,
         metadata: Mapping[str, str] | None = None,
     ) -> tuple[NDArray[np.bool_] | None, Placement | None, dict[str, str]]:
-        """The mask, placement and notes of a file of this field, with what is given beside it.
+        """Combine the mask, placement and notes of this field with further ones.
 
-        A mask adds missing samples, a placement takes the place of that of the field, as does the note of that name.
+        A mask adds missing samples; a placement, or a note of that name, replaces that of the field.
         """
         notes = {**self.metadata, **(metadata or {})}
         gone = self.mask
@@ -132,7 +133,7 @@ class Field:
 
 
 def check_missing(missing: str) -> None:
-    """Refuse what cannot be done with missing samples.
+    """Refuse unknown ways to treat missing samples.
 
     Raises
     ------

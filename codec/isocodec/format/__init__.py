@@ -1,1 +1,1 @@
-"""Bytes and records: header, chunks, programs of layers (spec clause 3). Knows no kernels."""
+"""Conversion between bytes and records: header, chunks, layer programs (spec clause 3); uses no kernels."""

@@ -1,4 +1,4 @@
-"""Chunks: envelopes, checksums, the level index (spec clauses 3.4, 3.5, 3.7)."""
+"""Chunks: envelopes, checksums and the level index (spec clauses 3.4, 3.5, 3.7)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Envelope:
     ----------
     type : int
     ancillary, checked, last : bool
-        May be skipped if unknown; has its own checksum; is the file's last.
+        Whether it may be skipped if unknown, has its own checksum, and is the last one in the file.
     start, end : int
         Byte offsets of the payload.
     """
@@ -53,7 +53,7 @@ class Envelope:
 
 
 def write_chunk(kind: ChunkType, payload: bytes, *, ancillary: bool = False, last: bool = False) -> bytes:
-    """A chunk with its envelope; a large one carries its own checksum."""
+    """Write a chunk with its envelope; a large chunk gets its own checksum."""
     checked = len(payload) >= CHECKED_CHUNK
     head = ChunkHead.build({"ancillary": ancillary, "checked": checked, "last": last, "type": kind})
     chunk = head + write_varint(len(payload)) + payload
@@ -61,7 +61,7 @@ def write_chunk(kind: ChunkType, payload: bytes, *, ancillary: bool = False, las
 
 
 def read_envelope(data: bytes | bytearray, at: int) -> Envelope | None:
-    """Envelope at ``at``; None if it is not all there yet.
+    """Read the envelope at ``at``; None if it has not arrived completely.
 
     Raises
     ------
@@ -82,25 +82,25 @@ def read_envelope(data: bytes | bytearray, at: int) -> Envelope | None:
 
 
 def payload_of(chunk: bytes) -> bytes:
-    """Payload of a chunk that is there in full."""
+    """Payload of a complete chunk."""
     envelope = read_envelope(chunk, 0)
     assert envelope is not None
     return chunk[envelope.start : envelope.end]
 
 
 def whole_bytes(data: bytes | bytearray | memoryview) -> bytes:
-    """The bytes of any buffer of bytes.
+    """Convert any buffer to bytes.
 
     Raises
     ------
     OptionError
-        If it is not bytes, but a name, for example.
+        If the argument is not a buffer, but for example a name.
     """
     return data if isinstance(data, bytes) else bytes(octets(data))
 
 
 def octets(data: bytes | bytearray | memoryview) -> memoryview:
-    """A view of any buffer, byte by byte; raises as ``whole_bytes``."""
+    """View any buffer byte by byte; raises the same errors as ``whole_bytes``."""
     try:
         return memoryview(data).cast("B")
     except TypeError:
@@ -111,20 +111,20 @@ def octets(data: bytes | bytearray | memoryview) -> memoryview:
 
 
 def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> int | None:
-    """Check the checksums behind a chunk that begins at ``start``, as far as they are there.
+    """Check the checksums after a chunk that begins at ``start``, as far as they have arrived.
 
     Returns
     -------
     int or None
-        Where they end; None if the bytes end before that.
+        Where the checksums end; None if the bytes end earlier.
 
     Raises
     ------
     FormatError
-        If the chunk's own (clause 3.5.3) or the file's (3.4.4) is wrong.
+        If the checksum of the chunk (clause 3.5.3) or of the file (3.4.4) is wrong.
     """
     at = chunk.end
-    # without a copy of what may be large; a view that stayed would keep an array from growing
+    # without copying what may be large; the view is released, because it keeps the array from growing
     with memoryview(data) as view:
         for there, first, what, clause in (
             (chunk.checked, start, "a chunk", "3.5.3"), (chunk.last, 0, "the file", "3.4.4")
@@ -139,7 +139,7 @@ def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> int | None:
 
 
 def write_further(isovalue: float, lean: int | None) -> bytes:
-    """Payload of an isovalue chunk; ``lean`` is the number of the earlier isovalue that it leans on (clause 3.5.5)."""
+    """Write the payload of an isovalue chunk; it is predicted from isovalue number ``lean`` (clause 3.5.5)."""
     kind, number = write_isovalue(isovalue)
     return bytes([kind << 6 | (0 if lean is None else lean + 1)]) + number
 
@@ -150,7 +150,7 @@ def read_further(payload: bytes, offset: int, earlier: Sequence[float]) -> tuple
     Raises
     ------
     FormatError
-        If the payload is not an independent isovalue, or leans on one that has not come.
+        If the payload is malformed, or refers to an isovalue that has not appeared yet.
     """
     if len(earlier) == MAX_ISOVALUES:
         raise FormatError(f"more than {MAX_ISOVALUES} isovalues", code="isovalues", offset=offset, clause="11.1")
@@ -160,23 +160,24 @@ def read_further(payload: bytes, offset: int, earlier: Sequence[float]) -> tuple
     if kind not in IsovalueKind.__members__.values():
         raise FormatError("unknown kind of isovalue", code="isovalue", offset=offset, clause="3.3.4")
     if lean > len(earlier):
-        raise FormatError(f"leaning on isovalue {lean - 1}, which has not come", code="lean", offset=offset,
+        raise FormatError(f"an isovalue refers to isovalue {lean - 1}, which has not appeared yet",
+                          code="lean", offset=offset,
                           clause="3.5.5")
     found = read_isovalue(payload, 1, len(payload), kind)
     if found is None or found[1] != len(payload):
         raise FormatError("an isovalue does not fill its chunk", code="isovalue", offset=offset, clause="3.5.5")
     if found[0] in earlier:
-        raise FormatError(f"the isovalue {found[0]} comes twice", code="isovalue", offset=offset, clause="3.5.5")
+        raise FormatError(f"the isovalue {found[0]} appears twice", code="isovalue", offset=offset, clause="3.5.5")
     return found[0], lean - 1 if lean else None
 
 
 def write_metadata(metadata: Mapping[str, str]) -> bytes:
-    """Payload of a metadata chunk: a JSON object of strings, UTF-8."""
+    """Write the payload of a metadata chunk: a JSON object of strings in UTF-8."""
     return json.dumps(dict(metadata), ensure_ascii=False, separators=(",", ":")).encode()
 
 
 def read_metadata(payload: bytes) -> dict[str, str]:
-    """Inverse of ``write_metadata``; what is not a JSON object of strings is dropped, the chunk being ancillary."""
+    """Inverse of ``write_metadata``; anything but a JSON object of strings is dropped, as the chunk is ancillary."""
     try:
         found = json.loads(payload.decode(), object_pairs_hook=_strings)
     except (ValueError, RecursionError):
@@ -185,19 +186,19 @@ def read_metadata(payload: bytes) -> dict[str, str]:
 
 
 def _strings(members: Sequence[tuple[str, object]]) -> dict[str, str]:
-    """Those that are strings, before the last one of each name is taken."""
+    """Drop notes that are not strings, before the last note of each name is taken."""
     return {name: text for name, text in members if isinstance(text, str)}
 
 
 @dataclass(frozen=True)
 class Promises:
-    """Promises of a writer for the layers of an isovalue (clause 3.7.3).
+    """Promises (guaranteed distances and topology) of a writer for the layers of an isovalue (clause 3.7.3).
 
     Attributes
     ----------
     within : dict of int to float
-        By number of a layer, counted from 1 within the isovalue: when it is complete, and no later one begun, decoded
-        and original curve lie within that many cells of each other.
+        Distance by number of a layer, counted from 1 within the isovalue: when that layer is complete and no later one
+        has begun, decoded and original curve lie within this many cells of each other.
     topology : bool
         Whether each layer, when it is complete, has the topology of the original curve.
     """
@@ -207,11 +208,11 @@ class Promises:
 
 
 def write_promises(promises: Promises) -> bytes:
-    """Payload of a chunk of promises; distances are rounded up."""
+    """Write the payload of a chunk of promises; distances are rounded up."""
     out = write_varint(int(promises.topology))
     before = 0
     for layer, distance in sorted(promises.within.items()):
-        # what a decimal fraction misses by rounding is not a part more
+        # the rounding error of a decimal fraction must not add a unit
         parts = math.ceil(distance * PROMISE_UNIT * (1 - 1e-12))
         out += write_varint(layer - before) + write_varint(parts)
         before = layer
@@ -219,7 +220,7 @@ def write_promises(promises: Promises) -> bytes:
 
 
 def read_promises(payload: bytes) -> Promises | None:
-    """Inverse of ``write_promises``; None if the payload is malformed, the chunk being ancillary."""
+    """Inverse of ``write_promises``; None if the payload is malformed, as the chunk is ancillary."""
     numbers: list[int] = []
     at = 0
     while at < len(payload):
@@ -254,7 +255,7 @@ class LayerRecord:
 
 
 def write_index(layers: Sequence[Layer], records: Sequence[LayerRecord]) -> bytes:
-    """Payload of a level index: for each layer its bytes, then its symbols by element (clause 3.7)."""
+    """Write the payload of a level index: for each layer its bytes, then its symbols by element (clause 3.7)."""
     out = b""
     for layer, record in zip(layers, records, strict=True):
         out += write_varint(record.bytes)
@@ -263,7 +264,7 @@ def write_index(layers: Sequence[Layer], records: Sequence[LayerRecord]) -> byte
 
 
 def read_index(payload: bytes, layers: Sequence[Layer]) -> list[LayerRecord]:
-    """Inverse of ``write_index``; an index that does not fit the layers gives an empty list."""
+    """Inverse of ``write_index``; an empty list if the index does not fit the layers."""
     records = []
     at = 0
     for layer in layers:

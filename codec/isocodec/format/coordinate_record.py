@@ -14,9 +14,9 @@ from ..field.mapped import Coordinate
 from .header import varint
 
 DENSEST = 1 << 14
-"""Most nodes that a byte of a run may hold."""
+"""Largest number of nodes per byte of a run."""
 _HEAD = 17
-"""Bytes of a coordinate before its period: its axes, origin and unit."""
+"""Number of bytes of a coordinate before its period: axes, origin and unit."""
 _WRAPS = 8
 
 
@@ -27,11 +27,11 @@ class CoordinatesRecord:
     Attributes
     ----------
     periodic : tuple of int
-        Axes whose last plane of samples is the first one again.
+        Axes whose last plane of samples repeats the first one.
     coordinates : tuple of Coordinate
         x, y (, z).
     run : bytes
-        Their values.
+        The coded values of the coordinates.
     """
 
     periodic: tuple[int, ...]
@@ -40,7 +40,7 @@ class CoordinatesRecord:
 
 
 def write_coordinates(record: CoordinatesRecord) -> bytes:
-    """Payload of a chunk of coordinates."""
+    """Write the payload of a chunk of coordinates."""
     out = bytes([_bits(record.periodic)])
     for one in record.coordinates:
         out += bytes([_bits(one.axes) | (_WRAPS if one.period else 0)]) + Double.build(one.origin)
@@ -49,9 +49,9 @@ def write_coordinates(record: CoordinatesRecord) -> bytes:
 
 
 def read_coordinates(payload: bytes, shape: Sequence[int]) -> CoordinatesRecord | None:
-    """Inverse of ``write_coordinates``, given the header's shape; None if malformed, the chunk being ancillary."""
+    """Inverse of ``write_coordinates``, given the header's shape; None if malformed, as the chunk is ancillary."""
     n = len(shape)
-    # an explicit domain has no grid
+    # a file on a mesh has no grid
     if n == 0 or not payload or payload[0] >= 1 << n:
         return None
     at = 1

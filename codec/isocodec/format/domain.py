@@ -1,4 +1,4 @@
-"""Explicit domains in a file, and the heads of their layers (spec clauses 3.5.8 and 10.1)."""
+"""Explicit domains (meshes) in a file, and the heads of their layers (spec clauses 3.5.8 and 10.1)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ..errors import FormatError, OptionError
 from .header import varint
 
 DIGEST = 16
-"""Bytes of the hash of a known mesh."""
+"""Number of bytes of the hash of a known mesh."""
 MOST_EXPONENT = 1100
 MOST_BITS = 52
 MOST_STEP = 1 << 40
 MOST_MULTIPLE, MOST_PLACE, MOST_EXTENT = 1 << 20, 1 << 40, 1 << 24
 MOST_OF_BYTE = 512
-"""Vertices and cells of a coded mesh for each byte of its payload, at most."""
+"""Largest number of vertices and cells of a coded mesh per byte of its payload."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,15 @@ class DomainHead:
     d : int
         Dimension of the positions.
     exponent : int
-        Positions count in units of ``2**exponent`` of the coordinates.
+        Positions are multiples of ``2**exponent`` in the unit of the coordinates.
     vertices, cells : int
     digest : bytes
-        For a known mesh the first 16 bytes of the SHA-256 of its canonical form; else empty.
+        For a known mesh, the first 16 bytes of the SHA-256 of its canonical form; otherwise empty.
     multiple : int
-        For a mesh in the file: positions count in so many times ``2**exponent``.
+        For a mesh in the file: positions are multiples of this many times ``2**exponent``.
     origin, extent : tuple of int
-        For a mesh in the file, for each coordinate: the least position, and how many there may be from there on.
+        For a mesh in the file, for each coordinate: the least position, and the number of possible positions from there
+        on.
     """
 
     kind: DomainKind
@@ -52,7 +53,7 @@ class DomainHead:
 
 
 def write_domain(head: DomainHead, n: int) -> bytes:
-    """Payload of a domain chunk, up to what is coded of the mesh."""
+    """Write the payload of a domain chunk, without the coded mesh that follows."""
     out = bytes([head.kind << 4 | (head.d - n)]) + write_varint(zigzag(head.exponent))
     out += write_varint(head.vertices) + write_varint(head.cells) + head.digest
     if head.kind != DomainKind.KNOWN:
@@ -62,7 +63,7 @@ def write_domain(head: DomainHead, n: int) -> bytes:
 
 
 def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
-    """Inverse of ``write_domain``: the head, and the place behind it in the payload, which begins at ``start``.
+    """Inverse of ``write_domain``: the head, and the place after it in the payload, which begins at ``start``.
 
     Raises
     ------
@@ -77,29 +78,31 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
         raise wrong("an empty domain chunk")
     kind, higher = payload[0] >> 4, payload[0] & 15
     if kind == DomainKind.POINTS and n == 2:
-        raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="take its surface")
+        raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="open it, and "
+                                                                                                     "ask for its "
+                                                                                                     "surface")
     if kind == DomainKind.POINTS or kind not in DomainKind.__members__.values():
         raise wrong(f"unknown kind of domain {kind}")
     if kind == DomainKind.DELAUNAY and (n, higher) != (2, 0):
-        raise wrong("a Delaunay triangulation that is not of triangles in the plane")
+        raise wrong("only triangles in the plane can be a Delaunay triangulation")
     if higher > 3 - n:
-        raise wrong("cells of more dimensions than their vertices have coordinates, or other reserved bits")
+        raise wrong("cells have more dimensions than the coordinates of their vertices, or reserved bits are set")
     numbers = []
     at = 1
     for _ in range(3):
         found = varint(payload, at, len(payload), "3.5.8")
         if found is None:
-            raise wrong("a domain chunk that is not complete")
+            raise wrong("the domain chunk is incomplete")
         numbers.append(found[0])
         at = found[1]
     exponent, vertices, cells = unzigzag(numbers[0]), numbers[1], numbers[2]
     if abs(exponent) > MOST_EXPONENT:
-        raise wrong("a unit of positions beyond all coordinates")
+        raise wrong("the unit of positions is out of range")
     if not n < vertices < 1 << 31 or not 0 < cells < 1 << 31:
-        raise wrong("a mesh without cells, or with too many of them")
+        raise wrong("the mesh has no cells, or too many vertices or cells")
     digest = payload[at : at + DIGEST] if kind == DomainKind.KNOWN else b""
     if kind == DomainKind.KNOWN and len(payload) != at + DIGEST:
-        raise wrong("a hash of another length")
+        raise wrong("the hash of the mesh has the wrong length")
     head = DomainHead(DomainKind(kind), n + higher, exponent, vertices, cells, digest)
     at += len(digest)
     return (head, at) if kind == DomainKind.KNOWN else _read_box(head, payload, at, wrong)
@@ -108,21 +111,21 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
 def _read_box(
     head: DomainHead, payload: bytes, at: int, wrong: Callable[[str], FormatError]
 ) -> tuple[DomainHead, int]:
-    """The rest of the head of a coded mesh: what its positions count in, and where they lie."""
+    """Read the rest of the head of a coded mesh: the unit of its positions, and where they lie."""
     numbers = []
     for _ in range(1 + 2 * head.d):
         found = varint(payload, at, len(payload), "3.5.8")
         if found is None:
-            raise wrong("a domain chunk that is not complete")
+            raise wrong("the domain chunk is incomplete")
         numbers.append(found[0])
         at = found[1]
     origin, extent = tuple(map(unzigzag, numbers[1 : 1 + head.d])), tuple(numbers[1 + head.d :])
     if not 0 < numbers[0] <= MOST_MULTIPLE or max(map(abs, origin)) > MOST_PLACE:
-        raise wrong("a unit or origin of positions out of range")
+        raise wrong("the unit or origin of positions is out of range")
     if not all(0 < each <= MOST_EXTENT for each in extent):
-        raise wrong("an extent of positions out of range")
+        raise wrong("the extent of positions is out of range")
     if head.vertices + head.cells > MOST_OF_BYTE * len(payload):
-        raise wrong("more vertices and cells than so few bytes can hold")
+        raise wrong("the chunk is too short for its number of vertices and cells")
     return replace(head, multiple=numbers[0], origin=origin, extent=extent), at
 
 
@@ -134,11 +137,11 @@ class MeshLayerHead:
     ----------
     kind : MeshLayer
     step : int
-        Offsets: the longest part of an edge, in 1/256 of a unit of positions.
+        For offsets: the longest part of an edge, in 1/256 of a unit of positions.
     bits : (int, int)
-        Values: bits of the numbers below and above the isovalue.
+        For values: bits of the numbers below and above the isovalue.
     rounds : int
-        Levels: rounds of the history that are to come back yet.
+        For levels: rounds of removal that remain to be undone.
     """
 
     kind: MeshLayer
@@ -148,7 +151,7 @@ class MeshLayerHead:
 
 
 def write_mesh_layer(head: MeshLayerHead) -> bytes:
-    """The bytes before the run."""
+    """Write the bytes before the run."""
     out = bytes([head.kind])
     if head.kind == MeshLayer.OFFSETS:
         out += write_varint(head.step)
@@ -177,15 +180,15 @@ def read_mesh_layer(payload: bytes, start: int) -> tuple[MeshLayerHead, int]:
     if kind == MeshLayer.OFFSETS:
         found = varint(payload, 1, len(payload), "10.1.3")
         if found is None or not 1 <= found[0] <= MOST_STEP:
-            raise wrong("no step of offsets, or one out of range")
+            raise wrong("the step of offsets is missing or out of range")
         return MeshLayerHead(kind, step=found[0]), found[1]
     if kind == MeshLayer.LEVELS:
         found = varint(payload, 1, len(payload), "10.1.3")
         if found is None:
-            raise wrong("no number of rounds")
+            raise wrong("the number of rounds is missing")
         return MeshLayerHead(kind, rounds=found[0]), found[1]
     if kind == MeshLayer.VALUES:
         if len(payload) < 3 or max(payload[1:3]) > MOST_BITS:
-            raise wrong("no numbers of bits, or more than there may be")
+            raise wrong("the numbers of bits are missing or too large")
         return MeshLayerHead(kind, bits=(payload[1], payload[2])), 3
     return MeshLayerHead(kind), 1

@@ -12,13 +12,13 @@ from .program import Layer
 
 @dataclass(frozen=True)
 class Event:
-    """Something that has been received.
+    """Something that a decoder has received.
 
     Attributes
     ----------
     offset : int
-        Byte offset at which it ends in the file, for a layer where the coder's window of four bytes lies then. It
-        does not depend on how the bytes were fed; a layer may be reported up to four bytes earlier.
+        Byte offset in the file at which it ends; for a layer, the position of the coder's four-byte window at that
+        moment. It does not depend on how the bytes were fed; a layer may be reported up to four bytes earlier.
     """
 
     offset: int
@@ -26,22 +26,22 @@ class Event:
 
 @dataclass(frozen=True)
 class HeaderRead(Event):
-    """The header is there."""
+    """The header has been read."""
 
     header: Header
 
 
 @dataclass(frozen=True)
 class IsovalueRead(Event):
-    """Another isovalue begins: the layers that follow are its own.
+    """A further isovalue begins; the layers that follow belong to it.
 
     Attributes
     ----------
     number : int
-        Its number in the file; the header's is 0.
+        Number of the isovalue in the file; the one in the header is 0.
     isovalue : float
     lean : int or None
-        Number of the earlier isovalue that it leans on.
+        Number of the earlier isovalue that it is predicted from, or None.
     """
 
     number: int
@@ -56,7 +56,8 @@ class SeriesRead(Event):
     Attributes
     ----------
     interval : int
-        Frames whose number is a multiple of it lean on none before them; 0 if only the first does.
+        Frames whose number is a multiple of this are key frames, not predicted from earlier ones; 0 if only the first
+        is.
     """
 
     interval: int
@@ -64,7 +65,7 @@ class SeriesRead(Event):
 
 @dataclass(frozen=True)
 class FrameRead(Event):
-    """An isovalue of a further frame begins: the layers that follow are its own.
+    """An isovalue of a further frame begins; the layers that follow belong to it.
 
     Attributes
     ----------
@@ -73,9 +74,9 @@ class FrameRead(Event):
     number : int
         Number of the isovalue, as in the first frame.
     lean : int or None
-        Number of the isovalue that it leans on.
+        Number of the isovalue that it is predicted from, or None.
     before : bool
-        Whether that is one of the frame before.
+        Whether that isovalue is one of the frame before.
     """
 
     frame: int
@@ -86,17 +87,17 @@ class FrameRead(Event):
 
 @dataclass(frozen=True)
 class LayerComplete(Event):
-    """A layer has been decoded to its end.
+    """A layer has been decoded completely.
 
     Attributes
     ----------
     number : int
-        Its number in the file, from 1.
+        Number of the layer in the file, from 1.
     layer : Layer
     symbols : dict of str to int
         Symbols by syntax element.
     bytes : int
-        Entropy-coded bytes that it took.
+        Number of entropy-coded bytes.
     """
 
     number: int
@@ -107,34 +108,34 @@ class LayerComplete(Event):
 
 @dataclass(frozen=True)
 class BaseComplete(LayerComplete):
-    """The base is there."""
+    """The base has been decoded."""
 
 
 @dataclass(frozen=True)
 class LevelComplete(LayerComplete):
-    """A round of refinement is there."""
+    """A round of refinement has been decoded."""
 
 
 @dataclass(frozen=True)
 class GeometryRefined(LayerComplete):
-    """One more bit of all values, or of all offsets, is there."""
+    """One more bit of all values, or one more digit of all offsets, has been decoded."""
 
 
 @dataclass(frozen=True)
 class MetadataRead(Event):
-    """A metadata chunk."""
+    """A metadata chunk has been read."""
 
     metadata: dict[str, str]
 
 
 @dataclass(frozen=True)
 class MaskComplete(Event):
-    """The mask is complete: it is known which samples are missing.
+    """The mask is complete, so that it is known which samples are missing.
 
     Attributes
     ----------
     bytes : int
-        Entropy-coded bytes that it took.
+        Number of entropy-coded bytes.
     """
 
     bytes: int
@@ -142,7 +143,7 @@ class MaskComplete(Event):
 
 @dataclass(frozen=True)
 class DomainRead(Event):
-    """The domain is there: vertices and cells of its mesh."""
+    """The mesh of the file has been decoded, with its vertices and cells."""
 
     vertices: int
     cells: int
@@ -150,16 +151,16 @@ class DomainRead(Event):
 
 @dataclass(frozen=True)
 class MeshLayerComplete(Event):
-    """A layer of an explicit domain has been decoded.
+    """A layer of a file on a mesh has been decoded.
 
     Attributes
     ----------
     number : int
-        Its number in the file, from 1.
+        Number of the layer in the file, from 1.
     kind : str
         ``signs``, ``levels``, ``offsets`` or ``values``.
     bytes : int
-        Entropy-coded bytes that it took.
+        Number of entropy-coded bytes.
     """
 
     number: int
@@ -169,21 +170,21 @@ class MeshLayerComplete(Event):
 
 @dataclass(frozen=True)
 class PromisesRead(Event):
-    """The writer's promises for the layers of the present isovalue have come."""
+    """The promises (guaranteed distances) for the layers of the current isovalue have been read."""
 
     promises: Promises
 
 
 @dataclass(frozen=True)
 class CoordinatesRead(Event):
-    """The coordinates of samples have come; the numbers are decoded when something is drawn there."""
+    """The coordinates of samples have been read; their numbers are decoded when something is drawn."""
 
     coordinates: CoordinatesRecord
 
 
 @dataclass(frozen=True)
 class ChunkSkipped(Event):
-    """An ancillary chunk that a decoder has no use for."""
+    """An ancillary chunk that the decoder does not use was skipped."""
 
     type: int
     length: int
@@ -191,4 +192,4 @@ class ChunkSkipped(Event):
 
 @dataclass(frozen=True)
 class End(Event):
-    """The end of the file, its checksum verified."""
+    """The end of the file has been reached, and its checksum verified."""

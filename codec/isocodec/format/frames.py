@@ -1,4 +1,4 @@
-"""Chunks of frames: how often a frame is independent, and what an isovalue of a further frame leans on (3.5.7)."""
+"""Chunks of frames: the interval of key frames, and what an isovalue of a frame is predicted from (3.5.7)."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from .chunks import Envelope
 from .header import varint
 
 FRAME_BEFORE = -1
-"""In place of a number: the isovalue leans on the same one of the frame before."""
+"""In place of a number: the isovalue is predicted from the same isovalue of the frame before."""
 _LAST = 0x20
 """Bit of a chunk's head that marks the last one of a file."""
 
 
 def is_key(frame: int, interval: int) -> bool:
-    """Whether a frame leans on none before it."""
+    """Whether a frame is a key frame, which is not predicted from earlier frames."""
     return frame == 0 or (interval > 0 and frame % interval == 0)
 
 
 def key_of(frame: int, interval: int) -> int:
-    """The last frame up to ``frame`` that leans on none before it."""
+    """The last key frame up to ``frame``."""
     return frame - frame % interval if interval > 0 else 0
 
 
 def write_interval(interval: int) -> bytes:
-    """Payload of the first chunk of frames: every ``interval``-th frame leans on none; 0 if only the first."""
+    """Write the payload of the first chunk of frames: every ``interval``-th is a key frame; 0 if only the first is."""
     return write_varint(interval)
 
 
@@ -45,19 +45,19 @@ def read_interval(payload: bytes, start: int) -> int:
         error.offset = start
         raise
     if found is None or found[1] != len(payload):
-        raise FormatError("an interval of frames is not one number", code="frame", offset=start, clause="3.5.7")
+        raise FormatError("the interval of frames is not a single number", code="frame", offset=start, clause="3.5.7")
     return found[0]
 
 
 def write_frame(lean: int | None, key: bool) -> bytes:
-    """Payload of a further chunk of frames.
+    """Write the payload of a further chunk of frames.
 
     Parameters
     ----------
     lean : int or None
-        Number of the isovalue of the same frame that it leans on, ``FRAME_BEFORE``, or None.
+        Number of the isovalue of the same frame that it is predicted from, ``FRAME_BEFORE``, or None.
     key : bool
-        Whether the frame is one that leans on none before it.
+        Whether the frame is a key frame.
     """
     if lean == (None if key else FRAME_BEFORE):
         return b""
@@ -76,13 +76,14 @@ def read_frame(payload: bytes, start: int, number: int, key: bool) -> int | None
         return None if key else FRAME_BEFORE
     if len(payload) > 1 or payload[0] > number:
         raise FormatError(
-            "an isovalue of a frame leans on none that began before in it", code="frame", offset=start, clause="3.5.7"
+            "an isovalue of a frame refers to one that has not appeared earlier in that frame",
+            code="frame", offset=start, clause="3.5.7"
         )
     return payload[0] - 1 if payload[0] else None
 
 
 def first_operation(data: bytes | bytearray, chunk: Envelope) -> int | None:
-    """Place of the first byte of the program of a chunk of layers; None if it is not there, or not yet."""
+    """Place of the first byte of the program of a chunk of layers; None if the bytes end earlier."""
     at = chunk.start
     there = min(len(data), chunk.end)
     if chunk.type == ChunkType.CUT_LAYERS:
@@ -94,7 +95,7 @@ def first_operation(data: bytes | bytearray, chunk: Envelope) -> int | None:
 
 
 def as_last(chunk: bytes) -> bytes:
-    """Mark a chunk as the last one of its file, whose checksum is to follow."""
+    """Mark a chunk as the last one of its file, before the file's checksum is appended."""
     found = varint(chunk, 1, len(chunk), "3.4.2")
     assert found is not None
     length, start = found

@@ -22,10 +22,10 @@ class Header:
     Attributes
     ----------
     shape : tuple of int
-        Samples along each axis, in the order of the encoded array; empty if the domain is explicit.
+        Samples along each axis, in the order of the encoded array; empty for a file on a mesh.
     isovalue : float
     scale : float or None
-        Step of the numbers that geometry by values sends; None for integer data (step 1).
+        Step to which values are rounded; None for integer data (step 1).
     profile : Profile
     writer_version, read_version : int
         Version that wrote the file, and the oldest one that can read it.
@@ -48,7 +48,7 @@ class Header:
 
 
 def write_header(header: Header) -> bytes:
-    """Bytes of a header, the shortest for its isovalue."""
+    """Write a header, with the shortest form of its isovalue."""
     kind, isovalue = write_isovalue(header.isovalue)
     equal = len(set(header.shape)) == 1
     out = Prefix.build(
@@ -72,7 +72,7 @@ def write_header(header: Header) -> bytes:
 
 
 def write_isovalue(value: float) -> tuple[IsovalueKind, bytes]:
-    """Shortest way to write an isovalue (clause 3.3.4)."""
+    """Choose the shortest form of an isovalue (clause 3.3.4)."""
     value = float(value)
     if (2 * value).is_integer() and abs(value) < 1 << 50:
         return IsovalueKind.HALVES, spec.write_varint(spec.zigzag(int(2 * value)))
@@ -89,7 +89,7 @@ def _write_scale(scale: float) -> bytes:
 
 
 def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
-    """Header at the start of ``data`` and its length; None if it is not all there yet.
+    """Read the header at the start of ``data``, and its length; None if it has not arrived completely.
 
     Raises
     ------
@@ -99,8 +99,8 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     seen = bytes(data[:4])
     if seen == spec.TILED_SIGNATURE:
         raise FormatError(
-            "a file in tiles, not of one piece", code="tiled", offset=0, clause="3.3.1",
-            remedy="open it with isocodec.open; edit --window makes a file in one piece of a part",
+            "a tiled file, which cannot be decoded as a stream", code="tiled", offset=0, clause="3.3.1",
+            remedy="open it with isocodec.open; to turn a part of it into an ordinary file, use edit --window",
         )
     if seen != spec.SIGNATURE[: len(seen)]:
         raise FormatError("not an .iso file: the signature is missing", code="signature", offset=0, clause="3.3.1")
@@ -109,7 +109,8 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     prefix = Prefix.parse(bytes(data[:PREFIX_BYTES]))
     if prefix.version.read > spec.WRITER_VERSION:
         raise FormatError(
-            f"the file needs version {prefix.version.read} of the format, this reads up to {spec.WRITER_VERSION}",
+            f"the file needs version {prefix.version.read} of the format, but this decoder reads only up to "
+            f"{spec.WRITER_VERSION}",
             code="version", offset=4, clause="3.3.1", remedy="update isocodec",
         )
     flags = prefix.flags
@@ -118,7 +119,8 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     if flags.isovalue not in IsovalueKind.__members__.values():
         raise FormatError("unknown kind of isovalue", code="isovalue", offset=5, clause="3.3.4")
     if flags.explicit and (flags.equal or flags.profile != Profile.MAIN):
-        raise FormatError("an explicit domain with sizes or another profile", code="domain", offset=5, clause="3.3.2")
+        raise FormatError("a file on a mesh must not state a grid size, and must have the profile main",
+                          code="domain", offset=5, clause="3.3.2")
     return _read_rest(data, prefix, 2 + flags.axes)
 
 
@@ -163,7 +165,7 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
 
 
 def read_isovalue(data: bytes | bytearray, at: int, end: int, kind: int) -> tuple[float, int] | None:
-    """The isovalue at ``at`` and the place behind it; None if ``end`` comes first (clause 3.3.4)."""
+    """Read the isovalue at ``at``, and the place after it; None if ``end`` comes first (clause 3.3.4)."""
     if kind == IsovalueKind.HALVES:
         number = varint(data, at, end, "3.3.4")
         return None if number is None else (spec.unzigzag(number[0]) / 2, number[1])
@@ -178,7 +180,7 @@ def read_isovalue(data: bytes | bytearray, at: int, end: int, kind: int) -> tupl
 
 
 def varint(data: bytes | bytearray, at: int, end: int, clause: str) -> tuple[int, int] | None:
-    """``read_varint`` with the place and clause in its error."""
+    """Call ``read_varint``, adding the place and the clause to its error."""
     try:
         return read_varint(data, at, end)
     except VarintError as error:

@@ -27,6 +27,6 @@ class LayerKind(StrEnum):
 BASES = (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE)
 """Kinds that begin an isovalue."""
 ADAPTIVE = (LayerKind.ADAPTIVE_BASE, LayerKind.ADAPT)
-"""Kinds that lead to a mesh of the writer's choice."""
+"""Kinds that lead to a mesh chosen by the writer."""
 GEOMETRY = (LayerKind.VALUES, LayerKind.OFFSETS)
 """Kinds that store where within a cell the curve lies."""

@@ -1,4 +1,4 @@
-"""Layer programs: what the layers of a chunk are, in a few bytes (spec clause 3.6)."""
+"""Layer programs: a compact description of the layers of a chunk (spec clause 3.6)."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class Layer:
     level : int
         Level up to which the mesh is uniform when the layer is complete.
     plane : int
-        ``values``: bits of the numbers that are still missing afterwards; else 0.
+        For ``values``: bits of the numbers that remain to be coded afterwards; otherwise 0.
     parts : int
-        ``offsets``: equal parts that ``2**unit`` samples of an edge are divided into afterwards; else 0.
+        For ``offsets``: number of equal parts of every ``2**unit`` samples of an edge afterwards; otherwise 0.
     unit : int
     births : bool
-        ``adapt``: whether new components may come.
+        For ``adapt``: whether the layer may add components.
     """
 
     kind: str
@@ -53,7 +53,7 @@ class Layer:
 
 @dataclass
 class Progress:
-    """Position in a program: what the next operation builds on."""
+    """State of a program, on which the next operation builds."""
 
     full_level: int
     level: int = -1
@@ -64,15 +64,15 @@ class Progress:
     lean_level: int = -1
 
     def begin(self, lean: Progress | None) -> Progress:
-        """Positions in programs when another isovalue begins, which may lean on an earlier one."""
+        """State of the programs when a further isovalue begins, which may be predicted from an earlier one."""
         return Progress(self.full_level, layers=self.layers, lean_level=-1 if lean is None else lean.level)
 
     def copy(self) -> Progress:
-        """Copy the position."""
+        """Copy the state."""
         return replace(self)
 
     def add(self, layer: Layer) -> None:
-        """Take note of a layer."""
+        """Update the state with a layer."""
         self.level = layer.level
         self.layers += 1
         if layer.kind == LayerKind.VALUES:
@@ -89,7 +89,7 @@ def mask_layers(n: int, full_level: int) -> list[Layer]:
 
 
 def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, int]) -> bytes:
-    """Shortest program of some consecutive layers; ``progress`` is moved behind them.
+    """Write the shortest program of some consecutive layers; ``progress`` is advanced past them.
 
     ``bits`` are the bits above and below the isovalue, which the first ``values`` operation of a file states.
     """
@@ -167,14 +167,14 @@ def _write_bits(bits: tuple[int, int]) -> bytes:
 
 @dataclass
 class ProgramReader:
-    """Reads a program operation by operation, as its bytes come in.
+    """Reads a program operation by operation, as its bytes arrive.
 
     Attributes
     ----------
     at : int
-        Byte offset of what is next.
+        Byte offset of the next operation.
     progress : Progress
-        Positions in the programs; the caller's object is not changed.
+        State of the programs; the caller's object is not changed.
     layers : list of Layer
     done : bool
     """
@@ -185,7 +185,7 @@ class ProgramReader:
     done: bool = False
 
     def read(self, data: bytes | bytearray, end: int) -> bool:
-        """Go on with the bytes up to ``end``; whether the program is complete.
+        """Continue with the bytes up to ``end``; returns whether the program is complete.
 
         Raises
         ------
@@ -197,7 +197,7 @@ class ProgramReader:
         return self.done
 
     def _operation(self, data: bytes | bytearray, end: int) -> bool:
-        """Read one operation, if it is all there."""
+        """Read one operation, if it has arrived completely."""
         start = self.at
         if start >= end:
             return False
@@ -236,9 +236,9 @@ class ProgramReader:
 
 
 def read_program(data: bytes | bytearray, at: int, end: int, progress: Progress) -> tuple[list[Layer], int] | None:
-    """Layers of the program at ``at`` and the place behind it; None if ``end`` comes first.
+    """Read the layers of the program at ``at``, and the place after it; None if ``end`` comes first.
 
-    ``progress`` is moved only when the whole program is there. Errors as in ``ProgramReader.read``.
+    ``progress`` is advanced only if the whole program has arrived. Raises the same errors as ``ProgramReader.read``.
     """
     reader = ProgramReader(at, progress.copy())
     if not reader.read(data, end):
@@ -264,14 +264,14 @@ def _read_bits(data: bytes | bytearray, at: int, end: int) -> tuple[tuple[int, i
 
 
 def expand(operation: int, argument: int, stated_all: bool, state: Progress, unit: int = 0) -> list[Layer]:
-    """Layers of one operation, after those of ``state``; ValueError if it cannot follow on them."""
+    """Layers of one operation after those of ``state``; ValueError if it cannot follow them."""
     full = state.full_level
     if operation in (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE):
         if state.level >= 0:
             raise ValueError("a second base")
         level = full if stated_all else argument
         if level > full:
-            raise ValueError(f"base at level {level}, the full grid is level {full}")
+            raise ValueError(f"the base is at level {level}, but the full grid is level {full}")
         if operation == Operation.ADAPTIVE_BASE:
             return [Layer(LayerKind.ADAPTIVE_BASE, level)]
         layers = [Layer(LayerKind.BASE, level)]
@@ -282,7 +282,7 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
         if state.level >= 0:
             raise ValueError("a second base")
         if argument or stated_all or state.lean_level < 0:
-            raise ValueError("a base from the leaves of no earlier isovalue")
+            raise ValueError("a leaf base, but no earlier isovalue to take leaves from")
         return [Layer(LayerKind.LEAF_BASE, state.lean_level)]
     if state.level < 0:
         raise ValueError("a layer before the base")
@@ -295,12 +295,13 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
     if operation == Operation.REFINE:
         count = full - state.level if stated_all else argument
         if count < 1 or state.level + count > full:
-            raise ValueError(f"{count} rounds of refinement from level {state.level}, the full grid is level {full}")
+            raise ValueError(f"{count} rounds of refinement from level {state.level}, but the full grid is level "
+                             f"{full}")
         return [Layer(LayerKind.REFINE, state.level + i) for i in range(1, count + 1)]
     if operation == Operation.VALUES:
         count = state.plane if stated_all else argument
         if count > state.plane:
-            raise ValueError("more value bits than there are")
+            raise ValueError("more bits of values are asked for than there are")
         planes = range(state.plane - 1, state.plane - count - 1, -1) if count else [state.plane]
         return [Layer(LayerKind.VALUES, state.level, plane) for plane in planes]
     if operation == Operation.OFFSETS:
@@ -309,8 +310,8 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
         radix = 2 * argument + 1
         before = state.parts if state.level == full else 1
         if stated_all or radix > MAX_RADIX or before * radix > MAX_PARTS:
-            raise ValueError(f"offsets in {radix} parts of {before}")
+            raise ValueError(f"offsets divide {before} parts into {radix} each, which is too many")
         if unit > MAX_UNIT:
-            raise ValueError(f"offsets in parts of 2**{unit} samples")
+            raise ValueError(f"offsets have a unit of 2**{unit} samples, which is too large")
         return [Layer(LayerKind.OFFSETS, state.level, 0, before * radix, unit)]
     raise ValueError(f"unknown operation {operation}")

@@ -14,7 +14,7 @@ from .header import varint
 MOST_EXTENT = 1 << 28
 MOST_EXPONENT = 1100
 MOST_NUMBER = (1 << 16) - 1
-"""Largest number of a value."""
+"""Largest number that can code a value."""
 MOST_LAYERS = 64
 _MANTISSA = 53
 
@@ -28,17 +28,17 @@ class TinHead:
     extent : (int, int)
         Positions are below these.
     grid : bool
-        Whether positions are indices of samples of a field of that shape.
+        Whether positions are sample indices in a field of that shape.
     exponent, origin : int, (int, int)
         For scattered points: position p has the coordinates ``(origin + p) * 2**exponent``.
     offset, step : float
         Number k codes the value ``offset + k * step``.
     palette : tuple of int
-        If not empty, number k codes ``offset + palette[k] * step`` instead; rising, from 0 on.
+        If not empty, number k codes ``offset + palette[k] * step`` instead; increasing, starting with 0.
     largest : int
         Largest number.
     counts : tuple of int
-        Points that each layer adds.
+        Number of points that each layer adds.
     """
 
     extent: tuple[int, int]
@@ -53,7 +53,7 @@ class TinHead:
 
 
 def _write_number(value: float) -> bytes:
-    """An odd whole number, or 0, and a power of two; 0 has none."""
+    """Write a number as an odd integer times a power of two; 0 is written without an exponent."""
     mantissa, exponent = math.frexp(value)
     whole = int(math.ldexp(mantissa, _MANTISSA))
     if whole == 0:
@@ -63,7 +63,7 @@ def _write_number(value: float) -> bytes:
 
 
 def write_tin(head: TinHead) -> bytes:
-    """The payload before the run."""
+    """Write the payload before the run."""
     out = [bytes([DomainKind.POINTS << 4 | (not head.grid) | bool(head.palette) << 1])]
     out += [write_varint(side) for side in head.extent]
     if not head.grid:
@@ -92,7 +92,7 @@ def read_tin(payload: bytes, start: int) -> tuple[TinHead, int]:
         nonlocal at
         found = varint(payload, at, len(payload), "10.9.1")
         if found is None:
-            raise wrong("a head that is not complete")
+            raise wrong("the head is incomplete")
         if not least <= found[0] <= most:
             raise wrong(f"{found[0]} is out of range: {what}")
         at = found[1]

@@ -61,7 +61,7 @@ def near_contours(
     found = [each for each in tried if each is not None]
     if not found:
         raise OptionError(
-            f"no surface was found whose contours keep to {distance:g}", code="tolerance",
+            f"no surface was found whose contours stay within {distance:g}", code="tolerance",
             remedy="allow a larger distance, or encode the contours themselves",
         )
     return min(found, key=size)

@@ -41,8 +41,8 @@ class Promise:
     ----------
     field : Samples
     fresh : callable, optional
-        Makes tubes for trial encodings, as that of the file: what is known of earlier isovalues changes what
-        is coded. By default those of an independent file.
+        Makes tubes for trial encodings that start from the same state as the file's, because what is known from earlier
+        isovalues affects what is coded. By default those of an independent file.
     free : bool
         Whether crossings may be coded with slack (see `Slack`).
     tried : callable, optional

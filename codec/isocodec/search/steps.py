@@ -34,7 +34,7 @@ STEADY, MOST_STEADIED = 1.04, 8
 def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
     """Layers that promise one distance after the other; the last step may be ``EXACT``."""
     if any(not later < step for step, later in pairwise(steps)):
-        raise OptionError("the steps must fall", code="steps", remedy="for example 4, 1, 0.25")
+        raise OptionError("the distances must decrease", code="steps", remedy="for example 4, 1, 0.25")
     values: Plan = [(LayerKind.VALUES, None)] if steps[-1] == EXACT else []
     distances = [step for step in steps if step != EXACT]
     if promise.full_level == 0:
@@ -57,7 +57,11 @@ def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
         plans.append(bare and _joined(promise, coarse, _first(promise, bare, topology), fine, topology))
     found = [[*plan, *(FULL if values and _chosen(plan) else []), *values] for plan in plans if plan]
     if not found:
-        raise NotKeptError(f"no meshes keep to the steps {steps}", code="steps", remedy="leave some out")
+        raise NotKeptError(f"no sequence of meshes was found for the distances {steps}", code="steps", remedy="leave "
+                                                                                                              "some "
+                                                                                                              "of "
+                                                                                                              "them "
+                                                                                                              "out")
     return min(found, key=lambda plan: promise.trial(plan)[0]) if len(found) > 1 else found[0]
 
 
@@ -67,7 +71,7 @@ def _signs_keep(promise: Promise, distance: float) -> bool:
 
 
 def _offsets(promise: Promise, distances: Sequence[float]) -> Plan:
-    """Offsets on the full grid for some distances, finer by a digit at least each time, with slack if it is one."""
+    """Offsets on the full grid for these distances, each finer by at least one digit; with slack if only one."""
     plan: Plan = []
     for distance in distances[:-1]:
         plan += [*grid_offsets(distance, False), (PROMISE, distance)]

@@ -54,7 +54,7 @@ def grid_plan(n: int, full: int, base_level: int | None) -> Plan:
     level = base_of(n, full) if base_level is None else base_level
     if not 0 <= level <= full:
         raise OptionError(
-            f"base level {level}; for this field it lies between 0 and {full}", code="base-level",
+            f"the base level is {level}; for this field it must lie between 0 and {full}", code="base-level",
             remedy=f"the full grid is level {full}",
         )
     plan: Plan = [("base", level)]
@@ -77,7 +77,8 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     best = _coarsest(promise, grids[0], tolerance, best)
     if not best[1]:
         raise NotKeptError(
-            f"no plan was proven to keep to a tolerance of {tolerance:g}", code="tolerance", remedy="use a smaller one"
+            f"no mesh was proven to stay within {tolerance:g} cells", code="tolerance",
+            remedy="use a tolerance below 0.1, which needs no search for a mesh",
         )
     if full == 0:
         return best[1]
@@ -216,8 +217,8 @@ def within(
     best = _better(promise, distance, grid, (best[0] + HEADERS, best[1]))
     if not best[1]:
         raise NotKeptError(
-            f"no mesh was proven to keep to a distortion of {distance:g}", code="criterion",
-            remedy="use a larger one, or store crossings more finely",
+            f"no mesh was proven to stay within a distortion of {distance:g} cells", code="criterion",
+            remedy="allow a larger distortion, or store crossings more precisely",
         )
     return best[1]
 
@@ -237,7 +238,7 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
         case "level", float():
             if not (parameter.is_integer() and parameter <= promise.full_level):
                 raise OptionError(
-                    f"the level {parameter:g} is not a whole number up to that of the full grid, "
+                    f"the level {parameter:g} is not an integer up to that of the full grid, "
                     f"{promise.full_level}", code="criterion",
                 )
             reduction.reduce(topology=topology, level=int(parameter))

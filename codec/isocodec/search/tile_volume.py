@@ -97,7 +97,7 @@ def volume_plan(promise: Promise, tolerance: float, exponent: int, lead: Plan, f
             break
     if exponent == 1 and not faces.crossed:
         return grid
-    raise NotKeptError(f"no mesh was proven to keep to a tolerance of {tolerance:g}", code="tolerance")
+    raise NotKeptError(f"no mesh was proven to stay within a tolerance of {tolerance:g}", code="tolerance")
 
 
 class _Slack:
@@ -120,7 +120,7 @@ class _Slack:
         self._share = np.ones(phi.shape, np.float32)
 
     def tighten(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Halve it around some places; at which of them nothing is left."""
+        """Halve the slack around some places; returns at which of them no slack was left."""
         last = np.array(self._phi.shape) - 1
         here = np.clip(np.floor(places).astype(np.int64), 0, last)
         none = self._share[tuple(here.T)] == 0

@@ -1,1 +1,1 @@
-"""Sources and targets of bytes: files, URLs, ranges of both, atomic writing."""
+"""Sources and targets of bytes: files, URLs, byte ranges, atomic writing."""

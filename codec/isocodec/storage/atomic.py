@@ -1,4 +1,4 @@
-"""Writing files whole or not at all: beside the target first, then renamed over it; what is begun can be undone."""
+"""Write files completely or not at all: first next to the target, then renamed over it; unfinished work is undone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _begun: list[Callable[[], object]] = []
 
 @contextmanager
 def undoing(undo: Callable[[], object]) -> Iterator[None]:
-    """Undo on errors and interrupts, and by `undo_all`, what is begun within and does not get done."""
+    """Undo unfinished work of the block on errors and interrupts, and when `undo_all` is called."""
     _begun.append(undo)
     try:
         yield
@@ -28,32 +28,32 @@ def undoing(undo: Callable[[], object]) -> Iterator[None]:
 
 
 def undo_all() -> None:
-    """Undo all that is begun, the last first: for whoever ends the process without unwinding it."""
+    """Undo all unfinished work, the latest first; for code that ends the process without unwinding the stack."""
     for undo in reversed(_begun):
         with suppress(Exception):  # what is left of one must not keep the others
             undo()
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
-    """Find out before the work, not after it, that ``path`` cannot be written.
+    """Check, before the work begins, that ``path`` can be written.
 
     Raises
     ------
     OSError
-        If ``path`` is a directory or write-protected, or its directory is missing or closed to us.
+        If ``path`` is a directory or write-protected, or its directory is missing or not writable.
     """
     target = Path(path)
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
     if _is_special(target):
         return
-    # a link is followed, even to a file that is not there yet
+    # a link is followed, even to a file that does not exist yet
     directory = Path(os.path.realpath(target)).parent
     if not directory.exists():
-        raise FileNotFoundError(errno.ENOENT, f"there is no directory {str(directory)!r} to write into", str(target))
+        raise FileNotFoundError(errno.ENOENT, f"the directory {str(directory)!r} does not exist", str(target))
     if not directory.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(target))
-    # A rename would pass over the protection of the file itself.
+    # Renaming would ignore the write protection of the file itself.
     protected = target.exists() and not os.access(target, os.W_OK)
     if protected or not os.access(directory, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
@@ -61,10 +61,10 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """A file for what goes to ``path``: afterwards there is the whole new file, or on an error what was there before.
+    """Yield a file for the new contents of ``path``, which on an error keeps its old contents.
 
-    A symbolic link is followed, the permissions of an existing file are kept, and what is not a regular
-    file (``/dev/null``, a pipe) is written to directly, because it must not be replaced.
+    A symbolic link is followed, the permissions of an existing file are kept, and anything but a regular file
+    (``/dev/null``, a pipe) is written to directly, because it must not be replaced.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         As the operating system reports it.
     """
     if _is_special(Path(path)):
-        # before links are followed: that of /dev/stdout may lead to no path
+        # checked before links are followed: /dev/stdout may not link to a path
         with open(path, "wb") as file:
             yield file
         return
@@ -85,12 +85,12 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         with _replacing(target, mode) as file:
             yield file
     except OSError as exc:
-        # the name that the caller knows, not that of the file beside it
+        # the name that the caller knows, not that of the temporary file
         raise OSError(exc.errno, exc.strerror or str(exc), str(path)) from exc
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """Put ``data`` at ``path``, as `writing`."""
+    """Write ``data`` to ``path``, as `writing` does."""
     with writing(path) as file:
         file.write(data)
 
@@ -101,15 +101,15 @@ def _is_special(path: Path) -> bool:
 
 @contextmanager
 def _replacing(target: Path, mode: int) -> Iterator[BinaryIO]:
-    """A file beside ``target`` to write to, which is then flushed to the disk and renamed over ``target``.
+    """Yield a file next to ``target``, which is then flushed to disk and renamed over ``target``.
 
     Raises
     ------
     OSError
-        As the operating system reports it; ``target`` is as it was then.
+        As the operating system reports it; ``target`` is then unchanged.
     """
-    # In the same directory, since a rename is only atomic within one file system.
-    # Names have a limit in bytes.
+    # In the same directory, since renaming is atomic only within a file system.
+    # The length of names is limited, in bytes.
     start = os.fsdecode(os.fsencode(target.name)[:100])
     beside = target.with_name(f".{start}.{secrets.token_hex(8)}.part")
     with undoing(partial(beside.unlink, missing_ok=True)):
@@ -123,8 +123,8 @@ def _replacing(target: Path, mode: int) -> Iterator[BinaryIO]:
 
 
 def _new_file_mode() -> int:
-    """Permissions that the process gives to new files."""
-    # The mask can only be read by setting it.
+    """Permissions of new files in this process."""
+    # The umask can be read only by setting it.
     mask = os.umask(0o077)
     os.umask(mask)
     return 0o666 & ~mask

@@ -1,4 +1,4 @@
-"""The bytes of paths, URLs and file objects, within limits; or a file here with these bytes, while it is needed."""
+"""Read paths, URLs and file objects within limits, or copy them to a temporary local file."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from ..extras import optional
 from ..limits import FIELD_SAMPLES, Limits
 
 Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
-"""An ``.iso`` file: its bytes, or where they are."""
+"""An ``.iso`` file: its bytes, or where to read them."""
 SuffixOf = Callable[[str, bytes], str | None]
-"""The suffix of a format, by the name of a file (or nothing) and its first `HEAD` bytes."""
+"""Finds the suffix of a format from the name of a file, if any, and its first `HEAD` bytes."""
 HEAD = 512
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(://|::)")
 MISSING = "the server has no such file"
 _PIECE = 1 << 20
 _SAMPLE = 16
-"""Bytes of a file for each sample that may be read of it, at most."""
+"""Largest size of a file, in bytes, per sample that may be read."""
 
 
 def is_url(thing: object) -> bool:
-    """Whether a text names something elsewhere: ``https://..``, ``s3://..``, ``zip::..``."""
+    """Whether a text is a URL: ``https://..``, ``s3://..``, ``zip::..``."""
     return isinstance(thing, str) and _URL.match(thing) is not None
 
 
 def is_file(thing: object) -> bool:
-    """Whether this is an open file, or something like it."""
+    """Whether an object is an open file or behaves like one."""
     return callable(getattr(thing, "read", None))
 
 
 @contextmanager
 def opened(url: str) -> Iterator[Any]:
-    """Open what a URL names for reading.
+    """Open a URL for reading.
 
     Raises
     ------
@@ -50,10 +50,10 @@ def opened(url: str) -> Iterator[Any]:
         with fsspec.open(url, "rb") as file:
             yield file
     except FileNotFoundError as exc:
-        # all that libraries say is the URL
+        # the library's message is only the URL
         raise InputError(MISSING, code="url", remedy="check the URL") from exc
     except ImportError as exc:
-        raise InputError(f"cannot be opened ({exc})", code="url", remedy="install what it names") from exc
+        raise InputError(f"cannot be opened ({exc})", code="url", remedy="install what the error names") from exc
     except ValueError as exc:
         if isinstance(exc, IsoError):
             raise
@@ -61,7 +61,7 @@ def opened(url: str) -> Iterator[Any]:
 
 
 def content(data: Readable, limits: Limits | None = None, signatures: Collection[bytes] = ()) -> bytes:
-    """The bytes of a file; what is not a path, a URL or a file object stays as it is.
+    """Read a path, a URL or a file object; anything else is returned unchanged.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ def content(data: Readable, limits: Limits | None = None, signatures: Collection
     limits : Limits, optional
         ``limits.bytes`` bounds the size.
     signatures : collection of bytes, optional
-        The file has to begin with one of these, which are of one length; of any other, which may never end, only as
-        many bytes are read.
+        The file must begin with one of these, which have the same length; of any other file, which may be endless, only
+        that many bytes are read.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _read(file: Any, most: int, signatures: Collection[bytes]) -> bytes:
 
 @contextmanager
 def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterator[Path]:
-    """A file with the bytes of a URL or of an open file, its suffix that of its format, for as long as it is needed.
+    """Yield a temporary local copy of a URL or an open file, with the suffix of its format.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterat
     suffix_of : callable
         Finds the suffix.
     samples : int, optional
-        How many may be read; the file may have 16 bytes for each.
+        Number of samples that may be read; the file may have 16 bytes for each.
 
     Raises
     ------
@@ -140,8 +140,8 @@ def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> I
         suffix = suffix_of(name, first)
         if suffix is None:
             raise InputError(
-                "the format is unknown: neither a name nor the first bytes identify it", code="suffix",
-                remedy="name it: kind='.tif' (--kind .tif)",
+                "unknown format: neither a name nor the first bytes identify it", code="suffix",
+                remedy="give the format, for example kind='.tif' (--kind .tif)",
             )
         path = Path(folder) / f"input{suffix}"
         left = _SAMPLE * (FIELD_SAMPLES if samples is None else samples) + (1 << 26) - len(first)
@@ -150,14 +150,14 @@ def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> I
             while len(first) == HEAD and (piece := file.read(_PIECE)):
                 left -= len(piece)
                 if left < 0:
-                    raise LimitError("has more bytes than the samples that may be read take", code="limit-samples",
+                    raise LimitError("is larger than the permitted number of samples could fill", code="limit-samples",
                                      remedy="raise the limit with samples= (--limit-samples)")
                 copy.write(piece)
         yield path
 
 
 def _first(file: Any, count: int) -> bytes:
-    """The first bytes: a pipe may hand them out in pieces."""
+    """Read the first bytes; a pipe may deliver them in pieces."""
     out = b""
     while len(out) < count and (piece := file.read(count - len(out))):
         out += bytes(_binary(piece))

@@ -1,4 +1,4 @@
-"""Ranges of a file or URL, joined into few requests."""
+"""Read byte ranges of a file or URL, joined into few requests."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from ..extras import optional
 from .content import MISSING, is_url
 
 Fetch = Callable[[int, int], bytes]
-"""Bytes of a file from one place up to another."""
+"""Reads the bytes of a file from one offset up to another."""
 Range = tuple[int, int]
 MOST_PIECES = 5
-"""Ranges are joined over gaps of at most ``GAP`` bytes until there are no more than so many."""
+"""Ranges are joined over gaps of at most ``GAP`` bytes until there are no more than this many."""
 GAP = 1 << 18
 BEHIND = 416
-"""Status of a server's answer if a range begins behind the end of the file."""
+"""HTTP status if a range begins after the end of the file."""
 PATIENCE = 60.0
-"""Seconds that a server may take to answer."""
+"""Timeout of a server, in seconds."""
 
 
 class NoRangesError(InputError):
-    """A server that gives the whole file where a part of it is asked for."""
+    """The server sends the whole file although a range was requested."""
 
 
 class Pieces:
-    """Pieces of a file that have been fetched.
+    """Ranges of a file that have been fetched.
 
     Parameters
     ----------
     fetch : callable
     limit : int
-        Most bytes of a request.
+        Largest number of bytes to fetch at once.
     first : bytes
-        The beginning of the file, which is there already.
+        The beginning of the file, if it has already been read.
     """
 
     def __init__(self, fetch: Fetch, limit: int, first: bytes) -> None:
@@ -46,17 +46,17 @@ class Pieces:
         self._pieces = [(0, first)]
 
     def has(self, start: int, end: int) -> bool:
-        """Whether a range is there."""
+        """Whether a range has been fetched."""
         return any(at <= start and end <= at + len(data) for at, data in self._pieces)
 
     def get(self, start: int, end: int) -> bytes:
-        """A range that is there."""
+        """The bytes of a range that has been fetched."""
         if start == end:
             return b""
         return next(data[start - at : end - at] for at, data in self._pieces if at <= start and end <= at + len(data))
 
     def fetch(self, ranges: Iterable[Range], partial: bool = False) -> None:
-        """Get those ranges that are not there; with ``partial`` as much of them as the file has.
+        """Fetch the ranges that are missing; with ``partial``, as much of them as the file has.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class Pieces:
 
 
 def together(ranges: Iterable[Range]) -> list[Range]:
-    """Ranges in their order, joined over the smallest gaps while there are many."""
+    """Sort ranges, and join them over the smallest gaps while there are too many."""
     found = sorted(each for each in ranges if each[0] < each[1])
     if not found:
         return []
@@ -95,19 +95,17 @@ def together(ranges: Iterable[Range]) -> list[Range]:
 
 
 def ranges_of(source: str | os.PathLike[str]) -> Fetch:
-    """A function that gives the bytes of a file, or of what a URL names, from one place up to another.
-
-    At the end of the file there are fewer.
+    """Make a function that reads a file or URL from one offset up to another, or to the end of the file.
 
     Raises
     ------
     OSError, MissingExtraError
-        From the function, too: ``NoRangesError`` if a server gives all of a file where a part is asked for.
+        Also raised by the function: ``NoRangesError`` if a server sends the whole file although a range was requested.
     """
     if is_url(source):
         return _remote(str(source))
     path = Path(source)
-    # fails now if it cannot be opened
+    # raises an error now if the URL cannot be opened
     path.open("rb").close()
 
     def fetch(start: int, end: int) -> bytes:
@@ -133,7 +131,7 @@ def _remote(url: str) -> Fetch:
         try:
             data: bytes = system.cat_file(path, start=start, end=end)
         except TimeoutError as exc:
-            # the messages of libraries are empty
+            # the library's message is empty
             raise InputError(
                 f"the server has not answered within {PATIENCE:g} seconds", code="timeout", remedy="try again later"
             ) from exc
@@ -147,8 +145,8 @@ def _remote(url: str) -> Fetch:
             raise InputError(f"cannot be read ({type(exc).__name__}: {exc})", code="url") from exc
         if len(data) > end - start:
             raise NoRangesError(
-                "the server sends the whole file instead of the part asked for", code="ranges",
-                remedy="download the file first, or use a server that answers range requests",
+                "the server sends the whole file instead of the requested range", code="ranges",
+                remedy="download the file first, or use a server that supports range requests",
             )
         return data
 

@@ -1,1 +1,1 @@
-"""Files: container, layer programs, incremental encoder and decoder (spec clauses 3 and 8)."""
+"""Whole files: container, layer programs, incremental encoders and decoders (spec clauses 3 and 8)."""

@@ -1,4 +1,4 @@
-"""The container on the encoder's side, whatever its domain: pieces of a file, and its checksum (spec 3.3, 3.4)."""
+"""The container as encoders write it, for every kind of file: pieces of a file and its checksum (spec 3.3, 3.4)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ..format.header import Header, write_header
 
 
 def beginning(header: Header, metadata: Mapping[str, str] | None) -> Iterator[bytes]:
-    """The header, and the chunk of notes if there are any."""
+    """Write the header, and the chunk of notes if there are any."""
     yield write_header(header)
     if metadata:
         yield write_chunk(ChunkType.METADATA, write_metadata(metadata), ancillary=True)
 
 
 def with_checksum(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """The pieces of a file, followed by the checksum of all of them."""
+    """Yield the pieces of a file, followed by the checksum of all of them."""
     checksum = 0
     for piece in pieces:
         checksum = zlib.crc32(piece, checksum)
@@ -31,14 +31,14 @@ def with_checksum(pieces: Iterable[bytes]) -> Iterator[bytes]:
 
 
 class Ending:
-    """Holds back the last chunk so far, which is marked when no other follows, and counts the checksum."""
+    """Holds back the latest chunk, which is marked if no other follows, and computes the checksum."""
 
     def __init__(self) -> None:
         self._waiting = b""
         self._checksum = 0
 
     def add(self, chunks: Iterable[bytes]) -> bytes:
-        """Bytes that are ready when more chunks have come: all but the last chunk."""
+        """Add chunks, and return the bytes that are ready: all but the latest chunk."""
         *ready, waiting = [self._waiting, *chunks]
         self._waiting = waiting
         return self._checked(b"".join(ready))
@@ -48,7 +48,7 @@ class Ending:
         return self._checked(as_last(self._waiting))
 
     def end(self) -> bytes:
-        """The last bytes of the file: the last chunk, and the checksum."""
+        """Return the last bytes of the file: the last chunk, and the checksum."""
         return self.last() + Checksum.build(self._checksum)
 
     def _checked(self, data: bytes) -> bytes:
@@ -63,10 +63,10 @@ class ContainerEncoder(ABC):
 
     def __iter__(self) -> Iterator[bytes]:
         if self._begun:
-            raise OptionError("an encoder can be iterated only once", code="iterated", remedy="make another one")
+            raise OptionError("an encoder can be iterated only once", code="iterated", remedy="make a new encoder")
         self._begun = True
         yield from with_checksum(self._pieces())
 
     @abstractmethod
     def _pieces(self) -> Iterator[bytes]:
-        """The file but for its checksum."""
+        """Yield the pieces of the file without its checksum."""

@@ -1,6 +1,6 @@
-"""The incremental decoder of every kind of file: bytes in, events and drawings out (spec clause 8).
+"""Incremental decoder for every kind of file: bytes in, events and drawings out (spec clause 8).
 
-It does no input or output itself.
+It performs no input or output itself.
 """
 
 from __future__ import annotations
@@ -30,38 +30,39 @@ if TYPE_CHECKING:
 
 
 class Decoder(Session):
-    """Decodes a file as its bytes come in; its header and its domain decide which kind it is.
+    """Decodes a file as its bytes arrive; the header and, for meshes, the domain chunk determine the kind of file.
 
-    ``feed`` only stores bytes; iterating decodes them and yields events until more are needed; ``contour`` draws what
-    has been decoded, at any moment; ``close`` declares that no more will come. Nothing depends on how the bytes were
-    cut. An error is raised again by every later call.
+    ``feed`` only stores bytes; iterating decodes them and yields events until more bytes are needed; ``contour`` draws
+    what has been decoded so far; ``close`` declares that no more bytes will come. The result does not depend on how the
+    bytes were divided. Once an error has been raised, every later call raises it again.
 
     Parameters
     ----------
     limits : Limits, optional
     mesh : (points, cells), optional
-        The mesh of a file that was made on one and does not hold it: (V, d) coordinates and (T, n + 1) vertices.
+        The mesh that was encoded, for files that do not store it: (V, d) coordinates and (T, n + 1) vertices.
     only : collection of int, optional
-        Numbers of the isovalues to decode, from 0; the chunks of others are skipped. Those that they lean on are
-        needed, too. All isovalues if not given.
+        Numbers of the isovalues to decode, from 0, including those that they are predicted from; the chunks of others
+        are skipped. All isovalues if not given.
     frame : int, optional
-        For a series, the frame to decode, from 0; those that it leans on are decoded, too, the chunks of others are
-        skipped. All frames if not given, one after the other: drawings are of the last that has begun.
+        For a series, the frame to decode, from 0; frames that it is predicted from are decoded, too, and the chunks of
+        others are skipped. If not given, all frames are decoded one after the other, and drawings show the latest that
+        has begun.
 
     Attributes
     ----------
     header : Header or None
     contents : GridContents, MeshContents, SurfaceContents or None
-        What only files of one kind have; None before the header has come.
+        Decoded state specific to the kind of file; None before the header has been read.
 
     Raises
     ------
     FormatError
-        From iterating or ``close``: the bytes violate the specification.
+        While iterating or in ``close``: the bytes violate the specification.
     InputError
-        From iterating: the mesh is not the one that the file was made on.
+        While iterating: the mesh is not the one that the file was made on.
     LimitError
-        From iterating: the file needs more than the limits allow.
+        While iterating: the file needs more than the limits allow.
     """
 
     contents: GridContents | MeshContents | SurfaceContents | DomainBeginning | None
@@ -75,44 +76,44 @@ class Decoder(Session):
 
     @property
     def isovalues(self) -> list[float]:
-        """Isovalues that have come so far, skipped ones included; a surface has none."""
+        """Isovalues read so far, including skipped ones; empty for a surface."""
         return self.outline.isovalues
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Notes of the file that have come so far."""
+        """Notes of the file read so far."""
         return self.outline.metadata
 
     @property
     def interval(self) -> int | None:
-        """Interval of a series: frames whose number is a multiple of it lean on none, 0 if only the first does not.
+        """Interval of a series: frames whose number is a multiple of it are key frames; 0 if only the first is.
 
-        None of a file without frames, and before that is known.
+        None for a file without frames, and before this is known.
         """
         return self.outline.interval
 
     @property
     def frame(self) -> int:
-        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
+        """Number of the frame that can be drawn: the latest that has begun or, once read, the one that is wanted."""
         return self.outline.frame if self._wanted is None else min(self.outline.frame, self._wanted)
 
     @property
     def present(self) -> tuple[int, int]:
-        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
+        """Number of the current frame, and of its isovalue whose layers are being read or come next."""
         return self.outline.frame, self.outline.number
 
     @property
     def announced(self) -> int:
-        """Layers of a grid's file that have been announced so far; 0 of other files."""
+        """Number of layers of a grid's file announced so far; 0 for other files."""
         return len(self.outline.layers)
 
     @property
     def memory(self) -> int:
-        """Bytes that count to `Limits.memory` at present."""
+        """Bytes that currently count towards `Limits.memory`."""
         return self.budget.held
 
     def take(self) -> Decoder:
-        """Decode everything that has been fed; events are dropped."""
+        """Decode everything that has been fed, dropping events; returns the decoder."""
         for _ in self:
             pass
         return self
@@ -121,25 +122,25 @@ class Decoder(Session):
         self, number: int = 0, *, isovalue: float | None = None, smooth: bool = False, through_holes: bool = False,
         before: bool = False,
     ) -> Contour:
-        """The curve or surface of everything decoded of an isovalue (spec clause 9), as of the events taken so far.
+        """Draw what has been decoded of an isovalue (spec clause 9), up to the events taken so far.
 
-        What a half-received layer has not reached yet stays as the layer before left it.
+        Where a partly received layer has not been decoded yet, the result of the layer before is drawn.
 
         Parameters
         ----------
         number : int
-            Which isovalue of the file, counted from 0.
+            Number of the isovalue in the file, from 0.
         isovalue : float, optional
-            For a surface, any.
+            For a surface: any value.
         smooth, through_holes
-            As of `IsoFile.contour`.
+            As for `IsoFile.contour`.
         before : bool
-            Draw the frame before, which is complete, while the next one begins.
+            Draw the previous frame, which is complete, while the next one begins.
 
         Raises
         ------
         LimitError
-            If drawing takes more memory than the limits allow; the decoder stays as it is.
+            If drawing takes more memory than the limits allow; the decoder is unchanged.
         """
         contents = self.contents
         if contents is None or contents.kind == "domain":
@@ -152,19 +153,17 @@ class Decoder(Session):
         return drawn.contour(number, smooth=smooth, through_holes=through_holes, before=before)
 
     def hold(self, size: int) -> None:
-        """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.
+        """Count ``size`` bytes held by the caller (for example for drawings) towards the memory limit from now on.
 
         Raises
         ------
         LimitError
-            If that is more than the limit; the decoder stays as it is.
+            If that exceeds the limit; the decoder is unchanged.
         """
         self.budget.hold(self, size)
 
     def discard(self, number: int | None = None) -> None:
-        """Release what has been decoded of an isovalue, or of all, once it has been drawn.
-
-        What is still to come must not lean on it.
+        """Release the decoded state of an isovalue, or of all, once drawn; nothing that follows may depend on it.
         """
         if self.contents is not None and self.contents.kind == "grid":
             self.grid.discard(number)
@@ -191,10 +190,10 @@ class Decoder(Session):
         return cast("SurfaceContents", self.contents)
 
     def _other(self, wanted: str) -> IsoError:
-        """Error for a file of another kind, or one whose kind is not known yet."""
+        """Make the error for a file of another kind, or one whose kind is not known yet."""
         if self.contents is None or isinstance(self.contents, DomainBeginning):
             return TruncatedError(
-                f"the file ends before its {'domain' if self.header else 'header'} is complete", code="truncated",
+                f"the file ends before its {'mesh' if self.header else 'header'} is complete", code="truncated",
                 offset=len(self.data), clause="8.3",
             )
         return OptionError(f"the file is not of {wanted}", code="kind")
@@ -206,7 +205,7 @@ class Decoder(Session):
 
 
 class DomainBeginning:
-    """The chunks of an explicit domain's file up to the one that shows whether it is a mesh or a surface."""
+    """Chunks of a file without a grid, up to the one that shows whether it holds a mesh or a surface."""
 
     kind = "domain"
 
@@ -222,12 +221,12 @@ class DomainBeginning:
         check_explicit(chunk, at, False)
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
-        """See `Contents.arrive`: the first byte of the domain's chunk has the kind."""
+        """See `Contents.arrive`: the first byte of the domain chunk states the kind."""
         session = self._session
         if chunk.type != ChunkType.DOMAIN:
             return None, True
         if chunk.start == chunk.end:
-            raise FormatError("an empty domain chunk", code="domain", offset=chunk.start, clause="3.5.8")
+            raise FormatError("the domain chunk is empty", code="domain", offset=chunk.start, clause="3.5.8")
         if len(session.data) <= chunk.start:
             return None, False
         points = session.data[chunk.start] >> 4 == DomainKind.POINTS and self._header.cells == 2
@@ -256,7 +255,7 @@ def _contents_of(
     session: Session, header: Header, *, mesh: tuple[ArrayLike, ArrayLike] | None, only: Collection[int] | None,
     frame: int | None,
 ) -> Contents:
-    """Make the contents for a file's chunks, as far as its header decides that."""
+    """Make the contents for a file's chunks, as far as the header determines them."""
     if header.cells is None:
         from .grid_contents import GridContents
 

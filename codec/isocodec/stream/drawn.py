@@ -26,7 +26,7 @@ def contour_of(
     tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
     smooth: bool, budget: Budget, holes: Holes | None = None, through_holes: bool = False,
 ) -> Contour:
-    """Draw the contour of a tube, empty before a mesh has come. ``through_holes`` draws what is missing, too."""
+    """Draw the contour of a tube, empty before a mesh is known; ``through_holes``: also through missing samples."""
     if header is None:
         return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
     n = len(header.shape)
@@ -41,7 +41,7 @@ def ends_of(
     tube: Tube, isovalue: float, header: Header, complete: bool, budget: Budget, holes: Holes | None,
     smooth: bool = False, through_holes: bool = False,
 ) -> tuple[Contour, NDArray[np.int64]]:
-    """The contour of a tube, and between which samples its points lie: see `draw_with_ends`."""
+    """Draw the contour of a tube; also returns the samples between which its points lie: see `draw_with_ends`."""
     budget.check(drawing_bytes(tube))
     leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes)
     if through_holes:
@@ -53,7 +53,7 @@ def ends_of(
 def mask_rows_of(
     tube: Tube | None, received: int, complete: bool, last_first: bool, limits: Limits, budget: Budget
 ) -> MaskRows:
-    """Find which samples lie above, by rows; ``received`` and ``complete``: how much of the file has come."""
+    """Find which samples lie above, by rows; ``received`` and ``complete``: how much of the file has arrived."""
     if tube is None or not tube.full:
         if not complete:
             raise TruncatedError(
@@ -61,8 +61,8 @@ def mask_rows_of(
                 clause="9.7", remedy="feed more of the file",
             )
         raise OptionError(
-            "the file does not hold which samples lie above: its mesh is coarser than the samples", code="mask",
-            remedy="take the whole file if this one was cut, or encode signs alone, exact values, or with a "
+            "the file does not hold which samples lie above: its mesh is coarser than the grid", code="mask",
+            remedy="if the file was cut, use the whole file; otherwise encode signs alone, exact values, or with a "
             "tolerance below 0.1",
         )
     _check_samples(tube.shape, limits)
@@ -75,7 +75,7 @@ def valid_rows_of(
     mask: Tube | None, header: Header | None, received: int, complete: bool, last_first: bool, limits: Limits,
     budget: Budget,
 ) -> MaskRows:
-    """Find which samples are valid, by rows; ``mask`` is the tube of the mask, None without one."""
+    """Find which samples are valid, by rows; ``mask`` is the tube of the mask, or None."""
     if header is None or (mask is None and not complete):
         raise TruncatedError(
             "too little has been received to know which samples are valid", code="truncated", offset=received,
@@ -93,12 +93,12 @@ def _check_samples(shape: tuple[int, ...], limits: Limits) -> None:
     if math.prod(shape) > limits.samples:
         raise LimitError(
             f"a mask of {math.prod(shape):,} samples, more than {limits.samples:,}",
-            code="limit-samples", clause="11.2", remedy="raise Limits.samples (--limit-samples) if that is wanted",
+            code="limit-samples", clause="11.2", remedy="to allow this, raise Limits.samples (--limit-samples)",
         )
 
 
 def mesh_of(tube: Tube | None, n: int, budget: Budget) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Positions and simplices of the crossed leaves of a tube's mesh of ``n`` axes."""
+    """Positions and simplices of the crossed leaves of a tube's mesh with ``n`` axes."""
     if tube is None:
         return np.zeros((0, n), np.int64), np.zeros((0, n + 1), np.int64)
     budget.check(drawing_bytes(tube))
@@ -110,7 +110,7 @@ def tessellation_of(
     tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
     whole: bool, budget: Budget,
 ) -> Tessellation:
-    """The mesh of a tube, with signs and levels: that of the whole box, or its crossed leaves alone."""
+    """The mesh of a tube, with signs and levels: the mesh of the whole field, or only its crossed leaves."""
     if tube is None or header is None or tube.origin_above is None or (whole and tube.running == "base"):
         raise TruncatedError("too little has been received to know the mesh", code="truncated", clause="4.7")
     budget.check(drawing_bytes(tube))

@@ -1,4 +1,4 @@
-"""Encoders of all kinds behind one face: what is encoded decides (spec clauses 3.5.7, 5.11, 8.1)."""
+"""One interface to all encoders, chosen by the type of what is encoded (spec clauses 3.5.7, 5.11, 8.1)."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from .surface_encoder import SurfaceEncoder
 def encoder_of(
     what: Any, isovalue: Isovalues | None = None, *, progress: Report | None = None, **options: Unpack[EncodeOptions]
 ) -> ContainerEncoder:
-    """The encoder of a file, which yields its bytes chunk by chunk; parameters and errors as of `isocodec.encode`."""
+    """Make the encoder of a file, which yields its bytes chunk by chunk; parameters as for `isocodec.encode`."""
     asked = Options.of(**options)
     if isinstance(what, Tin):
         if isovalue is not None:
             raise OptionError("a surface has no isovalue", code="isovalue",
-                              remedy="leave it out; a file of a surface decodes to any contour")
+                              remedy="leave it out; from a file of a surface any contour can be decoded")
         return SurfaceEncoder(what, asked)
     if isinstance(what, Frames):
         return _SeriesEncoder(what, isovalue, asked, progress)
@@ -43,7 +43,7 @@ def encoder_of(
 def grid_encoder(
     field: Field, isovalue: Isovalues | None, options: Options, progress: Report | None = None
 ) -> GridEncoder:
-    """The encoder of one field."""
+    """Make the encoder of one field."""
     isovalues = levels_of(field, isovalue, options, [field])
     options = options_of(field, isovalue, options)
     placement = placement_of_file(field, options)
@@ -52,17 +52,17 @@ def grid_encoder(
 
 
 class Encoder:
-    """Encodes frames of one shape that come one by one into a file: time steps, slices, channels.
+    """Encodes frames of the same shape, added one by one, into a file: time steps, slices, channels.
 
-    Each frame leans on the one before. No more than two of them are in memory.
+    Each frame is predicted from the one before. At most two frames are in memory.
 
     Parameters
     ----------
     isovalue : number or sequence of numbers, optional
-        As in `encode`; the same for all frames. None if they are of bool or labels.
+        As for `encode`; the same for all frames. None if the frames are of bool or labels.
     **options
-        Those of `encode`; frames whose number is a multiple of ``interval`` lean on none before them, so that decoding
-        can begin there.
+        Options of `encode`; frames whose number is a multiple of ``interval`` are key frames, at which decoding can
+        begin.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class Encoder:
 
     @property
     def frames(self) -> int:
-        """Frames that have been added."""
+        """Number of frames that have been added."""
         return self._frames.count
 
     def add(self, frame: ArrayLike | Field | Mesh) -> bytes:
@@ -95,19 +95,19 @@ class Encoder:
         Parameters
         ----------
         frame : Field, (s0, s1) or (s0, s1, s2) array_like; or Mesh, and (V,) array_like after it
-            Like the first one in shape and type. Placement and notes are those of the first; of a mesh, points and
-            cells are.
+            A frame with the shape and type of the first one. Placement and notes are taken from the first frame; for a
+            mesh, points and cells.
 
         Returns
         -------
         bytes
-            Some more bytes of the file, which belong to this frame and the end of the one before.
+            More bytes of the file, which belong to this frame and to the end of the one before.
 
         Raises
         ------
         InputError
             If the frame cannot be encoded, or differs from the first one in shape, type or missing samples. Frames that
-            were added stay.
+            were added before are kept.
         OptionError
             If options do not apply, or the series is finished.
         """
@@ -131,18 +131,18 @@ class Encoder:
 
     def _check_open(self) -> None:
         if self._finished:
-            raise OptionError("the series is finished", code="finished", remedy="make another Encoder")
+            raise OptionError("the series is finished", code="finished", remedy="make a new Encoder")
 
 
 class _SeriesFrames:
-    """Chunks of frame after frame, of fields or of values on a mesh; the first one decides.
+    """Makes chunks frame by frame, of fields or of values on a mesh; the first frame determines which.
 
     Parameters
     ----------
     isovalue, options, progress
-        As of `encode`.
+        As for `encode`.
     known : iterable, optional
-        All frames, if they can be looked at before.
+        All frames, if they can be examined in advance.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class _SeriesFrames:
                 raise InputError(f"no frame has the label {label:g}", code="label")
 
     def chunks(self, frame: Any) -> list[bytes]:
-        """The chunks of a frame; if it fails, the ones before stay."""
+        """Return the chunks of a frame; if an error is raised, earlier frames are kept."""
         on_mesh = isinstance(frame, Mesh) if self._first is None and self._mesh is None else self._mesh is not None
         out = self._of_mesh(frame) if on_mesh else self._of_grid(field_of(frame))
         self.count += 1
@@ -190,7 +190,7 @@ class _SeriesFrames:
         series = Series(isovalues, options.interval)
         grid = GridFrames(grid_file(samples, series, options, placement, report=self._report))
         out = grid.chunks(samples)
-        # the samples themselves are not needed any more
+        # the samples themselves are no longer needed
         values = np.asarray(field.values)
         like = np.broadcast_to(np.zeros((), values.dtype), values.shape)
         self._grid = grid
@@ -199,24 +199,25 @@ class _SeriesFrames:
         return out
 
     def _check_alike(self, field: Field, first: Field) -> None:
-        """Refuse a frame that is not like the first one."""
+        """Refuse a frame that differs from the first one in shape or type."""
         if field.shape != first.shape:
             raise InputError(
-                f"frame {self.count} has the shape {_shape(field.shape)}, those before {_shape(first.shape)}",
-                code="frames", remedy="frames of one file have one shape",
+                f"frame {self.count} has the shape {_shape(field.shape)}, but earlier frames have "
+                f"{_shape(first.shape)}",
+                code="frames", remedy="all frames of a file must have the same shape",
             )
         found, before = np.asarray(field.values).dtype, first.values.dtype
         if found != before:
             raise InputError(
-                f"frame {self.count} holds {found}, those before {before}", code="frames",
-                remedy="convert all frames to one type",
+                f"frame {self.count} holds {found}, but earlier frames hold {before}", code="frames",
+                remedy="convert all frames to the same type",
             )
 
     def _of_mesh(self, frame: Any) -> list[bytes]:
         values: Any = frame.values if isinstance(frame, Mesh) else frame
         if self._mesh is None:
             if frame.stored == "coded":
-                raise OptionError("the cells that contours cross are not known before all frames are", code="mesh",
+                raise OptionError("the cells that contours cross are known only once all frames are", code="mesh",
                                   remedy='give stored="whole", or encode a Mesh with values of all frames')
             isovalues = levels_of(frame, self._isovalue, self._options, self._known)
             self._mesh = MeshFrames(frame, Series(isovalues, self._options.interval), self._options)
@@ -224,7 +225,7 @@ class _SeriesFrames:
 
 
 class _SeriesEncoder(ContainerEncoder):
-    """Encodes a series whose frames are there."""
+    """Encodes a series whose frames are all given."""
 
     def __init__(
         self, frames: Frames, isovalue: Isovalues | None, options: Options, progress: Report | None
@@ -235,7 +236,7 @@ class _SeriesEncoder(ContainerEncoder):
         self._frames = _SeriesFrames(isovalue, options, progress, frames_of(frames))
 
     def _pieces(self) -> Iterator[bytes]:
-        """The file but for its checksum."""
+        """Yield the pieces of the file without its checksum."""
         ending = Ending()
         for frame in self._given:
             yield ending.add(self._frames.chunks(frame))
@@ -244,7 +245,7 @@ class _SeriesEncoder(ContainerEncoder):
 
 
 def _inside(samples: Sequence[Samples]) -> set[float]:
-    """The isovalues that samples are above of, or the labels that they have."""
+    """The isovalues that some samples lie above, or the labels that some samples have."""
     return {one.isovalue for one in samples if one.signs.any()}
 
 

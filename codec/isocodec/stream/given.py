@@ -1,4 +1,4 @@
-"""Input from users, as encoders take it: fields with their notes, samples at each isovalue."""
+"""Convert input from users to what encoders take: fields with their notes, samples at each isovalue."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .options import Options, Precision
 
 
 def field_of(what: Any) -> Field:
-    """Samples as a `Field`: an array, or what another library has in memory with all that it states.
+    """Convert samples to a `Field`: an array, or an object of another library with everything that it states.
 
     Raises
     ------
@@ -40,16 +40,18 @@ def field_of(what: Any) -> Field:
 
 
 def placement_of_file(field: Field, options: Options) -> Placement | None:
-    """Placement of the samples of a file: as the field states, unless a note states it.
+    """Placement of the samples of a file: the field's, unless a note states it.
 
-    Axes that are periodic because their coordinates go round are left open where a mesh is searched for.
+    Axes that were taken to be periodic because of their coordinates are left open if a mesh is searched for.
     """
     placement = field.placement
     if placement is None or (placement.matrix is not None and PLACEMENT in options.metadata):
         return None
     if placement.inferred and placement.periodic and options.chooses_mesh:
         warnings.warn(
-            f"ends along axis {placement.periodic[0]} are not joined, as {options.chooses_mesh} chooses a mesh",
+            f"axis {placement.periodic[0]} is not treated as periodic, because {options.chooses_mesh} adapts the "
+            "mesh, which "
+            "could then differ at the two ends",
             stacklevel=5,
         )
         return replace(placement, periodic=(), inferred=False)
@@ -57,7 +59,7 @@ def placement_of_file(field: Field, options: Options) -> Placement | None:
 
 
 def options_of(field: Field, isovalue: object, options: Options) -> Options:
-    """The options of a file of a field: with its notes, with defaults of its kind, distances in cells."""
+    """Complete the options for a field: its notes, defaults for its type, distances converted to cells."""
     precision = options.precision
     notes = {**field.metadata, **options.metadata}
     if precision.default and not options.layers.planned and (
@@ -76,18 +78,19 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
 
 
 def _of_labels(field: Field, options: Options) -> Options:
-    """Options of a file of labels, whose isovalues do not lean on one another."""
+    """Complete the options for a file of labels, which are coded independently."""
     precision = options.precision
     if options.layers.planned:
         plans = [options.layers.plan, *(options.layers.plans or {}).values()]
         if any(entry and entry[0] == "values" for plan in plans for entry in plan or ()):
-            raise OptionError("layers of values do not apply to labels", code="plan", remedy="plan offsets instead")
+            raise OptionError("layers of values do not apply to labels",
+                              code="plan", remedy="use offsets in the plan instead")
     elif not (precision.signs or precision.tolerance is not None):
         raise OptionError(f"precision {precision.text!r} does not apply to labels", code="labels",
                           remedy="use signs or a distance")
     if field.placement is not None and (field.placement.coordinates is not None or field.placement.periodic):
         raise OptionError("labels on a grid with coordinates cannot be encoded together", code="labels",
-                          remedy="encode each label's mask by itself")
+                          remedy="encode the mask of each label separately")
     return replace(options, independent=True)
 
 
@@ -99,12 +102,12 @@ def levels_of(
     Parameters
     ----------
     first : Field or Mesh
-        What is encoded, of a series the first frame.
+        What is encoded; for a series, the first frame.
     isovalue : object
-        As of `encode`.
+        As for `encode`.
     options : Options
     all_of : iterable, optional
-        All frames, if they are known and can be taken again.
+        All frames, if they are known and can be iterated over again.
 
     Raises
     ------
@@ -114,7 +117,8 @@ def levels_of(
     plans = options.layers.plans
     if isinstance(first, Field) and first.labels is not None:
         if isovalue is not None:
-            raise OptionError("a field with labels has no other isovalues", code="isovalue", remedy="leave them out")
+            raise OptionError("a field with labels cannot have isovalues, too",
+                              code="isovalue", remedy="leave them out")
         return isovalues_of(list(first.labels)) if len(first.labels) else _none()
     if isovalue is None:
         if options.layers.written and plans is not None:
@@ -123,13 +127,14 @@ def levels_of(
             return [0.5]
         if options.layers.written and options.layers.planned:
             raise OptionError("the plan names no isovalue", code="plan",
-                              remedy="begin with a line such as: isovalue 500.5")
-        raise OptionError("no isovalue", code="isovalue", remedy="only a mask (bool) or labels need none")
+                              remedy="begin the plan with a line such as: isovalue 500.5")
+        raise OptionError("no isovalue",
+                          code="isovalue", remedy="only a mask (bool) or labels can be encoded without one")
     ends = None if all_of is None else lambda: _ends(all_of)
     found = isovalues_of(isovalue, ends)
     if options.layers.written and plans is not None and set(found) != set(plans):
         raise OptionError(
-            f"the isovalues given, {', '.join(f'{v:g}' for v in found)}, are not those of the plan, "
+            f"the isovalues given, {', '.join(f'{v:g}' for v in found)}, differ from those of the plan, "
             f"{', '.join(f'{v:g}' for v in plans)}", code="plan", remedy="leave them out",
         )
     return found
@@ -140,7 +145,7 @@ def _none() -> list[float]:
 
 
 def _ends(frames: Iterable[Any]) -> tuple[float, float]:
-    """The least and the largest sample of all frames."""
+    """Find the least and the largest sample of all frames."""
     found = []
     for each in frames:
         values: Any = each.values if isinstance(each, Field | Mesh) else each
@@ -157,7 +162,7 @@ def _ends(frames: Iterable[Any]) -> tuple[float, float]:
 def samples_of(
     field: Field, isovalues: Sequence[float], options: Options, placement: Placement | None, series: bool = False
 ) -> list[Samples]:
-    """The samples of a field at each isovalue, missing ones filled as it asks for, periodic axes closed.
+    """Prepare the samples of a field at each isovalue: fill missing ones as the field asks for, close periodic axes.
 
     Parameters
     ----------
@@ -166,7 +171,7 @@ def samples_of(
     options : Options
     placement : Placement or None
     series : bool
-        Whether it is one of several frames, which need not all have every label.
+        Whether the field is a frame of a series, whose frames need not all have every label.
 
     Raises
     ------
@@ -217,5 +222,5 @@ def labelled(values: NDArray[Any], label: float) -> NDArray[np.bool_]:
 
 
 def frames_of(frames: Frames) -> Iterable[Any] | None:
-    """The frames of a series, to be looked at before they are encoded; None if they can be taken only once."""
+    """The frames of a series, if they can be examined before they are encoded; None if they can be read only once."""
     return frames if frames.repeatable else None

@@ -1,4 +1,4 @@
-"""Chunks of a file of a sampled grid: layers, masks, frames, and the drawings of them (spec clause 9)."""
+"""Chunks of a file of a sampled grid (layers, masks, frames), and drawings of what they hold (spec clause 9)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from .tubes import Tubes
 
 
 class GridContents:
-    """Decodes the chunks of a grid's file; draws isovalues, by number, as of the events taken so far.
+    """Decodes the chunks of a grid's file; draws isovalues, by number, up to the events taken so far.
 
     Parameters
     ----------
@@ -47,7 +47,8 @@ class GridContents:
     only : collection of int, optional
         Numbers of the isovalues to decode; the chunks of others are skipped.
     frame : int, optional
-        For a series, the frame to decode, with those that it leans on; all frames, one after the other, if None.
+        For a series, the frame to decode, with those that it is predicted from; if None, all frames one after the
+        other.
 
     Attributes
     ----------
@@ -124,7 +125,7 @@ class GridContents:
         self._mask.drop()
 
     def _begin(self, event: Event) -> None:
-        """Begin what an event announces: another isovalue, a series, a further frame."""
+        """Begin what an event announces: a further isovalue, a series or a further frame."""
         if isinstance(event, IsovalueRead):
             self._strands.begin(self._header, event.lean, self._session.at)
         elif isinstance(event, SeriesRead):
@@ -139,12 +140,12 @@ class GridContents:
 
     @property
     def _complete(self) -> bool:
-        """Whether drawings show the whole file."""
+        """Whether drawings show the complete file."""
         return self._session.complete and not self._session.cut
 
     @property
     def _tube(self) -> Tube | None:
-        """The tube of the isovalue whose layers come at present; None if it is skipped."""
+        """The tube of the isovalue whose layers are being read; None if it is skipped."""
         return self._strands.present
 
     @property
@@ -153,17 +154,17 @@ class GridContents:
 
     @property
     def tubes(self) -> list[Tube | None]:
-        """Tubes of the isovalues of the present frame, by number; None for those that are skipped."""
+        """Tubes of the isovalues of the current frame, by number; None for those that are skipped."""
         return self._tubes
 
     @property
     def tubes_before(self) -> list[Tube | None]:
-        """Those of the frame before."""
+        """Tubes of the isovalues of the previous frame."""
         return self._strands.before
 
     @property
     def value_bits(self) -> tuple[int, int]:
-        """Bits of the numbers above and below the isovalue, as far as stated."""
+        """Bits of the numbers above and below the isovalue, if already stated."""
         return (self._progress.bits if self._progresses else None) or (0, 0)
 
     @property
@@ -173,7 +174,7 @@ class GridContents:
 
     @property
     def run_symbols(self) -> int:
-        """Symbols that have been decoded of the last run that was begun."""
+        """Symbols decoded so far of the last run that was begun."""
         return self._reader.run_symbols
 
     @property
@@ -183,24 +184,24 @@ class GridContents:
 
     @property
     def predictions(self) -> tuple[int, int]:
-        """Signs that were predicted so far, and how many of them rightly."""
+        """Number of signs that were predicted so far, and how many of them correctly."""
         made, right = self._reader.tally()[-2:]
         return int(made), int(right)
 
     def _tube_of(self, number: int) -> Tube | None:
-        """The tube of an isovalue, by number; None before it has come, or if it is skipped."""
+        """The tube of an isovalue, by number; None before it is read, or if it is skipped."""
         self._check_limits()
         if number < 0:
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
         return self._tubes[number] if number < len(self._tubes) else None
 
     def _check_limits(self) -> None:
-        """Refuse to draw after a limit was exceeded: what was decoded has been dropped."""
+        """Refuse to draw after a limit was exceeded, since the decoded state has been dropped."""
         if (error := self._session.exceeded) is not None:
             raise copy(error)
 
     def state(self, number: int = 0, *, before: bool = False) -> Decoded | None:
-        """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped.
+        """The decoded state of an isovalue, by number, in integers; None before it is read, or if it is skipped.
 
         With ``before`` that of the frame before.
         """
@@ -209,20 +210,20 @@ class GridContents:
         return state_of(tube) if tube else None
 
     def mask_state(self) -> Decoded | None:
-        """The decoded state of the mask; None before its chunk has come."""
+        """The decoded state of the mask; None before its chunk is read."""
         return state_of(self._mask.tube) if self._mask.tube else None
 
     def contour(
         self, number: int = 0, *, smooth: bool = False, through_holes: bool = False, before: bool = False
     ) -> Contour:
-        """The curve or surface of an isovalue, by number; ``smooth`` and ``through_holes`` as in `decode`.
+        """Draw the curve or surface of an isovalue, by number; ``smooth`` and ``through_holes`` as for `decode`.
 
-        With ``before`` that of the frame before, which is complete.
+        With ``before``, that of the previous frame, which is complete.
 
         Raises
         ------
         LimitError
-            If drawing takes more memory than the limits allow; the decoder stays as it is.
+            If drawing takes more memory than the limits allow; the decoder is unchanged.
         """
         try:
             return self._drawn(number, smooth, through_holes, before)
@@ -241,11 +242,11 @@ class GridContents:
 
     @property
     def whole_cells(self) -> WholeCells | None:
-        """Test of unit cells, by their lowest corners (C, n), for missing ones; None if no mask has come."""
+        """Make a test of unit cells, by their lowest corners (C, n), for missing ones; None without a mask."""
         return self._mask.holes.whole_cells if self._mask.holes else None
 
     def ends(self, number: int = 0) -> tuple[Contour, NDArray[np.int64]]:
-        """The contour of an isovalue, by number, and between which samples its points lie: see `draw_with_ends`."""
+        """Draw the contour of an isovalue, by number, with the ends of its points' edges: see `draw_with_ends`."""
         tube = self._tube_of(number)
         if tube is None:
             contour = self.contour(number)
@@ -258,14 +259,14 @@ class GridContents:
         raise out_of_memory("to draw the contour")
 
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
-        """Find which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
+        """Find which samples lie above an isovalue, by number, up to the events taken so far (spec clause 9.7).
 
         With ``before`` that of the frame before.
 
         Raises
         ------
         TruncatedError
-            If that has not been received yet.
+            If this has not been received yet.
         OptionError
             If the file does not store it: its mesh is coarser than the samples.
         LimitError
@@ -278,21 +279,21 @@ class GridContents:
         raise out_of_memory("for the mask")
 
     def mask_rows(self, number: int = 0, last_first: bool = False, *, before: bool = False) -> MaskRows:
-        """Find which samples lie above some rows at a time, so that the mask need not be in memory as a whole.
+        """Find which samples lie above, some rows at a time, so that the whole mask need not be in memory.
 
-        With ``last_first`` of the transposed array, whose first axis is the last one.
+        With ``last_first``, rows of the transposed array, whose first axis is the last one.
 
         Raises
         ------
         TruncatedError, OptionError, LimitError
-            As `above`.
+            As for `above`.
         """
         session = self._session
         tube = self._strands.before[number] if before else self._tube_of(number)
         return mask_rows_of(tube, len(self._data), session.complete, last_first, session.limits, self._budget)
 
     def valid(self) -> NDArray[np.bool_]:
-        """Find which samples are valid, as of the events taken so far; all are if the file has no mask.
+        """Find which samples are valid, up to the events taken so far; all are valid if the file has no mask.
 
         Raises
         ------
@@ -308,26 +309,26 @@ class GridContents:
         raise out_of_memory("for the mask")
 
     def valid_rows(self, last_first: bool = False) -> MaskRows:
-        """Find which samples are valid some rows at a time; ``last_first`` and errors as in `mask_rows`."""
+        """Find which samples are valid, some rows at a time; ``last_first`` and errors as for `mask_rows`."""
         self._check_limits()
         tube, session = self._mask.tube if self._mask.holes else None, self._session
-        # a mask comes in the first frame or not at all
+        # a mask belongs to the first frame, or there never is one
         known = session.complete or self.outline.frame > 0
         return valid_rows_of(tube, self._header, len(self._data), known, last_first, session.limits, self._budget)
 
     def crossed(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
+        """Crossed leaves of the mesh: positions (V, n), and vertices of simplices (M, n + 1), both int64."""
         return mesh_of(self._tube_of(number), len(self._header.shape), self._budget)
 
     def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:
-        """The mesh of an isovalue, by number, with signs of vertices: of the whole box, or its crossed leaves alone.
+        """The mesh of an isovalue, by number, with signs of vertices: the whole mesh, or only its crossed leaves.
 
         Raises
         ------
         TruncatedError
-            If that has not been received yet.
+            If this has not been received yet.
         LimitError
-            If it takes more memory than the limits allow; the decoder stays as it is.
+            If it takes more memory than the limits allow; the decoder is unchanged.
         """
         tube = self._tube_of(number)
         isovalue = self.outline.isovalues[number] if tube else math.nan
@@ -342,33 +343,31 @@ class GridContents:
 
     @property
     def placement(self) -> Placement | None:
-        """Placement of samples, as far as that has come; errors as `mapped`."""
+        """Placement of samples, as far as it is known; errors as for `mapped`."""
         return self._coordinates.placement(self.outline.coordinates, self._header.shape, self.outline.metadata)
 
     def mapped(self) -> Mapped | None:
-        """The chunk of coordinates, decoded; None if it has not come.
+        """Decode the chunk of coordinates; None if it has not been read.
 
         Raises
         ------
         LimitError
-            If they take more memory than the limits allow; the decoder stays as it is.
+            If they take more memory than the limits allow; the decoder is unchanged.
         """
         return self._coordinates.mapped(self.outline.coordinates, self._header.shape)
 
     def hold(self, size: int) -> None:
-        """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.
+        """Count ``size`` bytes held by the caller (for example for drawings) towards the memory limit from now on.
 
         Raises
         ------
         LimitError
-            If that is more than there may be; the decoder stays as it is.
+            If that is more than there may be; the decoder is unchanged.
         """
         self._budget.hold(self, size)
 
     def discard(self, number: int | None = None) -> None:
-        """Drop what has been decoded of an isovalue, or of all: to free memory once it has been drawn.
-
-        What is to come must not lean on it.
+        """Drop the decoded state of an isovalue, or of all, once drawn; nothing that follows may depend on it.
         """
         for i, tube in enumerate(self._tubes):
             if tube is not None and number in (None, i):

@@ -1,4 +1,4 @@
-"""Encoders of fields on grids: samples in, bytes out as layers get done (spec clauses 3.5.7, 5.11, 8.1)."""
+"""Encoders of fields on grids: samples in, bytes out layer by layer (spec clauses 3.5.7, 5.11, 8.1)."""
 
 from __future__ import annotations
 
@@ -46,19 +46,19 @@ from .plan_meshes import with_meshes
 from .series import LeanOn, Series
 
 Report = Callable[[int, int], object]
-"""Is called with the layers done and their total; before, while a mesh is searched for, with the curves tried and 0."""
+"""Called with the number of layers done and the total; during the search for a mesh, with the curves tried and 0."""
 
 FINE_SHARE = 0.25
-"""Under the criterion distortion crossings are stored within this share of its distance, or more finely."""
+"""With the criterion distortion, crossings are stored to within this fraction of its distance, or more precisely."""
 LEVELS_WORTH = 0.95
-"""A frame begins at the leaves of the one before if that takes less than this share of what levels would take."""
+"""A frame begins with the leaves of the one before if that takes less than this fraction of the bytes of levels."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
 
 
 @dataclass(frozen=True)
 class GridFile:
-    """Properties that all frames of a file on a grid share.
+    """Properties shared by all frames of a file on a grid.
 
     Attributes
     ----------
@@ -67,15 +67,15 @@ class GridFile:
     header : Header
     metadata : mapping of str to str
     periodic : tuple of int
-        Periodic axes; the plane of samples that closes them is part of the fields.
+        Periodic axes; the fields include the repeated plane of samples that closes each axis.
     gone : (s0, .., sn-1) bool, or None
         Which samples are missing.
     holes : Holes or None
-        The same as decoders know it.
+        The missing samples, in the form that decoders have.
     mask, coordinates : bytes
-        Payloads of their chunks, empty without.
+        Payloads of the chunks of mask and coordinates; empty if there is no such chunk.
     geometry : sequence of lists of entries, or None
-        Layers behind the full grid, for each isovalue, whatever the options are.
+        Layers after the full grid, for each isovalue, regardless of the options.
     report : callable or None
     """
 
@@ -97,7 +97,7 @@ class GridFile:
         return len(self.header.shape) * cube_exponent(self.header.shape)
 
     def beginning(self) -> Iterator[bytes]:
-        """The header, and chunks about the whole file."""
+        """Write the header, and the chunks that concern the whole file."""
         yield from beginning(self.header, self.metadata)
         if self.coordinates:
             yield write_chunk(ChunkType.COORDINATES, self.coordinates, ancillary=True)
@@ -111,7 +111,7 @@ def grid_file(
     fields: Sequence[Samples], series: Series, options: Options, placement: Placement | None = None,
     geometry: Sequence[list[Entry]] | None = None, report: Report | None = None,
 ) -> GridFile:
-    """Check the options of a file on a grid against its first frame, and code what is about all frames.
+    """Check the options of a file on a grid against its first frame, and code what concerns all frames.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def grid_file(
     options : Options
     placement : Placement, optional
     geometry, report
-        As of `GridFile`.
+        As for `GridFile`.
 
     Raises
     ------
@@ -161,12 +161,12 @@ def sampled(
     values: NDArray[Any], gone: NDArray[np.bool_] | None, isovalues: Sequence[float], step: float | None,
     periodic: Sequence[int] = (),
 ) -> list[Samples]:
-    """Samples, with something in place of missing ones, as a field at each isovalue; periodic axes get closed.
+    """Make a field of samples at each isovalue: missing samples get some value, and periodic axes are closed.
 
     Raises
     ------
     InputError, OptionError
-        As `check_field`.
+        As for `check_field`.
     """
     check_axes(periodic, values.shape)
     values = closed(values, periodic)
@@ -175,21 +175,21 @@ def sampled(
 
 
 class GridFrame:
-    """Encodes the isovalues of a frame one after the other; `chunks`, once, yields their bytes.
+    """Encodes the isovalues of a frame one after the other; `chunks`, to be called once, yields the bytes.
 
     Parameters
     ----------
     file : GridFile
-        The frame is the present one of its series.
+        Its series is at this frame.
     fields : sequence of Samples
         The frame at each isovalue.
     before : sequence of LayerWriter
-        Isovalues of the frame before, empty if this one leans on none.
+        Isovalues of the previous frame; empty if this is a key frame.
 
     Attributes
     ----------
     strands : list of LayerWriter
-        Isovalues that have begun: at first the first one.
+        Isovalues that have begun; initially the first one.
     """
 
     def __init__(self, file: GridFile, fields: Sequence[Samples], before: Sequence[LayerWriter] = ()) -> None:
@@ -203,16 +203,16 @@ class GridFrame:
 
     @property
     def layers(self) -> list[Layer]:
-        """Layers known so far, of all isovalues."""
+        """Number of layers known so far, of all isovalues."""
         return [layer for strand in self.strands for layer in strand.layers]
 
     @property
     def records(self) -> list[LayerRecord]:
-        """Sizes of the layers that are done."""
+        """Sizes of the finished layers."""
         return [record for strand in self.strands for record in strand.records]
 
     def chunks(self) -> Iterator[bytes]:
-        """Chunks of all isovalues. The last one of a file in one frame is marked as such."""
+        """Yield the chunks of all isovalues; in a file without frames, the last chunk is marked as such."""
         series = self.file.series
         count, key = len(series.isovalues), series.is_key(series.frame)
         for number, isovalue in enumerate(series.isovalues):
@@ -222,7 +222,7 @@ class GridFrame:
             if series.frame > 0:
                 payload = write_frame(lean, key)
                 alone = bool(self.strands[number].layers) and (number == 0 or bool(self.strands[number - 1].layers))
-                # layers that begin with a base begin the next isovalue by themselves
+                # layers that begin with a base implicitly begin the next isovalue
                 if payload or not alone:
                     yield write_chunk(ChunkType.FRAME, payload)
             elif number > 0:
@@ -230,7 +230,7 @@ class GridFrame:
             yield from self._layers(self.strands[number], series.interval is None and number == count - 1)
 
     def part(self) -> list[LayerWriter]:
-        """Keep what the next frame leans on, once all chunks are there."""
+        """Keep what the next frame is predicted from, once all chunks are made."""
         for strand in self.strands:
             strand.tube.part()
         self._before = ()
@@ -239,7 +239,7 @@ class GridFrame:
         return self.strands
 
     def _begin(self, progress: Progress) -> LeanOn | None:
-        """Get the next isovalue ready to be encoded; what it leans on."""
+        """Prepare the next isovalue for encoding; returns what it is predicted from."""
         series = self.file.series
         number = len(self.strands)
         lean = series.choose(number, self.file.options.independent)
@@ -253,7 +253,7 @@ class GridFrame:
         return (self._before if lean.before else self.strands)[lean.number]
 
     def _strand(self, number: int, lean: LeanOn | None, progress: Progress) -> tuple[LayerWriter, LeanOn | None]:
-        """The layers of an isovalue, ready to be encoded when those before it are done; the one that it leans on."""
+        """Prepare the layers of an isovalue; returns them, and the isovalue that it is predicted from."""
         if lean is not None and self._leant_on(lean).tube.full and self._on_grid:
             return self._smaller(number, lean, progress), lean
         try:
@@ -267,7 +267,7 @@ class GridFrame:
         return LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun), lean
 
     def _fresh(self, number: int, lean: LeanOn | None) -> Tube:
-        """A tube of an isovalue before its first layer."""
+        """Make the tube of an isovalue before its first layer."""
         field, truth, file = self._fields[number], self._truths[number], self.file
         if lean is None:
             return field_tube(file.header, field, truth, holes=file.holes)
@@ -275,7 +275,7 @@ class GridFrame:
         return field_tube(file.header, field, truth, tube, isovalue, file.holes, lean.before)
 
     def _plan_of(self, number: int, lean: LeanOn | None) -> Sequence[Entry]:
-        """Plan that the options lead to for one isovalue."""
+        """Make the plan for one isovalue from the options."""
         file, o = self.file, self.file.options
         precision, level = o.precision, o.layers.level
         plan = o.layers.plan_for(file.series.isovalues[number])
@@ -283,7 +283,7 @@ class GridFrame:
             return self._planned(plan, number, lean)
         values: list[Entry] = [(LayerKind.VALUES, None)] if precision.exact or precision.step is not None else []
         fine = None if values or precision.signs else precision.tolerance or DEFAULT_TOLERANCE
-        # crossings of the planes that close an axis have to be the same ones
+        # crossings in the planes that close an axis must be the same
         free = o.entropy == Profile.MAIN and not file.periodic and self._slack_keeps_order(fine)
         behind = [*values, *grid_offsets(fine, free)] if file.geometry is None else file.geometry[number]
         searched = precision.searched if level is None else None
@@ -304,7 +304,7 @@ class GridFrame:
         return [*strategy.whole_mesh(promise, True, level), *behind]
 
     def _planned(self, plan: Sequence[Entry], number: int, lean: LeanOn | None) -> Sequence[Entry]:
-        """A plan that was given, with meshes in place of criteria."""
+        """Replace criteria in a given plan by meshes."""
         file = self.file
         if not len(plan) and number == len(file.series.isovalues) - 1:
             raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
@@ -315,7 +315,7 @@ class GridFrame:
     def _within(
         self, promise: Promise, distance: float, values: list[Entry], fine: float | None, free: bool
     ) -> Sequence[Entry]:
-        """Layers under the criterion distortion, with crossings fine enough for it unless the precision is given."""
+        """Make layers for the criterion distortion; crossings are precise enough unless the precision is given."""
         o = self.file.options
         told = NO_OFFSETS if fine is None else (0, 0)
         if values:
@@ -329,20 +329,20 @@ class GridFrame:
 
     @property
     def _on_grid(self) -> bool:
-        """Whether the options lead to the full grid, and leave open on which way."""
+        """Whether the options lead to the full grid without fixing the layers in between."""
         o = self.file.options
         return o.layers.default and o.precision.steps is o.precision.searched is None and not o.keep_topology
 
     def _smaller(self, number: int, lean: LeanOn, progress: Progress) -> LayerWriter:
-        """The layers of an isovalue that leans on one with the full grid: on its leaves, or level by level.
+        """Make layers for an isovalue predicted from one on the full grid: on its leaves, or level by level.
 
-        Both are tried as far as all signs; the smaller one goes on from there.
+        Both are tried until all signs are coded; the smaller one is then continued.
         """
         file, leant_on = self.file, self._leant_on(lean)
         grid = strategy.grid_plan(len(file.header.shape), file.full_level, None)
         leaf: list[Entry] = [(LayerKind.LEAF_BASE,)]
         counters = leant_on.tube.state.counters
-        # what inference takes of the limit of steps is not part of the file
+        # the steps that inference counts towards the limit are not part of the file
         steps = counters.work
         trials = []
         for plan in (leaf, grid):
@@ -350,16 +350,17 @@ class GridFrame:
             begun = progress.begin(leant_on.progress)
             writer = LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun)
             trials.append((writer, writer.trial(), counters.work))
-        # of a series, levels are worth a little: their networks keep learning; geometry likes leaves in order
+        # in a series, levels have some advantage, since their networks keep learning; geometry prefers ordered leaves
         least = LEVELS_WORTH if lean.before and file.options.precision.signs else 1.0
         chosen, _, counters.work = trials[0] if trials[0][1] < least * trials[1][1] else trials[1]
         chosen.go_on(self._plan_of(number, lean)[len(grid) :])
         return chosen
 
     def _slack_keeps_order(self, tolerance: float | None) -> bool:
-        """Whether crossings of several isovalues stay in order if they are coded with slack (spec annex G.3).
+        """Whether the crossings of several isovalues stay in order if they are coded with slack (spec annex G.3).
 
-        First digits do not get past those of the isovalue leaned on. So each isovalue has to lie beyond all before it.
+        First digits cannot pass those of the isovalue that is used for prediction, so each isovalue must lie beyond all
+        earlier ones.
         """
         isovalues = self.file.series.isovalues
         before = [isovalues[:i] for i in range(1, len(isovalues))]
@@ -369,7 +370,7 @@ class GridFrame:
         )
 
     def _layers(self, strand: LayerWriter, last: bool) -> Iterator[bytes]:
-        """Chunks of layers of one isovalue; behind the last one the level index."""
+        """Yield the chunks of layers of one isovalue, and the level index after the last one."""
         if strand.within:
             promises = write_promises(Promises(strand.within, self.file.options.keep_topology))
             yield write_chunk(ChunkType.PROMISES, promises, ancillary=True)
@@ -382,7 +383,7 @@ class GridFrame:
                 if all(layer.births for layer in self.layers if layer.kind == LayerKind.ADAPT):
                     raise
                 raise OptionError(
-                    "an adaptive layer of the plan leaves out new components of the field", code="plan",
+                    "an adaptive layer of the plan omits new components of the field", code="plan",
                     remedy='("adapt", 1, mesh)',
                 ) from error
             payload = write_program(strand.layers[done:end], program, strand.bits) + run
@@ -407,7 +408,7 @@ class GridFrame:
 
 
 class GridEncoder(ContainerEncoder):
-    """Encodes isocontours of a field; iterating, once, yields the bytes of the file, chunk by chunk.
+    """Encodes isocontours of a field; iterating, which is possible once, yields the bytes of the file chunk by chunk.
 
     Parameters
     ----------
@@ -422,13 +423,13 @@ class GridEncoder(ContainerEncoder):
         self.frame = GridFrame(file, fields)
 
     def _pieces(self) -> Iterator[bytes]:
-        """The file but for its checksum."""
+        """Yield the pieces of the file without its checksum."""
         yield from self.frame.file.beginning()
         yield from self.frame.chunks()
 
 
 class GridFrames:
-    """Encodes the frames of a series as they come. No more than two of them are in memory.
+    """Encodes the frames of a series as they come; at most two of them are in memory.
 
     Parameters
     ----------
@@ -440,18 +441,18 @@ class GridFrames:
         self._before: list[LayerWriter] = []
 
     def chunks(self, fields: Sequence[Samples]) -> list[bytes]:
-        """The chunks of a frame, the first one with the header before it. If it fails, the frames before stay.
+        """Return the chunks of a frame, the first with the header; if an error is raised, earlier frames are kept.
 
         Raises
         ------
         InputError
-            If other samples are missing than in the first frame.
+            If the missing samples differ from those of the first frame.
         """
         file, series = self.file, self.file.series
         if not _same(fields[0].gone, file.gone):
             raise InputError(
-                "other samples are missing than in the first frame", code="frames",
-                remedy="fill them, or give one mask for all frames",
+                "the missing samples differ from those of the first frame", code="frames",
+                remedy="fill the missing samples, or give one mask for all frames",
             )
         if series.number >= 0:
             series.next_frame()
@@ -466,7 +467,7 @@ class GridFrames:
 
 
 def _same(a: NDArray[np.bool_] | None, b: NDArray[np.bool_] | None) -> bool:
-    """Whether the same samples are missing."""
+    """Whether the same samples are missing in both."""
     if a is None or b is None:
         return a is b
     return bool((a == b).all())

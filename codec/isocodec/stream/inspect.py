@@ -31,16 +31,16 @@ _NAMES = {t.value: t.name.lower() for t in ChunkType}
 
 @dataclass(frozen=True)
 class LayerInfo:
-    """One layer; ``offset``, ``bytes`` and ``symbols`` are None where the file does not state them.
+    """One layer; ``offset``, ``bytes`` and ``symbols`` are None if the file does not state them.
 
     Attributes
     ----------
     kind : str
     level : int
     plane : int
-        Missing bits of values afterwards.
+        Bits of values that remain to be coded afterwards.
     parts : int
-        Parts that edges are divided into afterwards.
+        Number of parts into which edges are divided afterwards.
     offset : int or None
         Byte offset in the file at which its data begin.
     bytes : int or None
@@ -48,8 +48,8 @@ class LayerInfo:
     isovalue : int
         Number of the isovalue that it belongs to.
     within : float or None
-        How many cells decoded and original curve lie from each other at most, when this layer is complete and no later
-        one begun, if the writer promises it.
+        Guaranteed bound, in cells, on the distance between decoded and original curve when this layer is complete and
+        no later one has begun; None if the file states no such promise.
     frame : int
         Number of the frame that it belongs to.
     """
@@ -73,14 +73,14 @@ class FrameInfo:
     Attributes
     ----------
     offset, bytes : int
-        Where in the file its first chunk begins, and what all of its chunks take; for the first frame from the file's
-        beginning on.
+        Byte offset of its first chunk, and number of bytes of all its chunks; for the first frame, from the beginning
+        of the file.
     key : bool
-        Whether it leans on none before it.
+        Whether it is a key frame, which is not predicted from earlier frames.
     leans : list of int or None
-        For each isovalue the number of the one of the same frame that it leans on.
+        For each isovalue, the number of the isovalue of the same frame that it is predicted from.
     before : list of bool
-        For each isovalue whether it leans on the same one of the frame before.
+        For each isovalue, whether it is predicted from the same isovalue of the previous frame.
     """
 
     offset: int
@@ -97,11 +97,11 @@ class ChunkInfo:
     Attributes
     ----------
     type : str
-        Its type by name.
+        Name of its type.
     offset, bytes : int
         Byte offset, and length with envelope and checksums.
     frame, isovalue : int
-        Numbers of the frame and the isovalue that had begun last.
+        Numbers of the frame and the isovalue that it belongs to.
     """
 
     type: str
@@ -118,23 +118,23 @@ class FileInfo:
     Attributes
     ----------
     overhead_bytes : int
-        All that is not entropy-coded data.
+        All bytes that are not entropy-coded data.
     complete : bool
-        The file is whole and its checksum is right.
+        Whether the file is complete and its checksum is correct.
     isovalues : list of float
         All isovalues of the file; ``isovalue`` is the first.
     leans : list of int or None
-        For each the number of the earlier one that it leans on.
+        For each isovalue, the number of the earlier one that it is predicted from.
     topology : list of bool
-        For each whether the writer promises that all complete layers have the topology of the original curve.
+        For each isovalue, whether the file guarantees that all complete layers have the topology of the original curve.
     mask_bytes : int or None
         Entropy-coded bytes of the mask; None if no sample is missing.
     interval : int or None
-        For a series, how often a frame leans on none before it; 0 if only the first does. None without frames.
+        For a series, the interval of key frames; 0 if only the first frame is one. None without frames.
     frames : list of FrameInfo
-        Those of a series.
+        Frames of a series.
     coordinates : str or None
-        In words, how samples lie on a mapped grid; None on other grids.
+        Description of the coordinates of a mapped grid; None for other grids.
     domain : DomainHead or None
         Head of the mesh, for a file on one.
     kind : str
@@ -142,9 +142,9 @@ class FileInfo:
     surface : TinHead or None
         Head of a triangulated surface.
     tile : int or None
-        For a file in tiles, samples along each axis of a tile.
+        For a tiled file, the number of samples along each axis of a tile.
     tiles : tuple of int or None
-        For a file in tiles, the number of tiles along each axis.
+        For a tiled file, the number of tiles along each axis.
     """
 
     version: int
@@ -173,7 +173,7 @@ class FileInfo:
     tiles: tuple[int, ...] | None = None
 
     def number_of(self, isovalue: float | None) -> int:
-        """Number of an isovalue of the file, of the first if None.
+        """Number of an isovalue of the file, or of the first if None.
 
         Raises
         ------
@@ -192,10 +192,10 @@ class FileInfo:
         return self.isovalues.index(isovalue)
 
     def chain(self, number: int) -> frozenset[int]:
-        """Numbers of all isovalues that it takes to decode one, in any frame."""
+        """Numbers of all isovalues needed to decode one of them, in any frame."""
         out = {number}
         for leans in [self.leans, *(frame.leans for frame in self.frames)]:
-            # an isovalue leans on earlier ones only
+            # an isovalue is predicted only from earlier ones
             for i in range(len(leans) - 1, -1, -1):
                 lean = leans[i]
                 if i in out and lean is not None:
@@ -203,7 +203,7 @@ class FileInfo:
         return frozenset(out)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data, for JSON."""
+        """Convert to plain data for JSON."""
         out = asdict(self)
         if self.domain is None:
             del out["domain"]
@@ -217,7 +217,7 @@ class FileInfo:
 
 @dataclass
 class _Strands:
-    """Positions in the programs of isovalues, in the present frame and the one before; where frames begin."""
+    """State of the programs of isovalues, in the current frame and the one before, and where frames begin."""
 
     progresses: list[Progress]
     starts: list[int]
@@ -226,7 +226,7 @@ class _Strands:
     before: list[Progress] = field(default_factory=list)
 
     def begin(self, event: FrameRead, start: int) -> None:
-        """Another isovalue of a series begins with a chunk at ``start``."""
+        """Begin a further isovalue of a series, with a chunk at ``start``."""
         if event.number == 0:
             self.before, self.progresses = self.progresses, []
             self.starts.append(start)
@@ -240,7 +240,7 @@ class _Strands:
         self.progresses.append(fresh.begin(None if event.lean is None else earlier[event.lean]))
 
     def frames(self, interval: int | None, end: int) -> list[FrameInfo]:
-        """The frames of a series."""
+        """Frames of the series, with their sizes."""
         if interval is None:
             return []
         ends = [*self.starts[1:], end]
@@ -253,21 +253,21 @@ class _Strands:
 
 
 class _Survey:
-    """Takes note of the chunks of a file of any kind without decoding them.
+    """Records the chunks of a file of any kind without decoding them.
 
     Attributes
     ----------
     layers : list of LayerInfo
     chunks : list of ChunkInfo
     coded : int
-        Entropy-coded bytes.
+        Number of entropy-coded bytes.
     mask_bytes : int
     promised : dict
         Promises by frame and isovalue.
     strands : _Strands
     surface : TinHead or None
 
-    With ``to_layers`` it stops at the first chunk of layers.
+    With ``to_layers``, it stops at the first chunk of layers.
     """
 
     def __init__(self, session: Session, header: Header, to_layers: bool = False) -> None:
@@ -332,12 +332,12 @@ class _Survey:
         """See `Contents.drop`."""
 
     def note(self, chunk: Envelope, at: int, behind: int) -> None:
-        """List a chunk that ends at ``behind``."""
+        """List a chunk that ends before ``behind``."""
         name, outline = _NAMES.get(chunk.type, f"unknown {chunk.type}"), self.outline
         self.chunks.append(ChunkInfo(name, at, behind - at, outline.frame, outline.number))
 
     def _grid_layers(self, chunk: Envelope, at: int, end: int) -> None:
-        """List the layers of a chunk as far as it has come."""
+        """List the layers of a chunk as far as it has arrived."""
         outline, data = self.outline, self._session.data
         operation = first_operation(data, chunk)
         begun = None if operation is None else outline.begin_layers(data[operation], operation)
@@ -355,7 +355,7 @@ class _Survey:
             ))
 
     def _mesh_layer(self, chunk: Envelope) -> None:
-        """List the layer of an explicit domain."""
+        """List a layer of a file on a mesh."""
         head, begins = read_mesh_layer(bytes(self._session.data[chunk.start : chunk.end]), chunk.start)
         size, outline = chunk.end - chunk.start - begins, self.outline
         outline.begun = True
@@ -367,7 +367,7 @@ class _Survey:
 
 
 def kind_of(data: bytes, limits: Limits | None = None) -> str:
-    """Kind of a file, as `FileInfo.kind`, from what comes before its layers.
+    """Find the kind of a file, as in `FileInfo.kind`, from the chunks before its layers.
 
     Raises
     ------
@@ -390,16 +390,16 @@ def _kind(header: Header, outline: Outline, survey: _Survey) -> str:
 
 
 def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) -> FileInfo:
-    """Structure of a file.
+    """Read the structure of a file.
 
     Parameters
     ----------
     data : bytes
         The file, or the beginning of one.
     symbols : bool
-        Decode the file to fill in what it does not state of its layers. Loads the kernels.
+        Decode the file to fill in what it does not state about its layers. Loads the kernels.
     limits : Limits, optional
-        What decoding may take at most.
+        Limits for decoding.
 
     Raises
     ------
@@ -450,7 +450,7 @@ def _in_words(record: CoordinatesRecord | None) -> str | None:
 
 
 def _promised(layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Promises]) -> list[LayerInfo]:
-    """The layers with what is promised of each."""
+    """Add to each layer what is promised of it."""
     counts: Counter[tuple[int, int]] = Counter()
     out = []
     for layer in layers:

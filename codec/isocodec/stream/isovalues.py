@@ -1,4 +1,4 @@
-"""Isovalues from what a user gives: numbers, or even steps over the range of the data."""
+"""Isovalues from what a user gives: numbers, or evenly spaced values over the range of the data."""
 
 from __future__ import annotations
 
@@ -17,27 +17,28 @@ from ..errors import InputError, OptionError
 from ..field.samples import isovalue_of
 
 Range = Callable[[], tuple[float, float]]
-"""Finds the least and the largest sample, of all frames."""
+"""Finds the least and the largest sample of all frames."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _EVERY = re.compile(rf"every\s+({_NUMBER})(?:\s+from\s+({_NUMBER}))?")
 
 
 def isovalues_of(given: object, ends: Range | None = None) -> list[float]:
-    """The isovalues of a file.
+    """Determine the isovalues of a file.
 
     Parameters
     ----------
     given : number, sequence of numbers, or str
-        As text "every 20", or "every 20 from 5": all multiples, or so much more than them, within the data.
+        As text: "every 20", all multiples of 20 within the range of the data; "every 20 from 5", the same shifted by 5.
     ends : callable, optional
-        Finds the range of the data; called for texts only.
+        Finds the range of the data; called only for texts.
 
     Raises
     ------
     InputError
-        If one is not a number that a file can hold, or no multiple lies within the data.
+        If an isovalue is not a number that a file can hold, or no multiple lies within the range of the data.
     OptionError
-        If none is given, two are equal, or they are too many; or if a text is not understood, or has no range yet.
+        If no isovalue is given, two are equal, or there are too many; or if a text is not valid, or the range is not
+        known yet.
     """
     if isinstance(given, str):
         return list(_every(given, ends))
@@ -49,7 +50,8 @@ def isovalues_of(given: object, ends: Range | None = None) -> list[float]:
     if len(set(values)) < len(values):
         raise OptionError("an isovalue is given twice", code="isovalue", remedy="give each once")
     if len(values) > MAX_ISOVALUES:
-        raise OptionError(f"{len(values)} isovalues; a file holds at most {MAX_ISOVALUES}", code="isovalue")
+        raise OptionError(f"{len(values)} isovalues are given, but a file holds at most {MAX_ISOVALUES}",
+                          code="isovalue")
     return values
 
 
@@ -57,7 +59,7 @@ def _every(text: str, ends: Range | None) -> tuple[float, ...]:
     found = _EVERY.fullmatch(text.strip())
     interval = float(found[1]) if found else 0.0
     if found is None or not 0 < interval < math.inf:
-        raise OptionError(f"the isovalue {text!r} is not understood", code="isovalue",
+        raise OptionError(f"{text!r} is not an isovalue", code="isovalue",
                           remedy='give a number, or "every 20 from 5"')
     if ends is None:
         raise OptionError(f"{text!r} needs the range of all frames before the first one is encoded", code="isovalue",
@@ -66,14 +68,14 @@ def _every(text: str, ends: Range | None) -> tuple[float, ...]:
 
 
 def multiples(interval: float, low: float, high: float, offset: float | None = None) -> tuple[float, ...]:
-    """Multiples of an interval with samples above and not above them, rising; of 0.1 they are 0.1, 0.2, 0.3 .. .
+    """Multiples of an interval that some samples lie above and others do not, increasing: for 0.1, 0.1, 0.2, 0.3 .. .
 
-    ``low`` and ``high`` are the least and the largest sample. With an offset, so much more than multiples.
+    ``low`` and ``high`` are the least and the largest sample. With an offset, multiples shifted by it.
 
     Raises
     ------
     InputError
-        If no multiple lies within the data, or more than a file holds.
+        If no multiple lies within the range of the data, or more than a file can hold.
     """
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError("the data hold infinite values", code="interval", remedy="give the isovalues as numbers")
@@ -84,8 +86,8 @@ def multiples(interval: float, low: float, high: float, offset: float | None = N
     out = tuple(value for value in near if low <= value < high)
     if len(out) > MAX_ISOVALUES:
         raise InputError(
-            f"about {end - first - 1:,} multiples of {interval:g} lie within the data ({low:g} to {high:g}); a file "
-            f"holds at most {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
+            f"about {end - first - 1:,} multiples of {interval:g} lie within the data ({low:g} to {high:g}), but a "
+            f"file holds at most {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
         )
     if not out:
         raise InputError(
@@ -96,7 +98,7 @@ def multiples(interval: float, low: float, high: float, offset: float | None = N
 
 
 def range_of(samples: NDArray[Any]) -> tuple[float, float]:
-    """The least and the largest of some samples.
+    """Find the least and the largest of some samples.
 
     Raises
     ------

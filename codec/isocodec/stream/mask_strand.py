@@ -1,4 +1,4 @@
-"""The mask of a file, on the decoder's side: its chunk, and the holes that follow (spec clauses 3.5.6, 5.10)."""
+"""The mask of a file as decoders read it: its chunk, and the holes that follow from it (spec clauses 3.5.6, 5.10)."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ _ROOM = 4096
 
 
 class MaskStrand:
-    """State of the mask.
+    """State of the mask while it is decoded.
 
     Parameters
     ----------
     limits : Limits
     data : bytearray
-        The file as far as it has come; it grows.
+        The file as far as it has arrived; it grows.
     budget : Budget
     account : Account
     tubes : list of Tube or None
-        Those of the isovalues.
+        Tubes of the isovalues.
 
     Attributes
     ----------
     tubes : list of Tube or None
-        That of the mask, if its chunk has begun.
+        The tube of the mask, if its chunk has begun.
     holes : Holes or None
-        The holes that it describes, if it is complete.
+        The holes that the mask describes, if it is complete.
     """
 
     def __init__(
@@ -54,28 +54,28 @@ class MaskStrand:
 
     @property
     def coming(self) -> bool:
-        """Whether its chunk is being read."""
+        """Whether the chunk of the mask is being read."""
         return self._reader is not None
 
     def begin(self, header: Header, left: Limits) -> None:
-        """Its chunk begins; ``left`` is what its tube may have."""
+        """Begin the chunk of the mask; ``left`` are the limits for its tube."""
         tube = mask_tube(header, _ROOM, left, budget=self._budget)
         self.tubes.append(tube)
         self._reader = MaskReader(self._limits, self._data, tube, self._others, self._account)
 
     def go_on(self, chunk: Envelope, chunk_start: int) -> bool:
-        """Go on with its chunk; whether all has come, and where another chunk comes, too."""
+        """Continue with the chunk; returns whether it has been read completely."""
         return self._reader is None or self._reader.read(chunk, chunk_start)
 
     def end(self) -> None:
-        """Its chunk has been read and verified."""
+        """Finish the chunk, which has been read and verified."""
         tube = self.tube
         assert tube is not None
         tube.rest()
         self._reader, self.holes = None, Holes(tube.state)
 
     def drop(self) -> None:
-        """Keep nothing of it."""
+        """Release everything."""
         if self.tube is not None:
             self._budget.release(self.tube, self.tube.estimates)
         self.tubes.clear()

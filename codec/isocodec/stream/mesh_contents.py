@@ -1,4 +1,4 @@
-"""Chunks of a file of values on a mesh: its domain and layers, and their drawings (spec clause 10)."""
+"""Chunks of a file of values on a mesh (the mesh and its layers), and their drawings (spec clause 10)."""
 
 from __future__ import annotations
 
@@ -31,32 +31,32 @@ from .outline import check_explicit
 from .session import Session
 
 HISTORY_PER_CELL = 300
-"""Bytes that the history of a mesh takes for a cell, about."""
+"""Approximate memory, in bytes, of the history of a mesh per cell."""
 ELEMENTS = 64
-"""Vertices and cells of the mesh that count as a unit of work when an isovalue begins or a round has been."""
+"""Number of vertices and cells that count as a unit of work when an isovalue begins or a round ends."""
 PER_CELL = 200
-"""Bytes that checking a known mesh and drawing it take for a cell, about."""
+"""Approximate memory, in bytes, for checking a known mesh and drawing it, per cell."""
 
 
 def coordinates_of(domain: Complex, head: DomainHead) -> NDArray[np.float64]:
-    """Coordinates of the vertices of a coded mesh, (V, d) float64."""
+    """Compute the coordinates of the vertices of a coded mesh, (V, d) float64."""
     places = (domain.mesh.position + np.array(head.origin, np.int64)).astype(np.float64)
     return np.asarray(np.ldexp(places * head.multiple, head.exponent))
 
 
 class MeshContents:
-    """Decodes the chunks of a file of values on a mesh; draws isovalues, by number, as of the events taken so far.
+    """Decodes the chunks of a file of values on a mesh; draws isovalues, by number, up to the events taken so far.
 
     Parameters
     ----------
     session : Session
     header : Header
     mesh : (points, cells), optional
-        The mesh that the file was made on, if the file does not hold it: (V, d) coordinates and (T, n + 1) vertices.
+        The mesh that the file was made on, if the file does not store it: (V, d) coordinates and (T, n + 1) vertices.
     only : collection of int, optional
         Numbers of the isovalues to decode.
     frame : int, optional
-        For a series, the frame to decode; all, one after the other, if None.
+        For a series, the frame to decode; if None, all frames one after the other.
 
     Attributes
     ----------
@@ -88,13 +88,13 @@ class MeshContents:
 
     @property
     def head(self) -> DomainHead | None:
-        """Head of the domain, once that has come."""
+        """Head of the domain chunk, once it has been read."""
         return self.outline.domain
 
     def strand(self, number: int = 0, *, before: bool = False) -> MeshIsovalue | None:
-        """State of an isovalue, by number; None before it has come, or if it is skipped.
+        """State of an isovalue, by number; None before it is read, or if it is skipped.
 
-        ``before``: that of the frame before, while the next one begins.
+        ``before``: that of the previous frame, while the next one begins.
         """
         if number < 0:
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
@@ -103,15 +103,15 @@ class MeshContents:
 
     @property
     def domain(self) -> Complex | None:
-        """The complex, once it has come."""
+        """The complex, once it is known."""
         return self._domain
 
     def contour(
         self, number: int = 0, *, smooth: bool = False, through_holes: bool = False, before: bool = False
     ) -> Contour:
-        """The curve or surface of an isovalue, by number, as of the events taken so far.
+        """Draw the curve or surface of an isovalue, by number, up to the events taken so far.
 
-        ``before``: that of the frame before, while the next one begins.
+        ``before``: that of the previous frame, while the next one begins.
         """
         if smooth:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
@@ -131,7 +131,7 @@ class MeshContents:
         return Contour(points, cells, found.value, (), self._session.complete, metadata=notes)
 
     def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
-        """The curve on what is left of the mesh after some rounds."""
+        """Draw the curve on the part of the mesh that remains after some rounds of removal."""
         assert self._points is not None and found.rounds is not None
         cells, above = self._history.cells[found.rounds], found.strand.sign == 1
         cells = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
@@ -154,11 +154,11 @@ class MeshContents:
             raise TruncatedError("the file ends before its signs are complete", code="truncated")
         sign = found.strand.sign.copy()
         spread_signs(self._domain.mesh, sign, np.zeros(len(sign), np.int64))
-        # without any curve all vertices lie on the side of the first
+        # without a curve, all vertices lie on the same side as the first
         return np.asarray(sign == 1)
 
     def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:
-        """The mesh, with signs of its vertices at an isovalue, by number: all of it, or the crossed cells alone.
+        """The mesh, with signs of its vertices at an isovalue, by number: the whole mesh, or only the crossed cells.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class MeshContents:
         )
 
     def _ratio(self, found: MeshIsovalue) -> NDArray[np.float64]:
-        """Crossings of edges, from their lower vertices."""
+        """Positions of crossings on edges, measured from the lower vertex."""
         assert found.edges is not None
         if found.active is not None and found.steps is not None:
             value = np.zeros(len(found.strand.sign))
@@ -196,7 +196,7 @@ class MeshContents:
         check_explicit(chunk, at, self.head is not None)
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
-        """See `Contents.arrive`: a layer is decoded once it is whole."""
+        """See `Contents.arrive`: a layer is decoded once it is complete."""
         return None, True
 
     def take(self, chunk: Envelope, at: int, behind: int) -> Event:
@@ -222,7 +222,7 @@ class MeshContents:
         self._budget.release(self)
 
     def _begin_domain(self, payload: bytes, start: int) -> None:
-        """The domain's chunk has been read."""
+        """Handle the domain chunk, which has been read."""
         assert self.head is not None
         n, head = self._header.n, self.head
         if head.vertices > self.limits.vertices or head.cells > self.limits.simplices:
@@ -242,10 +242,11 @@ class MeshContents:
         self._begin(0, None)
 
     def _known_mesh(self, head: DomainHead, n: int) -> tuple[Complex, NDArray[np.float64]]:
-        """The mesh that was given, if it is the file's."""
+        """Return the mesh that was given, after checking that it is the file's."""
         if self._mesh is None:
             raise InputError(
-                f"the file was made on a mesh of {head.vertices} points and {head.cells} cells that it does not hold",
+                f"the file was made on a mesh of {head.vertices} points and {head.cells} cells, which it does not "
+                "store",
                 code="mesh", remedy="give that mesh (mesh=, --mesh)",
             )
         points, cells = np.asarray(self._mesh[0]), np.asarray(self._mesh[1])
@@ -259,12 +260,12 @@ class MeshContents:
         if domain.digest != head.digest:
             raise InputError(
                 f"the mesh has the SHA-256 {domain.digest.hex()}.., the file's has {head.digest.hex()}..", code="mesh",
-                remedy="give the mesh that the file was made on, its points and cells in the same order",
+                remedy="give the mesh that the file was made on, with points and cells in the same order",
             )
         return domain, coordinates
 
     def _begin_in_frame(self, event: FrameRead) -> None:
-        """An isovalue of a further frame begins."""
+        """Begin an isovalue of a further frame."""
         if self._wanted is not None and event.frame > self._wanted:
             return
         if event.number == 0:
@@ -273,14 +274,14 @@ class MeshContents:
 
     @property
     def _skipped(self) -> bool:
-        """Whether nothing of the present frame is needed."""
+        """Whether nothing of the current frame is needed."""
         if self._wanted is None:
             return False
         first = key_of(self._wanted, self.outline.interval or 0)
         return not first <= self.outline.frame <= self._wanted
 
     def _begin(self, number: int, lean: int | None, before: bool = False) -> None:
-        """An isovalue begins; ``before`` if it leans on the frame before."""
+        """Begin an isovalue; with ``before``, it is predicted from the previous frame."""
         assert self._domain is not None
         if number >= self.limits.isovalues:
             raise LimitError(f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", clause="11.2")
@@ -294,7 +295,8 @@ class MeshContents:
         while lean is not None:
             one = self._strands[lean]
             if one is None:
-                raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
+                raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded",
+                                  code="only")
             earlier.append(one)
             lean = self._leans[lean]
         self._work_off(self._domain)
@@ -304,7 +306,7 @@ class MeshContents:
         self._strands.append(MeshIsovalue(self._domain, isovalue, self._header.scale, earlier, then))
 
     def _work_off(self, domain: Complex) -> None:
-        """Count what looking once at all vertices and cells takes."""
+        """Count the work of visiting all vertices and cells once."""
         self._account.read = self._session.at
         self._account.spend((len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS)
 
@@ -320,7 +322,7 @@ class MeshContents:
         if present is None:
             return ChunkSkipped(behind, ChunkType.LAYERS, len(payload))
         if not self._fits(head, present):
-            raise FormatError("a layer that comes twice, or too early", code="layer", offset=start, clause="10.1.3")
+            raise FormatError("a layer appears twice, or too early", code="layer", offset=start, clause="10.1.3")
         run = present.read(payload[at:], start + at, self._account)
         if head.kind == MeshLayer.SIGNS:
             present.code_signs()
@@ -334,7 +336,7 @@ class MeshContents:
         return MeshLayerComplete(behind, self._layers, head.kind.name.lower(), len(payload) - at)
 
     def _fits(self, head: MeshLayerHead, present: MeshIsovalue) -> bool:
-        """Whether a layer may come next."""
+        """Whether a layer may follow."""
         match head.kind:
             case MeshLayer.SIGNS:
                 return present.rounds is None and present.edges is None
@@ -350,7 +352,7 @@ class MeshContents:
 
     @cached_property
     def _history(self) -> History:
-        """History of the domain."""
+        """History of removals of the mesh."""
         assert self._domain is not None
         self._budget.check(HISTORY_PER_CELL * len(self._domain.mesh.cell))
         domain = self._domain

@@ -1,4 +1,4 @@
-"""The encoder of isovalues on explicit domains (spec clause 10)."""
+"""Encoders of values on meshes (explicit domains; spec clause 10)."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ from .options import Options
 from .series import Series
 
 FINER = 3
-"""Least factor of the number of known vertices from one layer of signs to the next."""
+"""Least factor by which the number of known vertices grows from one layer of signs to the next."""
 EDGE_SHARE = 0.05
-"""Without an option, points lie as near to the contour as this share of the median edge."""
+"""Default tolerance of contour points, as a fraction of the median edge length."""
 MESH_SHARE = 0.05
-"""Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
+"""Default error of the vertices of a stored mesh, as a fraction of the median edge length."""
 KINDS = ("known", "coded", "whole", "delaunay")
 
 
 class MeshFrames:
-    """Encodes the frames of values on one mesh as they come.
+    """Encodes frames of values on one mesh as they come.
 
     Parameters
     ----------
     mesh : Mesh
-        Its values are those of the first frame, or of all frames, (F, V).
+        A mesh with the values of the first frame, or of all frames, (F, V).
     series : Series
     options : Options
 
     Attributes
     ----------
     given : (F, V) array
-        Values of the frames given, at distinct points.
+        Values of the given frames, at distinct points.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class MeshFrames:
         if (mesh.cells is None) != (stored == "delaunay"):
             raise OptionError(
                 f"a mesh {'without' if mesh.cells is None else 'with'} cells cannot be stored as {stored!r}",
-                code="mesh", remedy="a Delaunay triangulation follows from points alone; any other mesh has cells",
+                code="mesh", remedy="a Delaunay triangulation is made from points alone; any other mesh needs cells",
             )
         points, cells, values = mesh.points, mesh.cells, mesh.values
         if values is None:
@@ -102,7 +102,7 @@ class MeshFrames:
         self._strands: list[MeshIsovalue] = []
 
     def chunks(self, values: ArrayLike) -> list[bytes]:
-        """The chunks of a frame, the first one with the header before it. If it fails, the frames before stay.
+        """Return the chunks of a frame, the first with the header; if an error is raised, earlier frames are kept.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class MeshFrames:
             yield write_chunk(ChunkType.FRAME, write_interval(self.series.interval))
 
     def _frame(self, fields: Sequence[Samples], before: Sequence[MeshIsovalue]) -> Iterator[bytes]:
-        """Chunks of all isovalues of a frame."""
+        """Yield the chunks of all isovalues of a frame."""
         series, strands = self.series, self._strands
         frame = series.frame
         for number, value in enumerate(series.isovalues):
@@ -161,19 +161,19 @@ class MeshFrames:
             yield from self._layers(strands[number], fields[number])
 
     def _fields(self, values: NDArray[Any]) -> list[Samples]:
-        """The values of a frame at the vertices of the domain, for each isovalue."""
+        """Prepare the values of a frame at the vertices of the mesh, for each isovalue."""
         step = self.options.precision.step
         found = [vertex_field(values, *self._size, one, step) for one in self.series.isovalues]
         return [replace(one, values=one.values[self._source], signs=one.signs[self._source]) for one in found]
 
     def _median_edge(self) -> float:
-        """Length of an edge of the mesh."""
+        """Median edge length of the mesh."""
         cells = self.domain.mesh.cell
         side = self._points[cells[:, 1]] - self._points[cells[:, 0]]
         return float(np.median(np.sqrt((side**2).sum(axis=1))))
 
     def _known(self) -> bytes:
-        """Payload of the chunk of a domain that both sides have."""
+        """Write the domain chunk of a mesh that encoder and decoder both have."""
         mesh = self.domain.mesh
         exponent = math.frexp(self.domain.unit)[1] - 1
         size = len(mesh.position), len(mesh.cell)
@@ -181,7 +181,7 @@ class MeshFrames:
         return write_domain(head, self.domain.n)
 
     def _coded(self, stored: str, error: float | None, frames: NDArray[Any]) -> bytes:
-        """Payload of the chunk of a mesh in the file; from now on the domain is what decoders have."""
+        """Write the domain chunk of a stored mesh; from now on, the encoder uses the decoders' version of the mesh."""
         if error is not None and not (math.isfinite(error) and error > 0):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
         error = error or MESH_SHARE * self._edge
@@ -197,7 +197,7 @@ class MeshFrames:
                 for field in self._fields(frame):
                     signs = field.signs[cells]
                     crossed |= signs.any(axis=1) & ~signs.all(axis=1)
-            # a file has a cell at least
+            # a file has at least one cell
             crossed[0] |= not crossed.any()
             cells = cells[crossed]
         used, numbers = np.unique(cells, return_inverse=True)
@@ -211,7 +211,7 @@ class MeshFrames:
         return head + run
 
     def _in_file(self, kind: DomainKind, places: Quantised) -> bytes:
-        """The head of the domain as it goes into the file, with its positions."""
+        """Make the head of the domain chunk, and the positions in the file's units."""
         size = len(self.domain.mesh.position), len(self.domain.mesh.cell)
         head = DomainHead(
             kind, len(places.extent), places.exponent, *size, b"", places.multiple, places.origin, places.extent
@@ -219,7 +219,7 @@ class MeshFrames:
         return write_domain(head, self.domain.n)
 
     def _offset_step(self) -> int:
-        """The longest part of an edge, in steps of offsets; 0 without offsets."""
+        """Compute the longest part of an edge, in steps of offsets; 0 without offsets."""
         precision = self.options.precision
         if precision.exact or precision.signs or precision.step is not None:
             return 0
@@ -227,7 +227,7 @@ class MeshFrames:
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
 
     def _layers(self, strand: MeshIsovalue, field: Samples) -> Iterator[bytes]:
-        """Chunks of the layers of an isovalue."""
+        """Yield the chunks of the layers of an isovalue."""
         geometry = self._geometry()
         for head in self._sign_layers():
             run = strand.write()
@@ -254,7 +254,7 @@ class MeshFrames:
         yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
 
     def _offsets(self, strand: MeshIsovalue, field: Samples) -> NDArray[np.int64]:
-        """Parts of the crossed edges that the curve lies in."""
+        """Find the part of each crossed edge in which the curve lies."""
         assert strand.edges is not None
         where = crossing_places(field, strand.edges)
         if self._rounded is not None:
@@ -264,7 +264,7 @@ class MeshFrames:
         return np.clip(np.floor(where * parts), 0, parts - 1).astype(np.int64)
 
     def _sign_layers(self) -> list[MeshLayerHead]:
-        """Layers that code the signs: one, or one for every few rounds."""
+        """Yield the layers that code the signs: one layer, or one for every few rounds."""
         if self._history is None:
             return [MeshLayerHead(MeshLayer.SIGNS)]
         rounds = len(self._history.rounds)
@@ -278,26 +278,26 @@ class MeshFrames:
         return [MeshLayerHead(MeshLayer.LEVELS, rounds=each) for each in out]
 
     def _geometry(self) -> MeshLayer | None:
-        """Layers that code where within cells the curve lies."""
+        """Yield the layers that code where within cells the curve lies."""
         if self.options.precision.signs:
             return None
         return MeshLayer.OFFSETS if self._step else MeshLayer.VALUES
 
 
 class MeshEncoder(ContainerEncoder):
-    """Encodes isocontours of values on a mesh; iterating, once, yields the bytes of the file.
+    """Encodes isocontours of values on a mesh; iterating, which is possible once, yields the bytes of the file.
 
     Parameters
     ----------
     mesh : Mesh
-        With values of two axes the file holds a series.
+        If its values have two axes, the file holds a series.
     isovalues : sequence of float
     options : Options
 
     Raises
     ------
     InputError, OptionError
-        As `MeshFrames`.
+        As for `MeshFrames`.
     """
 
     def __init__(self, mesh: Mesh, isovalues: Sequence[float], options: Options) -> None:
@@ -307,7 +307,7 @@ class MeshEncoder(ContainerEncoder):
         self.isovalues = self.frames.series.isovalues
 
     def _pieces(self) -> Iterator[bytes]:
-        """The file but for its checksum."""
+        """Yield the pieces of the file without its checksum."""
         waiting = b""
         for values in self.frames.given:
             for chunk in self.frames.merged_chunks(values):
@@ -333,7 +333,7 @@ def _check_options(options: Options) -> None:
 
 
 def _frames_of(values: ArrayLike) -> NDArray[Any]:
-    """Values of all frames, (F, V): without a series those of its only frame."""
+    """Values of all frames, (F, V); without a series, F is 1."""
     found = np.asarray(values)
     if found.ndim == 2 and not len(found):
         raise InputError("a series without frames", code="frames", remedy="give at least one")
@@ -341,7 +341,7 @@ def _frames_of(values: ArrayLike) -> NDArray[Any]:
 
 
 def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: float, step: float | None) -> Samples:
-    """Values at the vertices of a mesh as a field; raises `InputError` for anything else."""
+    """Check values at the vertices of a mesh, and make a field of them; raises `InputError` if they are not valid."""
     found = values
     if found.dtype.kind not in "biuf":
         raise InputError(
@@ -353,7 +353,7 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
             remedy="average the cells around each point, or encode the dual mesh",
         )
     if found.shape != (vertices,):
-        raise InputError(f"the values have shape {found.shape}, not ({vertices},)", code="values")
+        raise InputError(f"the values have shape {found.shape}, but must have ({vertices},)", code="values")
     if found.dtype.kind == "b":
         found = found.view(np.uint8)
     if found.dtype.kind == "f":
@@ -361,23 +361,24 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
             bad = np.flatnonzero(np.isnan(found))[:5].tolist()
             raise InputError(
                 f"values are missing (NaN): points {', '.join(map(str, bad))} ..", code="missing",
-                remedy="leave out the cells that have them",
+                remedy="leave out the cells with missing values",
             )
         signs = found > np.float64(isovalue)
     else:
         signs = found > math.floor(isovalue)
         if step is not None:
-            raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
+            raise OptionError("a step is for floating-point data; integers are stored exactly",
+                              code="step", remedy="use exact")
     if step is not None and not (math.isfinite(step) and step > 0):
         raise OptionError(f"the step {step} is not a positive number", code="step")
     return Samples(found, isovalue_of(isovalue), signs, step)
 
 
 def crossing_places(field: Samples, edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Crossings of edges, from 0 to 1 from their lower vertices, by linear interpolation."""
+    """Compute crossings of edges by linear interpolation, from 0 at the lower vertex to 1 at the upper one."""
     low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
     with np.errstate(all="ignore"):
-        # as of fields: no overflow, and all bits of tiny numbers
+        # as for fields: no overflow, and all bits of tiny numbers
         exponent = np.frexp(np.maximum(np.abs(low), np.abs(high)))[1]
         at, start, end = (np.ldexp(x, -exponent) for x in (field.isovalue, low, high))
         where = np.nan_to_num((at - start) / (end - start), nan=0.5)

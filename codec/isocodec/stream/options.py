@@ -1,4 +1,4 @@
-"""The options of `encode`, parsed once: what precision, layers and isovalues texts, numbers and sequences mean."""
+"""The options of `encode`, parsed once from texts, numbers and sequences."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from .plan_file import CRITERIA, read_plan
 ProfileName: TypeAlias = Literal["main", "baseline"]
 """Profiles of entropy coding."""
 CriterionName: TypeAlias = Literal["crossing", "topology", "curvature", "distortion", "level"]
-"""Criteria that a mesh is reduced under."""
+"""Criteria for coarsening a mesh."""
 PrecisionGiven: TypeAlias = "float | str | Sequence[float | Literal['exact']] | None"
 """Types that `Precision.of` parses."""
 LayersGiven: TypeAlias = "int | str | Sequence[Entry] | Mapping[float, Sequence[Entry]] | None"
 """Types that `Layers.of` parses."""
 Isovalues: TypeAlias = SupportsFloat | str | Sequence[SupportsFloat]
-"""One number, of Python's, numpy's, a fraction or a decimal; several, also as an array; or "every 20 from 5"."""
+"""One number (of Python, numpy, a fraction or a decimal), several, also as an array, or "every 20 from 5"."""
 
 DEFAULT_TOLERANCE = 0.05
-"""Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
+"""Default distance, in cells, between decoded and extracted curve."""
 SEARCHED = 0.1
-"""From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be coded anyway."""
+"""Tolerance from which on the encoder chooses a mesh; below it, nearly every crossing must be coded anyway."""
 STEP = "step="
-"""Beginning of a precision that is a step of values."""
+"""Prefix of a precision that is a step of values."""
 _CRITERIA = ("crossing", "topology", "curvature", "distortion", "level")
 
 
@@ -53,22 +53,23 @@ class EncodeOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class Precision:
-    """Precision of a file's curves; by default as what is encoded suggests.
+    """Precision of a file's curves; the default depends on what is encoded.
 
     Attributes
     ----------
     exact : bool
-        Values of integers next to the curve, to the last bit.
+        Integer values next to the curve, to the last bit.
     signs : bool
-        Which samples lie above, no geometry.
+        Only which samples lie above, without geometry.
     tolerance : float or None
-        Largest distance between decoded and extracted curve, both ways: in cells, on meshes in the unit of the points.
+        Largest distance between decoded and extracted curve, in both directions: in cells; on meshes, in the unit of
+        the points.
     world : str
-        The same distance with a unit, in the world; `tolerance` is found when the field is known.
+        The same distance as a text with a unit, in world coordinates; converted to `tolerance` once the field is known.
     steps : tuple of float, or None
-        Falling distances in cells that the layers promise one after the other; 0 for exact values.
+        Decreasing distances, in cells, that successive layers guarantee; 0 for exact values.
     step : float or None
-        Values of floats next to the curve, to within half of this.
+        Step to which floating-point values next to the curve are rounded.
     """
 
     exact: bool = False
@@ -127,28 +128,28 @@ class Precision:
 
     @property
     def searched(self) -> float | None:
-        """The tolerance, if it is one that a mesh is chosen for."""
+        """The tolerance, if the encoder chooses a mesh for it."""
         return self.tolerance if self.tolerance is not None and self.tolerance >= SEARCHED else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layers:
-    """Layers of a file; by default those that the precision leads to.
+    """Layers of a file; by default, they follow from the precision.
 
     Attributes
     ----------
     level : int or None
         Uniform level of the base.
     criterion : str or None
-        Reduce the mesh under one criterion.
+        Coarsen the mesh under this criterion.
     parameter : float or None
-        Number that the criterion takes.
+        Number that belongs to the criterion.
     plan : sequence of entries, or None
-        The layers one by one, for all isovalues.
+        Explicit layers for all isovalues.
     plans : mapping of float to sequence of entries, or None
-        The same for each isovalue.
+        Explicit layers for each isovalue.
     written : bool
-        Whether the plan was a text, so that it can be checked before layers are made.
+        Whether the plan was given as a text, which can be checked before layers are made.
     """
 
     level: int | None = None
@@ -191,7 +192,7 @@ class Layers:
             parameter = _in_text(number, text, f"give one of {CRITERIA}") if equals else None
             if parameter is not None and not (math.isfinite(parameter) and parameter >= 0):
                 raise OptionError(
-                    f"the criterion's parameter is {parameter}; it must be a number from 0 on", code="criterion"
+                    f"the criterion's parameter is {parameter}; it must be a number, 0 or greater", code="criterion"
                 )
             return cls(criterion=name, parameter=parameter)
         if text.strip().isdecimal():
@@ -203,7 +204,7 @@ class Layers:
 
     @property
     def planned(self) -> bool:
-        """Whether the layers are given one by one."""
+        """Whether the layers are given explicitly."""
         return self.plan is not None or self.plans is not None
 
     @property
@@ -229,22 +230,22 @@ class Layers:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """The options of `encode`, for whatever is encoded, parsed by `of`.
+    """The options of `encode` for all kinds of input, parsed by `of`.
 
     Attributes
     ----------
     precision : Precision
     keep_topology : bool
-        Every layer has the components of the curve, nested alike.
+        Whether every layer has the components of the complete curve, nested in the same way.
     profile : str
         Entropy coding profile.
     layers : Layers
     independent : bool
-        No isovalue leans on another, no frame on the one before.
+        Whether isovalues and frames are coded without prediction from earlier ones.
     interval : int
-        Frames whose number is a multiple of this lean on none before them.
+        Frames whose number is a multiple of this are key frames.
     metadata : mapping of str to str
-        Notes to go into the file.
+        Notes for the file.
     """
 
     precision: Precision = Precision()
@@ -257,7 +258,7 @@ class Options:
 
     @classmethod
     def of(cls, **given: Any) -> Options:
-        """Options from the keyword parameters of `encode`.
+        """Parse the keyword parameters of `encode`.
 
         Raises
         ------
@@ -283,19 +284,19 @@ class Options:
         precision, layers = self.precision, self.layers
         if layers.planned and (self.keep_topology or not (precision.default or precision.step is not None)):
             other = "keep_topology" if self.keep_topology else f"precision {precision.text!r}"
-            raise OptionError(f"a plan and {other} cannot be combined", code="options", remedy="give the plan alone")
+            raise OptionError(f"a plan and {other} cannot be combined", code="options", remedy="give only the plan")
         if precision.steps is not None and not layers.default:
             raise OptionError(f"layers and precision {precision.text!r} cannot be combined", code="options",
                               remedy="choose one")
 
     @property
     def entropy(self) -> Profile:
-        """The profile, as headers hold it."""
+        """The profile, as stored in headers."""
         return Profile[self.profile.upper()]
 
     @property
     def chooses_mesh(self) -> str:
-        """The option that leads to a mesh which is not uniform, or nothing."""
+        """The option that leads to a mesh that is not uniform; empty if there is no such option."""
         chosen = {
             "layers": self.layers.planned or self.layers.criterion is not None,
             f"precision {self.precision.text!r}": self.precision.steps is not None or bool(self.precision.searched),
@@ -304,7 +305,7 @@ class Options:
         return next((name for name, given in chosen.items() if given), "")
 
     def check_data(self, integer: bool) -> None:
-        """Refuse exact values of floats."""
+        """Refuse exact values for floating-point data."""
         if not integer and (self.precision.exact or EXACT in (self.precision.steps or ())):
             raise OptionError(
                 "precision 'exact' is for integer data, and the field holds floats", code="exact",
@@ -312,7 +313,7 @@ class Options:
             )
 
     def check_unused(self, kind: str, **unused: bool) -> None:
-        """Refuse options that do not apply to one kind of file: those by name that were given."""
+        """Refuse options that do not apply to this kind of file; each keyword states whether that option was given."""
         if name := next((name for name, given in unused.items() if given), ""):
             raise OptionError(f"{name} does not apply to {kind}", code=name, remedy="leave it out")
 
@@ -320,13 +321,13 @@ class Options:
         """Refuse a note of a placement that a reader would ignore."""
         if PLACEMENT in self.metadata and read_placement(self.metadata, n) is None:
             raise OptionError(
-                f"the note {PLACEMENT}, {self.metadata[PLACEMENT]!r}, cannot be understood by a reader",
+                f"the note {PLACEMENT}, {self.metadata[PLACEMENT]!r}, is not valid",
                 code="placement", remedy="see clause 3.7.2, or give the numbers as the placement of a Field",
             )
 
 
 def _notes_of(metadata: object) -> dict[str, str]:
-    """Metadata that a reader will find again."""
+    """Check metadata, which must survive being written to JSON."""
     if not isinstance(metadata, Mapping):
         raise OptionError(
             f"metadata is {metadata!r}; it must map names to texts", code="metadata", remedy='{"unit": "m"}'
@@ -344,7 +345,7 @@ def _notes_of(metadata: object) -> dict[str, str]:
 
 
 def number_of(name: str, value: object) -> float | None:
-    """An option that is a number of Python's or numpy's, if it is given."""
+    """Convert an option to a float; None stays None."""
     if value is None:
         return None
     if not isinstance(value, Real) or isinstance(value, bool):
@@ -353,7 +354,7 @@ def number_of(name: str, value: object) -> float | None:
 
 
 def whole_of(name: str, value: object) -> int | None:
-    """Check a whole number; None stays None."""
+    """Check that an option is an integer; None stays None."""
     number = number_of(name, value)
     if number is not None and not number.is_integer():
         raise OptionError(f"{name} is {value!r}; it must be a whole number", code=name)
@@ -361,7 +362,7 @@ def whole_of(name: str, value: object) -> int | None:
 
 
 def _steps_of(steps: object) -> tuple[float, ...] | None:
-    """Steps as numbers."""
+    """Convert the distances of successive steps to numbers."""
     if steps is None:
         return None
     if isinstance(steps, str) or not isinstance(steps, Iterable):
@@ -372,8 +373,8 @@ def _steps_of(steps: object) -> tuple[float, ...] | None:
     for step in out[:-1] if out and out[-1] == EXACT else out:
         if not (math.isfinite(step) and step >= SEARCHED):
             raise OptionError(
-                f"a step of {step!r}; it must be a number of cells from {SEARCHED:g} on", code="steps",
-                remedy="the last one may be exact",
+                f"the distance {step!r} in a sequence must be at least {SEARCHED:g} cells", code="steps",
+                remedy="only the last one may be exact",
             )
     if not out:
         raise OptionError("no steps", code="steps", remedy="for example 4, 1, 0.25")
@@ -381,7 +382,7 @@ def _steps_of(steps: object) -> tuple[float, ...] | None:
 
 
 def _in_text(number: str, text: str, remedy: str = "for example 0.5") -> float:
-    """A number in the text of an option."""
+    """Parse a number in the text of an option."""
     try:
         return float(number)
     except ValueError:
@@ -389,16 +390,16 @@ def _in_text(number: str, text: str, remedy: str = "for example 0.5") -> float:
 
 
 def check_interval(interval: int) -> int:
-    """Every how many frames one leans on none before it.
+    """Check the interval of key frames.
 
     Raises
     ------
     OptionError
-        If it is not a number from 0 on.
+        If it is not an integer, 0 or greater.
     """
     if not (isinstance(interval, (int, np.integer)) and 0 <= interval < 1 << 32):
         raise OptionError(
-            f"interval is {interval}; it must be a whole number from 0 on", code="interval",
-            remedy="0 lets all frames but the first lean on the one before",
+            f"interval is {interval}; it must be an integer, 0 or greater", code="interval",
+            remedy="with 0, every frame but the first is predicted from the one before it",
         )
     return int(interval)

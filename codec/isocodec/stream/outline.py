@@ -1,4 +1,4 @@
-"""Outline of a file: what its chunks state apart from coded symbols, one reader for each type (spec clause 3.5)."""
+"""Outline of a file: what its chunks state apart from coded symbols, with one reader per type (spec clause 3.5)."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from ..format.header import Header
 from ..format.program import Layer
 
 REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
-"""Critical chunks that a file of an explicit domain does not have."""
+"""Critical chunks that a file on a mesh cannot have."""
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
-"""Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
+"""Chunks that are decoded as they arrive, as masks are; the others are read when they are complete."""
 
 _BASES = (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE, Operation.LEAF_BASE)
 """Operations that begin the layers of an isovalue."""
@@ -51,32 +51,32 @@ class Outline:
     ----------
     isovalues : list of float
     leans : list of int or None
-        For each isovalue the number of the earlier one that it leans on.
+        For each isovalue, the number of the earlier one that it is predicted from.
     promises : list of Promises
-        For each isovalue what the writer promises of its layers.
+        For each isovalue, the promises for its layers.
     metadata : dict of str to str
     layers : list of Layer
-        Announced so far; whoever reads the chunks of layers adds them.
+        Layers announced so far; added by the code that reads chunks of layers.
     records : list of LayerRecord
         Entries of the level index, if the file has one.
     masked : bool
         Whether there is a mask.
     interval : int or None
-        For a series, how often a frame leans on none before it (see `SeriesRead`); None of a file without frames.
+        For a series, the interval of key frames (see `SeriesRead`); None for a file without frames.
     frame, number : int
-        The present frame and isovalue, whose layers come.
+        The current frame and isovalue, whose layers are being read.
     based : bool
-        Whether a chunk of its layers has begun with a base.
+        Whether a chunk of layers of the current isovalue has begun with a base.
     begun : bool
-        For an explicit domain, whether a chunk of layers has come.
+        For a mesh, whether a chunk of layers has been read.
     coordinates : CoordinatesRecord or None
         Where the samples lie.
     shape : tuple of int
-        Shape of the field, once the header has come.
+        Shape of the field, once the header has been read.
     cells : int or None
-        Dimension of the cells of an explicit domain.
+        Dimension of the cells, for a file on a mesh.
     domain : DomainHead or None
-        Head of an explicit domain.
+        Head of the domain chunk, for a file on a mesh.
     run_of_domain : int
         Where the run of a coded mesh begins in the payload of its chunk.
     """
@@ -100,44 +100,44 @@ class Outline:
     run_of_domain: int = 0
 
     def begin(self, header: Header) -> None:
-        """Take note of the header, and of its isovalue."""
+        """Record the header and its isovalue."""
         self.shape = header.shape
         self.cells = header.cells
         self._add(header.isovalue, None)
 
     def begin_mask(self, offset: int) -> None:
-        """Take note of a mask, whose chunk begins at ``offset``.
+        """Record a mask, whose chunk begins at ``offset``.
 
         Raises
         ------
         FormatError
-            If there has been one, or a further frame.
+            If there already is a mask, or a second frame has begun.
         """
         if self.frame > 0:
-            raise FormatError("a mask behind the first frame", code="mask", offset=offset, clause="3.5.7")
+            raise FormatError("a mask after the first frame", code="mask", offset=offset, clause="3.5.7")
         if self.masked:
             raise FormatError("a second mask", code="mask", offset=offset, clause="3.5.6")
         self.masked = True
 
     def read(self, chunk: Envelope, payload: bytes, behind: int) -> Event:
-        """Read a chunk other than of layers; ``behind`` is the place behind it in the file.
+        """Read a chunk other than of layers; ``behind`` is the offset after it in the file.
 
         Raises
         ------
         FormatError
-            If the chunk is critical and malformed. Malformed ancillary ones are skipped.
+            If the chunk is critical and malformed; malformed ancillary chunks are skipped.
         """
         reader = READERS.get(chunk.type)
         event = None if reader is None else reader(self, payload, chunk.start, behind)
         return event or ChunkSkipped(behind, chunk.type, len(payload))
 
     def begin_layers(self, operation: int, start: int) -> FrameRead | None:
-        """Take note of a chunk of layers: of a series it may begin another isovalue, if it begins with a base.
+        """Record a chunk of layers; in a series, it begins a further isovalue if it begins with a base.
 
         Parameters
         ----------
         operation : int
-            The first byte of its program, and where that lies in the file.
+            The first byte of its program, and the offset of that byte in the file.
         start : int
         """
         if operation >> 4 & 7 not in _BASES:
@@ -150,7 +150,7 @@ class Outline:
         return event
 
     def begin_next(self, payload: bytes, start: int, behind: int) -> FrameRead:
-        """The next isovalue of a series begins, in the present frame or the next one.
+        """Begin the next isovalue of a series, in the current frame or the next one.
 
         Raises
         ------
@@ -177,12 +177,12 @@ class Outline:
 
 
 Reader = Callable[[Outline, bytes, int, int], Event | None]
-"""Reads the payload of a chunk, given where it begins and where the chunk ends in the file; None without an event."""
+"""Reads the payload of a chunk, given the offsets of its start and of the chunk's end; returns an event or None."""
 
 
 def _isovalue(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
     if outline.frame > 0:
-        raise FormatError("another isovalue in a further frame", code="frame", offset=start, clause="3.5.7")
+        raise FormatError("a new isovalue after the first frame", code="frame", offset=start, clause="3.5.7")
     isovalue, lean = read_further(payload, start, outline.isovalues)
     outline._add(isovalue, lean)
     return IsovalueRead(behind, len(outline.isovalues) - 1, isovalue, lean)
@@ -192,7 +192,7 @@ def _frame(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
     if outline.interval is not None:
         return outline.begin_next(payload, start, behind)
     if outline.layers or outline.based or outline.begun:
-        raise FormatError("frames behind layers", code="frame", offset=start, clause="3.5.7")
+        raise FormatError("frames after layers", code="frame", offset=start, clause="3.5.7")
     outline.interval = read_interval(payload, start)
     return SeriesRead(behind, outline.interval)
 
@@ -224,7 +224,7 @@ def _index(outline: Outline, payload: bytes, start: int, behind: int) -> None:
 
 def _domain(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
     if outline.cells is None:
-        raise FormatError("a domain in a file of a grid", code="domain", offset=start, clause="3.5.8")
+        raise FormatError("a mesh (domain) in a file of a grid", code="domain", offset=start, clause="3.5.8")
     outline.domain, outline.run_of_domain = read_domain(payload, outline.cells, start)
     return DomainRead(behind, outline.domain.vertices, outline.domain.cells)
 
@@ -242,14 +242,14 @@ READERS: Mapping[int, Reader] = {
 
 
 def check_explicit(chunk: Envelope, at: int, begun: bool) -> None:
-    """Check that a critical chunk may come in the file of an explicit domain; ``begun`` once its domain has come.
+    """Check that a critical chunk is allowed in a file on a mesh; ``begun``: the domain chunk has been read.
 
     Raises
     ------
     FormatError
     """
     if chunk.type in REFUSED:
-        raise FormatError("not in an explicit domain", code="chunk", offset=at, clause="10.1.1")
+        raise FormatError("not allowed in a file on a mesh", code="chunk", offset=at, clause="10.1.1")
     if (chunk.type == ChunkType.DOMAIN) == begun:
-        what = "a second domain" if begun else "the domain has to come first"
+        what = "a second mesh (domain)" if begun else "the mesh (domain) must come first"
         raise FormatError(what, code="domain", offset=at, clause="3.5.8")

@@ -1,4 +1,4 @@
-"""Coordinates of the samples in a file: coded and decoded (spec clauses 3.7.4, 9.9)."""
+"""Encode and decode the coordinates of samples in a file (spec clauses 3.7.4, 9.9)."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from ..limits import Budget, Limits
 
 
 class DecodedCoordinates:
-    """The coordinates of a file, decoded when something is drawn in them.
+    """Coordinates of a file, decoded when they are needed for a drawing.
 
     Parameters
     ----------
     budget : Budget
     limits : Limits
-        What its run may take, beside all other runs of the file: it is decoded when something is drawn, and what comes
-        later must not depend on that.
+        Limits for the run of coordinates, separate from those for all other runs, because it is decoded when something
+        is drawn, and later decoding must not depend on that.
     """
 
     def __init__(self, budget: Budget, limits: Limits) -> None:
@@ -36,12 +36,12 @@ class DecodedCoordinates:
         self._mapped: Mapped | None = None
 
     def mapped(self, record: CoordinatesRecord | None, shape: tuple[int, ...]) -> Mapped | None:
-        """Decode a chunk of coordinates; None without one, or if its run is malformed: it is ignored then.
+        """Decode a chunk of coordinates; None without one, or if its run is malformed and therefore ignored.
 
         Raises
         ------
         LimitError
-            If it takes more than the limits allow; nothing is held then.
+            If it takes more than the limits allow; nothing is kept then.
         """
         if record is not self._record:
             self.drop()
@@ -63,7 +63,7 @@ class DecodedCoordinates:
     def placement(
         self, record: CoordinatesRecord | None, shape: tuple[int, ...], metadata: Mapping[str, str]
     ) -> Placement | None:
-        """Placement of a file of that shape, by its coordinates or else its notes; errors as `mapped`."""
+        """Placement of a file of this shape, from its coordinates or otherwise its notes; errors as for `mapped`."""
         mapped = self.mapped(record, shape)
         return read_placement(metadata, len(shape)) if mapped is None else coded_placement(mapped, metadata)
 
@@ -74,12 +74,12 @@ class DecodedCoordinates:
 
 
 def given_of(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool_] | None) -> Given:
-    """The coordinates of a field, periodic axes closed; ``shape`` and ``gone`` are those of the closed field.
+    """Check the coordinates of a field, and close periodic axes; ``shape`` and ``gone`` are those of the closed field.
 
     Raises
     ------
     InputError
-        If they cannot be those of samples.
+        If they cannot be coordinates of samples.
     """
     n = len(shape)
     periodic = placement.periodic
@@ -100,13 +100,13 @@ def given_of(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool
 def coordinates_payload(
     placement: Placement | None, shape: tuple[int, ...], gone: NDArray[np.bool_] | None
 ) -> bytes:
-    """Payload of the chunk of coordinates; empty without coordinates. Parameters and errors as in `given_of`."""
+    """Write the payload of the chunk of coordinates (empty without any); see `given_of`."""
     if placement is None or (placement.coordinates is None and not placement.periodic):
         return b""
     given = given_of(placement, shape, gone)
     grids = [NodeGrid(array.shape, one.period) for one, array in zip(given.coordinates, given.arrays, strict=True)]
     free = [~_leant_on(needed) for needed in given.needed]
-    # what is given where it does not matter may be smooth or not
+    # given values that do not matter may or may not be smooth
     ways = [[np.isfinite(array) for array in given.arrays]]
     if not all(needed.all() for needed in given.needed):
         ways.append(list(given.needed))
@@ -115,7 +115,7 @@ def coordinates_payload(
 
 
 def _units(given: Given, known: Sequence[NDArray[np.bool_]]) -> list[NDArray[np.int64]]:
-    """Coordinates in units from the first node on, with something smooth where they are not known."""
+    """Coordinates in units, relative to the first node, continued smoothly where they are not known."""
     out = []
     for one, array, there in zip(given.coordinates, given.arrays, known, strict=True):
         filled = array if there.all() else filled_smoothly(array, ~there)
@@ -124,7 +124,7 @@ def _units(given: Given, known: Sequence[NDArray[np.bool_]]) -> list[NDArray[np.
 
 
 def _leant_on(needed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Nodes that matter, and those that they are predicted from, directly or not."""
+    """Nodes that matter, and those that they are predicted from, directly or indirectly."""
     if needed.all():
         return needed
     out = needed.copy()
@@ -146,7 +146,7 @@ def _leant_on(needed: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def check_axes(periodic: Sequence[int], shape: tuple[int, ...]) -> None:
-    """Refuse periodic axes that a field does not have, or that are too short.
+    """Refuse periodic axes that the field does not have, or that are too short.
 
     Raises
     ------
@@ -154,9 +154,9 @@ def check_axes(periodic: Sequence[int], shape: tuple[int, ...]) -> None:
     """
     for axis in periodic:
         if axis >= len(shape):
-            raise InputError(f"axis {axis} is periodic, and the field has {len(shape)} axes", code="periodic")
+            raise InputError(f"axis {axis} is periodic, but the field has {len(shape)} axes", code="periodic")
         if shape[axis] < 3:
             raise InputError(
-                f"axis {axis} is periodic, and the field has {shape[axis]} samples along it", code="periodic",
-                remedy="a periodic axis has 3 samples or more",
+                f"axis {axis} is periodic, but the field has {shape[axis]} samples along it", code="periodic",
+                remedy="a periodic axis must have at least 3 samples",
             )

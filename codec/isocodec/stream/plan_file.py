@@ -1,28 +1,34 @@
 """Plans as text: the layers of a file one by one, a line each (spec clause 3.6).
 
-A plan is read from the top; everything behind a ``#`` is a comment. Lines are
+A plan is read from the top; everything after a ``#`` is a comment. A *level* of the mesh bisects all cells of the level
+before; the finest level, the full grid, reaches every sample. Lines are
 
 ``isovalue V``
-    Begins the layers of an isovalue. Without such lines the plan holds for every isovalue that is encoded.
+    Begins the layers of an isovalue. Without such lines the plan applies to every isovalue that is encoded.
 ``base [LEVEL]``
-    A base on the uniform mesh of a level, of the full grid if none is given.
+    A base on the uniform mesh of a level, or of the full grid if no level is given.
 ``adaptive-base [LEVEL] CRITERION ..``
-    A base on a mesh reduced under criteria, uniform at least up to a level (0).
+    A base on a mesh coarsened under criteria, uniform at least up to a level (default 0).
 ``leaf-base``
-    A base on the mesh of the isovalue that this one leans on.
+    A base on the mesh of the earlier isovalue that this one is predicted from.
 ``refine [ROUNDS]``
-    Uniform rounds of refinement, a layer each; all up to the full grid if no number is given.
+    Uniform rounds of refinement, one layer each; without a number, as many as lead to the full grid.
 ``adapt CRITERION .. [same-components]``
-    A layer that refines the mesh to one reduced under criteria; with ``same-components`` it may add no component.
+    A layer that refines the mesh to one coarsened under criteria; with ``same-components`` it may add no component.
 ``values [BITS]``, ``values left=BITS``
-    Geometry by values: that many bits more, a layer each; down to so many bits that are left; to the last bit.
-    ``values 0`` brings vertices that are new to the precision of the others.
+    Geometry by values of the samples next to the curve, one bit per layer. With BITS: that many more bits; with
+    left=BITS: until that many bits remain; with neither: down to the last bit. ``values 0`` codes newly added vertices
+    to the precision that the others already have.
 ``offsets RADIX [unit=U]``
-    Geometry by crossing offsets: parts are divided into RADIX (odd) each; on a mesh coarser than the full grid
-    every 2**U samples of an edge have RADIX parts.
+    Geometry by crossing offsets: where along its edge each crossing lies. The interval that may hold the crossing is
+    divided into RADIX (odd) parts; on a mesh coarser than the full grid, an edge has RADIX parts for every 2**U samples
+    of its length.
 
-A CRITERION is ``crossing``, ``topology``, ``curvature=K``, ``distortion=D`` or ``level=L``, as of `encode`; of several
-all hold. Meshes of later lines contain those of earlier ones, whatever is stated.
+A CRITERION is a condition that the coarsened mesh must meet; if several are given, the mesh satisfies all of them.
+``crossing``: the cells that the curve crosses stay as in the full grid; ``topology``: the curve keeps its topology;
+``distortion=D``: the curve stays within D cells; ``curvature=K``: the mesh stays finest where the curve's mean
+curvature exceeds K per cell; ``level=L``: the mesh is nowhere finer than level L. Meshes of later lines contain those
+of earlier lines, whatever is stated.
 """
 
 from __future__ import annotations
@@ -41,18 +47,18 @@ from .series import nearest_before
 ISOVALUE = "isovalue"
 CRITERIA = "crossing, topology, curvature=K, distortion=D or level=L"
 MOST_BITS = 52
-"""Bits of values there may be at most (spec clause 3.6.4): how many there are shows while layers are made."""
+"""Most bits of values that there can be (spec clause 3.6.4); the actual number is known only while layers are made."""
 
 Plan = list[Entry]
 
 
 def read_plan(text: str) -> Plan | dict[float, Plan]:
-    """The plan that a text states, for `encode`: one for all isovalues, or one for each that it names.
+    """Parse the text of a plan, for `encode`: one plan for all isovalues, or one for each isovalue that it names.
 
     Raises
     ------
     OptionError
-        Naming the line that cannot be understood. What cannot be carried out shows when the field is there.
+        Naming the line that cannot be understood. Whether a plan can be carried out is known only with the field.
     """
     everything: Plan = []
     sections: dict[float, Plan] = {}
@@ -70,7 +76,7 @@ def read_plan(text: str) -> Plan | dict[float, Plan]:
         if everything or isovalue in sections or (not layers and sections):
             raise _wrong(
                 at, "layers before the first isovalue" if everything else "given twice" if isovalue in sections
-                else "the isovalue before has no layers", "begin each isovalue with its own line, then its layers",
+                else "the isovalue before has no layers", "give each isovalue one line, followed by its layers",
             )
         layers = sections[isovalue] = []
     if not layers:
@@ -82,12 +88,12 @@ def check_plan(
     plan: Sequence[Sequence[Any]] | Mapping[float, Sequence[Sequence[Any]]], isovalues: Sequence[float],
     full_level: int, leaning: bool = True,
 ) -> None:
-    """Refuse a plan that cannot be carried out on a grid, as far as that shows before its layers are made.
+    """Refuse a plan that cannot be carried out on a grid, as far as that is known before its layers are made.
 
     Raises
     ------
     OptionError
-        Naming the line, and what would do.
+        Naming the line, and what would work instead.
     """
     ends: list[Progress] = []
     for number, isovalue in enumerate(isovalues):
@@ -99,7 +105,7 @@ def check_plan(
 
 
 def _check(entry: Entry, progress: Progress) -> None:
-    """One entry behind those before it."""
+    """Check an entry in its place after those before it."""
     kind = LayerKind(str(entry[0]))
     if kind == LayerKind.VALUES and progress.bits is None and progress.level >= 0:
         progress.bits, progress.plane = (MOST_BITS, MOST_BITS), MOST_BITS
@@ -119,7 +125,7 @@ def _check(entry: Entry, progress: Progress) -> None:
 
 
 def _number_at(entry: Entry, place: int) -> int | None:
-    """A number among the members of an entry."""
+    """The member of an entry at a place, if it is a number."""
     member = entry[place] if len(entry) > place else None
     return member if isinstance(member, int) else None
 
@@ -129,21 +135,21 @@ def _remedy(kind: LayerKind, progress: Progress) -> str:
     left = progress.full_level - progress.level
     if kind in (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE):
         if progress.level >= 0:
-            return "an isovalue has one base; go on with refine or adapt"
+            return "an isovalue has only one base: continue with refine or adapt"
         if kind == LayerKind.LEAF_BASE:
-            return "only an isovalue that leans on one before it has such a base"
+            return "leaf-base needs an isovalue that is predicted from an earlier one"
         return f"give a level from 0 to {progress.full_level}"
     if progress.level < 0:
         return "begin with base, adaptive-base or leaf-base"
     if kind in (LayerKind.REFINE, LayerKind.ADAPT):
         if left == 0:
-            return "leave it out, the mesh is the full grid already"
-        return f"give at most {left} rounds, or none for all of them"
+            return "leave it out: the mesh is already the full grid"
+        return f"give at most {left} rounds, or omit the number to do all of them"
     if kind == LayerKind.VALUES:
-        return "give fewer bits, or none for all of them"
+        return "give fewer bits, or omit the number to code all of them"
     if progress.bits is not None:
         return "put offsets before the first values, or leave them out"
-    return "the radix is an odd number from 1 to 63, the unit at most 24"
+    return "the radix must be an odd number from 1 to 63, and the unit at most 24"
 
 
 def _wrong(at: Line, message: str, remedy: str | None = None) -> OptionError:
@@ -154,24 +160,24 @@ def _entry(at: Line, word: str, rest: list[str]) -> Sequence[object]:
     """The entry of a line."""
     if word not in _LINES:
         names = ", ".join([ISOVALUE, *_LINES])
-        raise _wrong(at, f"there is no layer {word!r}", f"a line begins with one of {names}")
+        raise _wrong(at, f"unknown layer {word!r}", f"a line must begin with one of {names}")
     return _LINES[word](at, rest)
 
 
 def _isovalue(at: Line, rest: list[str]) -> float:
     try:
         (text,) = rest
-        # whole numbers stay whole, so that those that would be rounded are noticed
+        # integers stay integers, so that those that would be rounded are noticed
         value = int(text) if re.fullmatch(r"[+-]?\d+", text) else float(text)
     except ValueError:
-        raise _wrong(at, "an isovalue is one number", "for example: isovalue 500.5") from None
+        raise _wrong(at, "isovalue takes one number", "for example: isovalue 500.5") from None
     if not isfinite(value):
-        raise _wrong(at, "an isovalue is a finite number")
+        raise _wrong(at, "an isovalue must be a finite number")
     return value
 
 
 def _counted(kind: LayerKind, what: str) -> Callable[[Line, list[str]], Sequence[object]]:
-    """Reads the line of a kind that takes a number, or none."""
+    """Make a parser for the lines of a kind that takes an optional number."""
 
     def read(at: Line, rest: list[str]) -> Sequence[object]:
         if len(rest) > 1:
@@ -183,7 +189,7 @@ def _counted(kind: LayerKind, what: str) -> Callable[[Line, list[str]], Sequence
 
 def _plain_base(at: Line, rest: list[str]) -> Sequence[object]:
     if rest:
-        raise _wrong(at, "leaf-base takes nothing")
+        raise _wrong(at, "leaf-base takes no arguments")
     return (LayerKind.LEAF_BASE,)
 
 
@@ -202,27 +208,28 @@ def _values(at: Line, rest: list[str]) -> Sequence[object]:
     if len(rest) == 1 and rest[0].startswith("left="):
         left = _whole(at, rest[0].removeprefix("left="), "a number of bits")
         return (LayerKind.VALUES, None, left) if left else (LayerKind.VALUES, None)
-    return _counted(LayerKind.VALUES, "a number of bits, or left= and one")(at, rest)
+    return _counted(LayerKind.VALUES, "a number of bits, or left=BITS,")(at, rest)
 
 
 def _offsets(at: Line, rest: list[str]) -> Sequence[object]:
     if not 1 <= len(rest) <= 2 or (len(rest) == 2 and not rest[1].startswith("unit=")):
-        raise _wrong(at, "offsets take a radix, and perhaps a unit", "for example: offsets 9, or: offsets 9 unit=2")
+        raise _wrong(at, "offsets takes a radix and, optionally, a unit", "for example: offsets 9, or: offsets 9 "
+                                                                          "unit=2")
     radix = _whole(at, rest[0], "a radix")
     if radix % 2 == 0:
-        raise _wrong(at, f"a radix of {radix}; it must be odd", f"for example {radix + 1}")
+        raise _wrong(at, f"the radix {radix} must be odd", f"for example {radix + 1}")
     unit = _whole(at, rest[1].removeprefix("unit="), "a unit") if rest[1:] else 0
     return (LayerKind.OFFSETS, radix, unit)
 
 
 def _whole(at: Line, text: str, what: str) -> int:
     if not re.fullmatch(r"[0-9]{1,9}", text):
-        raise _wrong(at, f"{text!r} is not {what}: it must be a whole number from 0 on")
+        raise _wrong(at, f"{text!r} is not {what}: it must be an integer, 0 or greater")
     return int(text)
 
 
 def _criteria(at: Line, words: list[str]) -> Criteria:
-    """Several criteria that hold together."""
+    """Parse criteria, all of which must hold."""
     found: dict[str, bool | int | float] = {}
     for word in words:
         name, equals, number = word.partition("=")
@@ -237,7 +244,7 @@ def _criteria(at: Line, words: list[str]) -> Criteria:
         else:
             raise _wrong(at, f"{word!r} is not a criterion", f"give {CRITERIA}")
     if not found:
-        raise _wrong(at, "no criterion for the mesh", f"give {CRITERIA}")
+        raise _wrong(at, "the mesh needs a criterion", f"give {CRITERIA}")
     return Criteria(**found)  # type: ignore[arg-type]
 
 
@@ -247,7 +254,7 @@ def _number(at: Line, name: str, text: str) -> float:
     except ValueError:
         number = -1.0
     if not (isfinite(number) and number >= 0):
-        raise _wrong(at, f"{text!r} is not a {name}: it must be a number from 0 on")
+        raise _wrong(at, f"{text!r} is not a {name}: it must be a number, 0 or greater")
     return number
 
 

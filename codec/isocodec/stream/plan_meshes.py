@@ -1,4 +1,4 @@
-"""Meshes that a plan states by criteria: reduced from the field, each one part of the next (spec clause 5.8)."""
+"""Meshes that a plan states by criteria: coarsened for the field, each one contained in the next (spec clause 5.8)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..search.promise import Promise
 def with_meshes(
     plan: Sequence[Entry], full_level: int, lean_level: int, promise: Callable[[], Promise]
 ) -> Sequence[Entry]:
-    """A plan with meshes in place of its `Criteria`.
+    """Replace the `Criteria` in a plan by meshes.
 
     Parameters
     ----------
@@ -21,9 +21,9 @@ def with_meshes(
     full_level : int
         Level of the full grid.
     lean_level : int
-        Uniform level of the isovalue that this one leans on, -1 if none.
+        Uniform level of the isovalue that this one is predicted from, -1 if there is no such isovalue.
     promise : callable
-        Makes the original curve to reduce meshes of; called if there are criteria.
+        Makes the original curve for coarsening; called only if there are criteria.
     """
     if not any(_criteria(entry) for entry in plan):
         return plan
@@ -31,7 +31,7 @@ def with_meshes(
     original = promise()
     out = list(plan)
     later: Chosen | None = None
-    # the last mesh first: earlier ones have to be part of it
+    # the last mesh first: earlier meshes must be contained in it
     for i in range(len(plan) - 1, -1, -1):
         entry, criteria = plan[i], _criteria(plan[i])
         if criteria is not None:
@@ -48,14 +48,14 @@ def _is_adaptive(entry: object) -> bool:
 
 
 def _criteria(entry: object) -> Criteria | None:
-    """The criteria of an entry, if it has any; anything but an entry is refused later."""
+    """The criteria of an entry, if any; anything that is not an entry is refused later."""
     if isinstance(entry, Sequence) and _is_adaptive(entry) and isinstance(entry[2], Criteria):
         return entry[2]
     return None
 
 
 def _reduced(original: Promise, start: Chosen | None, criteria: Criteria, coarsest: int) -> Chosen:
-    """The mesh that the criteria leave of one to begin with; vertices of levels below ``coarsest`` stay."""
+    """Coarsen a mesh under the criteria; vertices of levels below ``coarsest`` are kept."""
     reduction = original.reduction(start)
     reduction.reduce(
         topology=criteria.topology, crossing=criteria.crossing, level=criteria.level, coarsest=coarsest,
@@ -67,7 +67,7 @@ def _reduced(original: Promise, start: Chosen | None, criteria: Criteria, coarse
 
 
 def _uniform_levels(plan: Sequence[Entry], full_level: int, lean_level: int) -> list[int]:
-    """For each entry the level up to which the mesh is uniform, also of adaptive bases, as far as numbers show."""
+    """For each entry, the level up to which the mesh is uniform, also for adaptive bases, as far as it is stated."""
     level = 0
     out = []
     for entry in plan:

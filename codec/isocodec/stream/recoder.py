@@ -1,4 +1,4 @@
-"""Files made of what other files hold: their curves on the full grid, as fields to be encoded anew."""
+"""Make files from what other files hold: their curves on the full grid, as fields to be re-encoded."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Source:
     ----------
     field : DecodedSamples
     geometry : list of entries
-        Layers behind the full grid that code its geometry once more.
+        Layers after the full grid that code the same geometry again.
     """
 
     field: DecodedSamples
@@ -41,14 +41,14 @@ class Source:
 
 
 def sources_of(decoder: Decoder, what: str = "the file", *, before: bool = False) -> list[Source]:
-    """All isovalues of a frame that a decoder has taken whole; ``what`` names the file in messages.
+    """Sources of all isovalues of a completely decoded frame; ``what`` names the file in messages.
 
-    ``before``: of the frame before, while the next one begins.
+    ``before``: those of the previous frame, while the next one begins.
 
     Raises
     ------
     OptionError
-        If it is not on the full grid, has coordinates, or holds values in part.
+        If the mesh does not reach every sample, the file has coordinates, or it holds values only in part.
     LimitError
         If it has more samples than the limits allow.
     """
@@ -67,7 +67,7 @@ def sources_of(decoder: Decoder, what: str = "the file", *, before: bool = False
 
 
 def source_of(state: Decoded, field: Samples, what: str) -> Source:
-    """Recover the source of a field from a state on the full grid; only the field's signs are looked at.
+    """Recover the source of a field from a state on the full grid; of the field, only the signs are used.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def source_of(state: Decoded, field: Samples, what: str) -> Source:
 
 
 def _beside(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
-    """Samples with a neighbour along an axis on the other side, of edges that some whole unit cell has (5.10.2)."""
+    """Samples with an axis neighbour on the other side, along edges of cells without missing corners (5.10.2)."""
     n = signs.ndim
     whole = np.ones([s - 1 for s in signs.shape], np.bool_)
     if gone is not None:
@@ -127,7 +127,7 @@ def _beside(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -> NDArray
 
 
 def _radices(parts: int) -> list[int]:
-    """Odd factors of a number of parts, rising: a layer each."""
+    """Odd factors of a number of parts, increasing, one for each layer."""
     out, factor = [], 3
     while parts > 1:
         while parts % factor == 0:
@@ -140,12 +140,12 @@ def _radices(parts: int) -> list[int]:
 def bounds_of(
     shape: Sequence[int], box: Sequence[Sequence[float]] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """First and last samples of a box, as far as it lies in the field; all of it if none is given.
+    """First and last samples of a box, clipped to the field; those of the field if no box is given.
 
     Raises
     ------
     OptionError
-        If it is not a box, or lies outside.
+        If it is not a valid box, or lies outside the field.
     """
     last = np.array(shape, np.float64) - 1
     if box is None:
@@ -153,7 +153,7 @@ def bounds_of(
     bounds = np.array(box, np.float64)
     if bounds.shape != (len(last), 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
         raise OptionError(
-            f"the window is {box!r}; it must be {len(last)} pairs, from where to where along each axis", code="window"
+            f"the window is {box!r}; it must be {len(last)} pairs, start and end along each axis", code="window"
         )
     if (bounds[:, 1] < 0).any() or (bounds[:, 0] > last).any():
         raise OptionError(f"the window lies outside the field of {tuple(shape)} samples", code="window")
@@ -163,20 +163,20 @@ def bounds_of(
 def box_of(
     shape: Sequence[int], box: Sequence[Sequence[float]] | None, limits: Limits
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """First sample of a box and its samples along each axis: grown to whole samples, and to even ones where it begins.
+    """First sample of a box, and its number of samples along each axis, enlarged to whole samples with an even start.
 
-    There the full grid has the same diagonals.
+    With an even start, the full grid has the same diagonals.
 
     Raises
     ------
     OptionError
-        If there is no such box.
+        If the box is not valid.
     LimitError
         If it has more samples than the limits allow.
     """
     extent = np.array(shape)
     if extent.min() < 2:
-        raise OptionError("a field with one sample along an axis cannot be cut", code="extract")
+        raise OptionError("a window must have at least 2 samples along each axis", code="extract")
     first, last = bounds_of(shape, box)
     low = np.minimum(np.floor(first).astype(np.int64), extent - 2) // 2 * 2
     size = np.maximum(np.ceil(last).astype(np.int64), low + 1) - low + 1
@@ -189,7 +189,7 @@ def box_of(
 
 
 def moved_notes(metadata: Mapping[str, str], low: Sequence[int]) -> dict[str, str]:
-    """Notes of a file with a placement that leaves all samples of a box from ``low`` on where they were."""
+    """Shift the placement in a file's notes so that the samples of a box starting at ``low`` keep their positions."""
     notes = dict(metadata)
     placement = read_placement(notes, len(low))
     if placement is None and not any(low):
@@ -201,7 +201,7 @@ def moved_notes(metadata: Mapping[str, str], low: Sequence[int]) -> dict[str, st
 
 
 def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
-    """Cut a source to the box of ``size`` samples from ``low`` on."""
+    """Crop a source to the box of ``size`` samples starting at ``low``."""
     field, n = source.field, len(low)
     box = tuple(slice(a, a + s) for a, s in zip(low, size, strict=True))
     gone = None if field.gone is None or not field.gone[box].any() else np.ascontiguousarray(field.gone[box])
@@ -221,16 +221,16 @@ def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
 
 
 def recoder_of(sources: Sequence[Source], options: Options, *, kept: bool = False) -> GridEncoder:
-    """An encoder of what files hold.
+    """Make an encoder for what files hold.
 
     Parameters
     ----------
     sources : sequence of Source
-        Of fields of one shape, with the same samples missing.
+        Sources of fields of the same shape, with the same missing samples.
     options : Options
-        Notes of the placement are among the metadata.
+        The metadata include the notes of the placement.
     kept : bool
-        Code the same curves, whatever the precision is.
+        Whether to code the same curves regardless of the precision.
     """
     samples = [source.field for source in sources]
     geometry = [source.geometry for source in sources] if kept else None
@@ -241,19 +241,19 @@ def recoder_of(sources: Sequence[Source], options: Options, *, kept: bool = Fals
 def recoded_frames(
     frames: Sequence[Sequence[Source]], interval: int | None, options: Options, *, kept: bool = False
 ) -> bytes:
-    """A file of what frames of files hold; parameters as of `recoder_of`.
+    """Encode a file of what frames of files hold; parameters as for `recoder_of`.
 
     Parameters
     ----------
     interval : int or None
-        Of the series; None of a file of one frame that is not a series.
+        Interval of key frames; None if the file is not a series.
     """
     if interval is None:
         return b"".join(recoder_of(frames[0], options, kept=kept))
     samples = [[source.field for source in sources] for sources in frames]
     geometry = None
     if kept:
-        # an isovalue whose curve is empty in one frame has geometry in others
+        # an isovalue whose curve is empty in one frame may have geometry in others
         geometry = [max((one.geometry for one in sources), key=len) for sources in zip(*frames, strict=True)]
     series = Series([one.isovalue for one in samples[0]], interval)
     encoder, ending = GridFrames(grid_file(samples[0], series, options, geometry=geometry)), Ending()

@@ -1,4 +1,4 @@
-"""Leaning of isovalues on one another within a frame, and of frames on the one before (spec clauses 3.5.5, 3.5.7)."""
+"""Prediction of isovalues from one another, and of frames from the one before ("leans"; spec 3.5.5, 3.5.7)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from ..format.frames import FRAME_BEFORE, is_key, key_of
 
 @dataclass(frozen=True)
 class LeanOn:
-    """An isovalue that another one leans on.
+    """An isovalue that another one is predicted from (leans on).
 
     Attributes
     ----------
     number : int
-        An isovalue's.
+        Number of the isovalue.
     before : bool
-        Whether it is that of the frame before instead of one of the same frame.
+        Whether it belongs to the previous frame instead of the same frame.
     """
 
     number: int
@@ -25,23 +25,23 @@ class LeanOn:
 
     @property
     def coded(self) -> int:
-        """Number as in chunks: that in the same frame, or ``FRAME_BEFORE``."""
+        """Number as stored in chunks: the isovalue's in the same frame, or ``FRAME_BEFORE``."""
         return FRAME_BEFORE if self.before else self.number
 
 
 class Series:
-    """The isovalues and frames of a file in their order, and what each of them leans on.
+    """The isovalues and frames of a file in order, and what each of them is predicted from.
 
-    A file of one frame is a series without an interval. An encoder chooses leans with `choose`, a decoder reads them;
-    both record them with `add`, one isovalue after the other, frame by frame.
+    A file with one frame is a series without an interval. An encoder chooses what an isovalue leans on (is predicted
+    from) with `choose`, and a decoder reads it; both record it with `add`, isovalue by isovalue and frame by frame.
 
     Parameters
     ----------
     isovalues : iterable of float
-        All of a file for an encoder; for a decoder those that have come. They are added to by ``isovalues.append``.
+        For an encoder, all isovalues of the file; for a decoder, those read so far. Further ones are added by
+        ``isovalues.append``.
     interval : int or None
-        Frames whose number is a multiple of this lean on none before them; 0 if only the first does not, None without
-        a series.
+        Frames whose number is a multiple of this are key frames; 0 if only the first is, None without a series.
 
     Attributes
     ----------
@@ -56,12 +56,12 @@ class Series:
 
     @property
     def frame(self) -> int:
-        """Number of the present frame, whose isovalues are being added."""
+        """Number of the current frame, whose isovalues are being added."""
         return len(self._leans) - 1
 
     @property
     def number(self) -> int:
-        """Number of the isovalue of the present frame that was added last, -1 before the first one."""
+        """Number of the isovalue of the current frame that was added last; -1 before the first one."""
         return len(self._leans[-1]) - 1
 
     @property
@@ -70,39 +70,39 @@ class Series:
         return len(self._leans) if self._leans[-1] else self.frame
 
     def next_frame(self) -> None:
-        """Begin another frame: isovalues that are added from now on belong to it."""
+        """Begin a new frame; isovalues that are added from now on belong to it."""
         self._leans.append([])
 
     def forget_frame(self) -> None:
-        """Take back the present frame: it could not be encoded."""
+        """Remove the current frame, which could not be encoded."""
         self._leans.pop()
         self._leans = self._leans or [[]]
 
     def add(self, lean: LeanOn | None) -> None:
-        """Record what the next isovalue of the present frame leans on."""
+        """Record what the next isovalue of the current frame is predicted from."""
         self._leans[-1].append(lean)
 
     def lean(self, number: int, frame: int = 0) -> LeanOn | None:
-        """Find what an isovalue of a frame leans on."""
+        """Find what an isovalue of a frame is predicted from."""
         return self._leans[frame][number]
 
     def is_key(self, frame: int) -> bool:
-        """Whether a frame leans on none before it."""
+        """Whether a frame is a key frame."""
         return self.interval is None or is_key(frame, self.interval)
 
     def key_of(self, frame: int) -> int:
-        """The last frame up to this one that leans on none before it: decoding of this one begins there."""
+        """The last key frame up to this one, where decoding has to begin."""
         return frame if self.interval is None else key_of(frame, self.interval)
 
     def read(self, coded: int | None, number: int) -> LeanOn | None:
-        """The lean of isovalue ``number`` from what a chunk holds: the inverse of `LeanOn.coded`."""
+        """Decode what isovalue ``number`` is predicted from; the inverse of `LeanOn.coded`."""
         return None if coded is None else LeanOn(number, True) if coded == FRAME_BEFORE else LeanOn(coded)
 
     def choose(self, number: int, independent: bool) -> LeanOn | None:
-        """Choose for an encoder what an isovalue of the present frame leans on, unless that turns out to be no help.
+        """Choose what an encoder should predict an isovalue of the current frame from, if that helps.
 
-        The same isovalue of the frame before; in frames that lean on none before them, and so in a file of one frame,
-        the nearest isovalue before it.
+        That is the same isovalue of the previous frame; in key frames, and so in a file of one frame, the nearest
+        earlier isovalue.
         """
         if independent:
             return None
@@ -111,7 +111,7 @@ class Series:
         return LeanOn(nearest_before(self.isovalues, number)) if number else None
 
     def chain(self, number: int, frame: int = 0) -> frozenset[int]:
-        """Numbers of the isovalues that decoding this one of a frame takes, itself included, in whatever frame."""
+        """Numbers of the isovalues, in any frame, that are needed to decode this one of a frame, itself included."""
         found: set[int] = set()
         at: LeanOn | None = LeanOn(number)
         while at is not None:
@@ -122,5 +122,5 @@ class Series:
 
 
 def nearest_before(isovalues: Sequence[float], number: int) -> int:
-    """Number of the isovalue before this one in the file that lies nearest to it."""
+    """Number of the earlier isovalue in the file that lies nearest to this one."""
     return min(range(number), key=lambda i: abs(isovalues[i] - isovalues[number]))

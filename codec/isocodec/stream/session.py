@@ -1,4 +1,4 @@
-"""The loop over the chunks of a file as its bytes come in, whatever its domain is (spec clauses 3.3, 3.4, 8)."""
+"""The loop over the chunks of a file as its bytes arrive, for every kind of file (spec clauses 3.3, 3.4, 8)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Contents(Protocol):
     outline: Outline
 
     def expect(self, chunk: Envelope, at: int) -> None:
-        """Check that a critical chunk may come at byte ``at``; its envelope has been read.
+        """Check that a critical chunk, whose envelope has been read, is allowed at byte ``at``.
 
         Raises
         ------
@@ -31,24 +31,25 @@ class Contents(Protocol):
         """
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
-        """Decode as much of a critical chunk as can be decoded before its checksums.
+        """Decode as much of a critical chunk as possible before its checksums are verified.
 
         Returns
         -------
         event : Event or None
         done : bool
-            False while symbols are still to come: with an event it is called again, without one it needs more bytes.
+            False while symbols remain: with an event, the method is to be called again; without one, it needs more
+            bytes.
         """
 
     def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
-        """Take a whole chunk, its checksums verified; it ends at ``behind``."""
+        """Take a complete chunk, whose checksums have been verified; it ends at ``behind``."""
 
     def drop(self) -> None:
-        """Release everything decoded, after a limit was exceeded."""
+        """Release everything that was decoded, after a limit was exceeded."""
 
 
 class Session:
-    """Takes the bytes of a file as they come and yields events; an error is raised again by every later call.
+    """Takes the bytes of a file as they arrive and yields events; once raised, an error is raised by every later call.
 
     Parameters
     ----------
@@ -60,19 +61,19 @@ class Session:
     ----------
     limits : Limits
     budget : Budget
-        The memory that decoding holds.
+        Memory held by decoding.
     account : Account
-        The symbols and the work that it has taken.
+        Symbols and work used by decoding.
     data : bytearray
-        The file as far as it has come.
+        The file as far as it has arrived.
     at : int
-        Byte offset of the present chunk.
+        Byte offset of the current chunk.
     header : Header or None
     outline : Outline
     contents : Contents or None
-        None before the header has come.
+        None before the header has been read.
     cut : bool
-        Whether a run that ends early has come (spec clause 3.5.4).
+        Whether a run that ends early has been read (spec clause 3.5.4).
     """
 
     def __init__(self, limits: Limits | None, contents_of: ContentsOf) -> None:
@@ -97,7 +98,7 @@ class Session:
 
     @property
     def pending(self) -> Envelope | None:
-        """The chunk that has begun, at ``at``, and is not complete."""
+        """The incomplete chunk that begins at ``at``."""
         return self._chunk
 
     def feed(self, data: bytes | bytearray | memoryview) -> None:
@@ -111,7 +112,7 @@ class Session:
         self.data += data
 
     def close(self) -> None:
-        """Decode what has been fed, and declare that no more will come.
+        """Decode what has been fed, and declare that no more bytes will come.
 
         Raises
         ------
@@ -150,20 +151,20 @@ class Session:
 
     @property
     def exceeded(self) -> LimitError | None:
-        """The limit that decoding exceeded: what was decoded has been dropped."""
+        """The limit that decoding exceeded, if any; the decoded state has then been dropped."""
         return self._error if isinstance(self._error, LimitError) else None
 
     def _fail(self, error: IsoError) -> NoReturn:
         """Raise an error, now and whenever the session is used again."""
         if isinstance(error, LimitError) and self.contents is not None:
             self.contents.drop()
-        # the frames of a traceback would keep everything that was decoded as long as somebody keeps the error
+        # the frames of the traceback would keep everything that was decoded alive as long as the error
         error.with_traceback(None)
         self._error = copy(error)
         raise error
 
     def _next(self) -> Event | None:
-        """Next event; None if it needs more bytes."""
+        """Return the next event; None if more bytes are needed."""
         while not self._ended:
             if self._last:
                 self._ended = True
@@ -185,7 +186,7 @@ class Session:
         return None
 
     def _step(self, contents: Contents) -> Event | None:
-        """Go on with the present chunk; None if it needs more bytes, or if it has moved past one without an event."""
+        """Continue with the current chunk; None if more bytes are needed, or if a chunk without an event was passed."""
         chunk = self._chunk
         if chunk is None:
             chunk = read_envelope(self.data, self.at)
@@ -193,7 +194,7 @@ class Session:
                 return None
             if not chunk.ancillary:
                 if self.cut:
-                    raise FormatError("layers after a cut run", code="cut", offset=self.at, clause="3.5.4")
+                    raise FormatError("layers after a truncated run", code="cut", offset=self.at, clause="3.5.4")
                 contents.expect(chunk, self.at)
             self._chunk = chunk
         if not chunk.ancillary:
@@ -206,7 +207,7 @@ class Session:
         start, self.at, self._chunk = self.at, behind, None
         self.cut |= chunk.type == ChunkType.CUT_LAYERS
         self._last = chunk.last
-        # an explicit domain may have found out which kind it is
+        # a file without a grid may only now know which kind it is
         assert self.contents is not None
         return self.contents.take(chunk, start, behind)
 

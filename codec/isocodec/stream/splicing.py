@@ -1,4 +1,4 @@
-"""Files put together of the chunks of others, which stay as they are: some isovalues of one, or all of several."""
+"""Assemble files from unchanged chunks of others: some isovalues of one file, or all isovalues of several."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .container import with_checksum
 from .inspect import FileInfo, inspect
 
 ANCILLARY = 0x80
-"""Bit of a chunk's head that lets readers skip it."""
+"""Bit of a chunk's head that marks it as ancillary, so that readers may skip it."""
 _SHARED = ("domain", "mask", "coordinates")
-"""Chunks that are about the whole file."""
+"""Chunks that concern the whole file."""
 _SIGNS = (MeshLayer.SIGNS, MeshLayer.LEVELS)
 _OWN = ("layers", "promises")
-"""Chunks that belong to the isovalue that has begun last."""
+"""Chunks that belong to the latest isovalue that has begun."""
 
 
 @dataclass
@@ -32,7 +32,7 @@ class Strand:
     ----------
     isovalue : float
     lean : int or None
-        Number of the isovalue of the same file that it leans on, ``FRAME_BEFORE``, or None.
+        Number of the isovalue of the same file that it is predicted from, ``FRAME_BEFORE``, or None.
     chunks : list of bytes
     """
 
@@ -43,14 +43,14 @@ class Strand:
 
 @dataclass
 class Parts:
-    """A whole file, taken apart.
+    """A complete file, split into its chunks.
 
     Attributes
     ----------
     header : Header
     info : FileInfo
     shared : list of bytes
-        Chunks about the whole file, but for its notes.
+        Chunks that concern the whole file, without its notes.
     frames : list of list of Strand
     """
 
@@ -61,12 +61,12 @@ class Parts:
 
 
 def parts_of(data: bytes, what: str = "the file") -> Parts:
-    """Take a whole file apart; ``what`` names it in messages.
+    """Split a complete file into its chunks; ``what`` names it in messages.
 
     Raises
     ------
     OptionError
-        If it is cut, or its kind does not come apart.
+        If the file is truncated, or its kind cannot be split.
     FormatError
     """
     info = inspect(data)
@@ -92,7 +92,7 @@ def parts_of(data: bytes, what: str = "the file") -> Parts:
 
 
 def _leans(info: FileInfo) -> list[list[int | None]]:
-    """Find what each isovalue of each frame leans on."""
+    """Find what each isovalue of each frame is predicted from."""
     if not info.frames:
         return [info.leans]
     return [
@@ -102,12 +102,12 @@ def _leans(info: FileInfo) -> list[list[int | None]]:
 
 
 def chosen(data: bytes, numbers: Sequence[int]) -> bytes:
-    """A file of some of the isovalues of another, by number.
+    """Assemble a file of some isovalues of another, given by number.
 
     Raises
     ------
     OptionError
-        If one of them leans on another that is left out.
+        If one of them is predicted from another that is left out.
     """
     parts = parts_of(data)
     new = {old: i for i, old in enumerate(numbers)}
@@ -119,7 +119,7 @@ def chosen(data: bytes, numbers: Sequence[int]) -> bytes:
                 raise OptionError(
                     f"isovalue {strand.isovalue:g} is coded with the help of "
                     f"{parts.info.isovalues[strand.lean]:g}, which would be left out", code="lean",
-                    remedy="keep that one, too",
+                    remedy="keep that isovalue, too",
                 )
         frames.append([
             replace(one, lean=one.lean if one.lean in (None, FRAME_BEFORE) else new[one.lean]) for one in kept
@@ -128,14 +128,14 @@ def chosen(data: bytes, numbers: Sequence[int]) -> bytes:
 
 
 def spliced(files: Iterable[bytes]) -> bytes:
-    """A file with the isovalues of several, in their order.
+    """Assemble a file with the isovalues of several files, in the order of the files.
 
     Raises
     ------
     InputError
-        If they are not about one domain: their kinds, shapes, profiles, meshes, missing samples or frames differ.
+        If the files differ in kind, shape, profile, mesh, missing samples or frames.
     OptionError
-        If an isovalue is in two of them.
+        If two files have the same isovalue.
     """
     all_parts = [parts_of(data, f"file {i}") for i, data in enumerate(files, start=1)]
     first = all_parts[0]
@@ -144,9 +144,9 @@ def spliced(files: Iterable[bytes]) -> bytes:
         if same != (first.info.kind, first.header.shape, first.header.profile, first.header.scale, first.header.cells):
             raise InputError(f"file {i} differs from the first in kind, shape, profile or step of values", code="merge")
         if other.shared != first.shared:
-            raise InputError(f"file {i} has another mesh, or other missing samples, than the first", code="merge")
+            raise InputError(f"file {i} differs from the first in its mesh or in its missing samples", code="merge")
         if (len(other.frames), other.info.interval) != (len(first.frames), first.info.interval):
-            raise InputError(f"file {i} has other frames than the first", code="merge")
+            raise InputError(f"file {i} differs from the first in its frames", code="merge")
     values = [value for parts in all_parts for value in parts.info.isovalues]
     if len(set(values)) < len(values):
         raise OptionError("an isovalue is in two of the files", code="isovalue", remedy="leave it out of one of them")
@@ -165,7 +165,7 @@ def spliced(files: Iterable[bytes]) -> bytes:
 
 
 def signs_of(data: bytes) -> bytes:
-    """The file of values on a mesh without its layers of geometry."""
+    """Drop the layers of geometry from a file of values on a mesh."""
     parts = parts_of(data)
     for strands in parts.frames:
         for strand in strands:
@@ -178,7 +178,7 @@ def _joined(
     header: Header, info: FileInfo, shared: Sequence[bytes], frames: Sequence[Sequence[Strand]],
     metadata: dict[str, str],
 ) -> bytes:
-    """The file of these chunks."""
+    """Assemble the file from these chunks."""
     chunks = [*shared]
     if info.interval is not None:
         chunks.append(write_chunk(ChunkType.FRAME, write_interval(info.interval)))

@@ -1,4 +1,4 @@
-"""Cost of a file: bits by what they are spent on, and how often signs were as predicted (rows F-2bits, F-80)."""
+"""Cost of a file: what bits are spent on, and how often signs were predicted correctly (rows F-2bits, F-80)."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class LayerStatistics:
     isovalue : int
         Number of the isovalue that it belongs to.
     bits : int
-        Entropy-coded, without the container.
+        Entropy-coded bits, without the container.
     signs : int
-        Signs that were sent, each of them predicted, by the parabola or by the majority around.
+        Number of coded signs, each of which was predicted, by the parabola or by the majority of neighbours.
     right : int
-        How many of them were as predicted.
+        Number of signs that were predicted correctly.
     """
 
     kind: str
@@ -47,7 +47,7 @@ class LayerStatistics:
 
 @dataclass(frozen=True)
 class ContourStatistics:
-    """The layers of one isovalue together.
+    """All layers of one isovalue.
 
     Attributes
     ----------
@@ -55,11 +55,11 @@ class ContourStatistics:
     pixels : int or None
         Cells of the grid (pixels, voxels) that the contour crosses; None on a mesh that is coarser.
     simplices : int
-        Simplices of the mesh that it crosses.
+        Number of simplices of the mesh that the contour crosses.
     vertices, faces : int
-        Points of the drawing, and its segments or triangles.
+        Number of points of the drawing, and of its segments or triangles.
     connectivity_bits, geometry_bits : int
-        Of signs and the mesh, and of values and offsets.
+        Bits of signs and the mesh, and bits of values and offsets.
     signs : int
     """
 
@@ -86,27 +86,27 @@ class FileStatistics:
     contours: list[ContourStatistics]
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data, for JSON."""
+        """Convert to plain data for JSON."""
         return asdict(self)
 
 
 def statistics(
     data: bytes, limits: Limits | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None
 ) -> FileStatistics:
-    """Decode a file of any kind, or the beginning of one, and count.
+    """Decode a file of any kind, or the beginning of one, and count its bits.
 
     Parameters
     ----------
     data : bytes
     limits : Limits, optional
-        The most that decoding may take.
+        Limits for decoding.
     mesh : (points, cells), optional
-        The mesh of a file that does not hold it.
+        The mesh that was encoded, for files that do not store it.
 
     Raises
     ------
     FormatError
-        If the bytes are not a valid file; not if they end too early.
+        If the bytes are not a valid file; a truncated file is no error.
     LimitError
         If decoding takes more than the limits allow.
     """
@@ -140,7 +140,7 @@ def statistics(
 
 
 def _contour(decoder: Decoder, number: int, layers: Sequence[LayerStatistics]) -> ContourStatistics:
-    """Statistics of an isovalue."""
+    """Count the statistics of an isovalue."""
     assert decoder.header is not None
     contour = decoder.contour(number)
     vertices, faces = len(contour.points), len(contour.cells)
@@ -151,7 +151,7 @@ def _contour(decoder: Decoder, number: int, layers: Sequence[LayerStatistics]) -
         position, simplices = decoder.grid.crossed(number)
     pixels = None
     if len(position) and len(simplices) and int(np.ptp(position[simplices], axis=1).max()) == 1:
-        # simplices of the full grid have the lower corner of their cell as their least coordinates
+        # the least coordinates of a simplex of the full grid are the lower corner of its cell
         corners = position[simplices].min(axis=1)
         pixels = len(np.unique(np.ravel_multi_index(tuple(corners.T), decoder.header.shape)))
     geometry = sum(layer.bits for layer in layers if layer.kind in (*GEOMETRY, "offsets", "values"))

@@ -1,4 +1,4 @@
-"""Chunks of a triangulated surface: its points as they come, and the surface over them (spec 10.9)."""
+"""Chunks of a triangulated surface: points as they arrive, and the surface over them (spec 10.9)."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from .outline import check_explicit
 from .session import Session
 
 PER_POINT = 400
-"""Bytes that decoding takes for each point at most."""
+"""Most memory, in bytes, that decoding takes for each point."""
 
 
 class SurfaceContents:
-    """Decodes the chunk of a surface, also the beginning of one.
+    """Decodes the chunk of a surface, or the beginning of one.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class SurfaceContents:
     ----------
     outline : Outline
     head : TinHead or None
-        What the file states of its points, once that has come.
+        What the file states about its points, once that has been read.
     """
 
     kind = "surface"
@@ -59,10 +59,10 @@ class SurfaceContents:
         """See `Contents.expect`."""
         check_explicit(chunk, at, self._chunk is not None)
         if self._chunk is not None:
-            raise FormatError("not in a file of a surface", code="chunk", offset=at, clause="10.9.1")
+            raise FormatError("not allowed in a file of a surface", code="chunk", offset=at, clause="10.9.1")
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
-        """See `Contents.arrive`: points are decoded when they are asked for."""
+        """See `Contents.arrive`: points are decoded only when they are asked for."""
         self._chunk = chunk
         return None, True
 
@@ -79,12 +79,12 @@ class SurfaceContents:
         self._parts = None
 
     def received(self) -> tuple[TinHead, SurfaceLayers]:
-        """Head of the surface, and its points with their numbers as far as they have come.
+        """Head of the surface, and its points with their numbers as far as they have arrived.
 
         Raises
         ------
         TruncatedError
-            Before three points have come.
+            Before three points have arrived.
         FormatError
             If they are malformed.
         LimitError
@@ -100,7 +100,7 @@ class SurfaceContents:
         return self._decoded(bytes(self._session.data[chunk.start : chunk.end]), chunk.start, whole=False)
 
     def tin(self) -> Tin:
-        """The surface over the points that have come; errors as of `received`."""
+        """The surface over the points that have arrived; errors as for `received`."""
         head, parts = self.received()
         order = by_rank(parts.points[:, 0], parts.points[:, 1])
         x, y = np.ascontiguousarray(parts.points[order].T)
@@ -120,7 +120,7 @@ class SurfaceContents:
         self, number: int = 0, *, isovalue: float | None = None, smooth: bool = False, through_holes: bool = False,
         before: bool = False,
     ) -> Contour:
-        """The isocontour of the surface, which is linear on its triangles; errors as of `received`.
+        """Draw an isocontour of the surface, which is linear on its triangles; errors as for `received`.
 
         Raises
         ------
@@ -129,16 +129,17 @@ class SurfaceContents:
         """
         if isovalue is None:
             raise OptionError(
-                "a contour of a surface needs an isovalue", code="isovalue", remedy="IsoFile.surface gives all of it"
+                "a contour of a surface needs an isovalue",
+                code="isovalue", remedy="IsoFile.surface returns the whole surface"
             )
         if smooth:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
         return contour_of_tin(self.tin(), isovalue)
 
     def _decoded(self, payload: bytes, start: int, whole: bool) -> tuple[TinHead, SurfaceLayers]:
-        """Decode a payload, or its beginning; before its checksums (``whole``) its head is not refused."""
+        """Decode a payload, or its beginning; an invalid head is refused only with verified checksums (``whole``)."""
         if not payload:
-            raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
+            raise FormatError("the domain chunk is empty", code="domain", offset=start, clause="3.5.8")
         try:
             head, at = read_tin(payload, start)
         except FormatError:
@@ -156,7 +157,7 @@ class SurfaceContents:
 
 
 def write_surface(head: TinHead, parts: SurfaceLayers, layers: int, metadata: Mapping[str, str]) -> bytes:
-    """The file of the first ``layers`` layers of points."""
+    """Write a file with the first ``layers`` layers of points."""
     end = parts.ends[layers - 1]
     some = SurfaceLayers(parts.points[:end], parts.numbers[:end], parts.ends[:layers])
     payload = write_tin(replace(head, counts=head.counts[:layers])) + encoded(some, head.extent, head.largest)
@@ -165,12 +166,13 @@ def write_surface(head: TinHead, parts: SurfaceLayers, layers: int, metadata: Ma
 
 
 def contour_of_tin(tin: Tin, isovalue: float) -> Contour:
-    """The isocontour of a triangulated surface, on which the surface is linear.
+    """Draw an isocontour of a triangulated surface, which is linear on each triangle.
 
     Returns
     -------
     Contour
-        Points in the coordinates of the surface: of a field, in its samples, with the placement that the file notes.
+        Contour with points in the coordinates of the surface; for a surface of a field, in samples, with the placement
+        in the notes.
 
     Raises
     ------

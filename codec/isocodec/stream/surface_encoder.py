@@ -1,4 +1,4 @@
-"""The encoder of triangulated surfaces (spec clause 10.9)."""
+"""Encoder of triangulated surfaces (spec clause 10.9)."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ from .options import Options
 
 
 class SurfaceEncoder(ContainerEncoder):
-    """Encodes a triangulated surface; iterating, once, yields the bytes of the file.
+    """Encodes a triangulated surface; iterating, which is possible once, yields the bytes of the file.
 
     Parameters
     ----------
     tin : Tin
-        One that `thin` chose for a file, or that comes from one, keeps its positions, values and layers. Of any other
-        one, values are rounded by the precision, and triangles become those of a Delaunay triangulation.
+        The surface. If `thin` chose it for a file, or it was read from a file, its positions, values and layers are
+        kept. For any other surface, values are rounded by the precision, and the triangles become those of a Delaunay
+        triangulation.
     options : Options
 
     Raises
@@ -41,13 +42,14 @@ class SurfaceEncoder(ContainerEncoder):
     def __init__(self, tin: Tin, options: Options) -> None:
         _check_options(options)
         if tin.coded is not None and not options.precision.default:
-            raise OptionError("the surface has values in steps already", code="precision", remedy="leave it out")
+            raise OptionError("the values of the surface are already rounded to a step",
+                              code="precision", remedy="leave it out")
         self.header = Header((), 0.0, None, Profile.MAIN, cells=2)
         self._metadata = {**tin.metadata, **options.metadata}
         self._head, self._layers = tin.coded if tin.coded is not None else _coded(tin, options)
 
     def _pieces(self) -> Iterator[bytes]:
-        """The file but for its checksum."""
+        """Yield the pieces of the file without its checksum."""
         yield from beginning(self.header, self._metadata)
         payload = write_tin(self._head) + encoded(self._layers, self._head.extent, self._head.largest)
         yield write_chunk(ChunkType.DOMAIN, payload, last=True)
@@ -56,7 +58,7 @@ class SurfaceEncoder(ContainerEncoder):
 def surface_of(
     given: Points, chosen: ChosenPoints, shape: tuple[int, int] | None, layers: int = 1
 ) -> tuple[TinHead, SurfaceLayers]:
-    """Chosen points as a file holds them."""
+    """Convert chosen points to what a file holds."""
     parts = in_layers(given, chosen, layers)
     extent = (int(given.x.max()) + 1, int(given.y.max()) + 1) if shape is None else shape
     exponent = math.frexp(given.unit)[1] - 1
@@ -70,7 +72,7 @@ def surface_of(
 
 
 def _coded(tin: Tin, options: Options) -> tuple[TinHead, SurfaceLayers]:
-    """A surface that was not made for a file, with values rounded."""
+    """Round the values of a surface that was not made for a file."""
     precision = options.precision
     points = tin.points if tin.shape is None else tin.points.astype(np.int64)
     given = points_of(points, tin.values)

@@ -1,4 +1,4 @@
-"""Shorter files out of files: at the end of a layer, or within a number of bytes (spec clause 6.6)."""
+"""Shorten files: at the end of a layer, or to a number of bytes (spec clause 6.6)."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from .inspect import inspect
 from .surface_contents import write_surface
 
 _CLOSING = 24
-"""More bytes than the ending of a file and what else a cut adds to what it keeps."""
+"""Upper bound on the bytes that truncation adds to those that it keeps."""
 
 
 def truncate(
     data: bytes, *, layers: int | None = None, max_bytes: int | None = None, limits: Limits | None = None
 ) -> bytes:
-    """A complete, valid file with the first layers, or the first symbols, of another.
+    """Make a complete, valid file from the first layers, or the first symbols, of another.
 
     Parameters
     ----------
     data : bytes
-        A file; one that was cut off anywhere will do.
+        A file, which may be truncated anywhere.
     layers : int, optional
-        Layers to keep.
+        Number of layers to keep.
     max_bytes : int, optional
-        Most bytes of the result.
+        Largest size of the result, in bytes.
     limits : Limits, optional
-        What decoding may take at most.
+        Limits for decoding.
 
     Returns
     -------
@@ -44,10 +44,10 @@ def truncate(
     Raises
     ------
     OptionError
-        If not exactly one of ``layers`` and ``max_bytes`` is given, or it is too small for any curve.
+        If not exactly one of ``layers`` and ``max_bytes`` is given, or if it is too small for any curve.
     FormatError
-        If ``data`` is not a valid file, or is a whole one that does not agree with its checksum; ``TruncatedError`` if
-        it was cut off before a curve begins.
+        If ``data`` is not a valid file, or is a complete one with a wrong checksum; ``TruncatedError`` if it ends
+        before a curve begins.
     LimitError
         If decoding takes more than the limits allow.
     """
@@ -76,7 +76,7 @@ def truncate(
 
 
 def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits: Limits | None) -> bytes:
-    """Truncate a surface: its points are coded again, as far as the layers asked for."""
+    """Truncate a surface by encoding its points again, up to the layers asked for."""
     decoder = _decoder(data, limits).take()
     head, parts = decoder.surface.received()
     counts = [count for count, end in zip(head.counts, parts.ends, strict=False) if end <= len(parts.points)]
@@ -103,7 +103,7 @@ def _check_layers(layers: int | None) -> None:
 
 
 def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> bytes:
-    """Truncate a file of an explicit domain, whose layers are chunks (spec clause 10.1.1(3))."""
+    """Truncate a file on a mesh, whose layers are chunks (spec clause 10.1.1(3))."""
     info = inspect(data)
     if info.complete and (len(data) <= max_bytes if max_bytes is not None else (layers or 0) >= len(info.layers)):
         return data
@@ -125,7 +125,7 @@ def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> byt
 
 
 def _decoder(data: bytes, limits: Limits | None) -> Decoder:
-    """A decoder that a file has been fed to."""
+    """Make a decoder, and feed it a file."""
     decoder = Decoder(limits)
     decoder.feed(data)
     return decoder
@@ -160,7 +160,7 @@ def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
 
 
 def _later_mask(data: bytes, start: int) -> bytes | None:
-    """Payload of a mask that comes behind a chunk that begins at ``start``, as far as it is there in full."""
+    """Payload of a mask after the chunk that begins at ``start``; None if there is no complete one."""
     for chunk in inspect(data).chunks:
         if chunk.type == "mask" and chunk.offset >= start:
             return payload_of(data[chunk.offset : chunk.offset + chunk.bytes])
@@ -168,7 +168,7 @@ def _later_mask(data: bytes, start: int) -> bytes | None:
 
 
 def _first_bytes(data: bytes, most: int, limits: Limits | None) -> bytes | None:
-    """File of as many symbols as fit ``most`` bytes; None if that is not enough for a run."""
+    """Make a file of as many symbols as fit into ``most`` bytes; None if that is not enough for a run."""
     decoder = Decoder(limits)
     end = min(most, len(data))
     at = max(end - _CLOSING, 0)

@@ -1,4 +1,4 @@
-"""The tubes of a file's isovalues and of its mask, as a decoder begins them (spec clauses 3.5.5, 3.5.6, 11.2)."""
+"""The tubes (decoded states) of a file's isovalues and of its mask, for decoders (spec 3.5.5, 3.5.6, 11.2)."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from .mask_strand import MaskStrand
 from .outline import Outline
 
 _ROOM = 4096
-"""Bytes of runs that a coder has room for at first."""
+"""Initial size, in bytes, of a coder's buffer for runs."""
 
 
 class Tubes:
-    """Tubes, one for each isovalue that has come.
+    """Tubes (decoded states), one for each isovalue read so far.
 
     Parameters
     ----------
     limits : Limits
     data : bytearray
-        The file as far as it has come; it grows.
+        The file as far as it has arrived; it grows.
     outline : Outline
     budget : Budget
     account : Account
     only : collection of int, optional
         Numbers of the isovalues that are wanted.
     frame : int, optional
-        Number of the frame that is wanted; all if not given.
+        Number of the frame that is wanted; all frames if not given.
 
     Attributes
     ----------
     all : list of Tube or None
-        By isovalue, None for those that are skipped; of a series those of the present frame, or of the one wanted.
+        By isovalue; None for those that are skipped. In a series, those of the current frame, or of the one wanted.
     before : list of Tube or None
-        Those of the frame before, which the present ones may lean on.
+        Tubes of the previous frame, from which the current ones may be predicted.
     progresses : list of Progress
-        Positions in their programs.
+        State of the programs of the isovalues.
     mask : MaskStrand
     """
 
@@ -65,23 +65,23 @@ class Tubes:
 
     @property
     def present(self) -> Tube | None:
-        """The tube of the isovalue whose layers come at present; None if it is skipped."""
+        """The tube of the isovalue whose layers are being read; None if it is skipped."""
         return self.all[-1] if self.all and not self.past else None
 
     @property
     def past(self) -> bool:
-        """Whether the frame that is wanted lies behind."""
+        """Whether the wanted frame has been passed."""
         return self._frame is not None and self._outline.frame > self._frame
 
     def _is_wanted(self, number: int) -> bool:
-        """Whether isovalue ``number`` of the present frame is to be decoded."""
+        """Whether isovalue ``number`` of the current frame is to be decoded."""
         if self._only is not None and number not in self._only:
             return False
         interval, frame = self._outline.interval, self._frame
         return frame is None or interval is None or self._outline.frame >= key_of(frame, interval)
 
     def begin(self, header: Header, lean: int | None, offset: int) -> None:
-        """An isovalue has come, which may lean on an earlier one."""
+        """Begin an isovalue, which may be predicted from an earlier one."""
         number = len(self.all)
         if number >= self._limits.isovalues:
             raise LimitError(
@@ -95,21 +95,21 @@ class Tubes:
             self.progresses.append(before)
             return
         if lean is not None and self.all[lean] is None:
-            raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
+            raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded", code="only")
         tube = self._fresh(header, number, lean)
         before = replace(before, full_level=tube.full_level)
         self.progresses.append(before.begin(None if lean is None else self.progresses[lean]))
         self.all.append(tube)
 
     def begin_series(self) -> None:
-        """The file turns out to be a series: the first frame may not be wanted."""
+        """Handle that the file is a series, whose first frame may not be wanted."""
         for number, tube in enumerate(self.all):
             if tube is not None and not self._is_wanted(number):
                 self._budget.release(tube, tube.estimates)
                 self.all[number] = None
 
     def begin_frame(self, header: Header, event: FrameRead) -> None:
-        """An isovalue of a further frame has come; the tubes of the frame before are in ``before``."""
+        """Begin an isovalue of a further frame; the tubes of the previous frame are in ``before``."""
         if self.past:
             return
         if self.present is not None:
@@ -121,7 +121,7 @@ class Tubes:
             return
         earlier, progresses = (self.before, self._progresses_before) if event.before else (self.all, self.progresses)
         if lean is not None and (lean >= len(earlier) or earlier[lean] is None):
-            raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
+            raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded", code="only")
         tube = self._fresh(header, number, lean, event.before)
         layers = self.progresses[-1].layers if self.progresses else 0
         before = Progress(tube.full_level, layers=layers)
@@ -129,7 +129,7 @@ class Tubes:
         self.all.append(tube)
 
     def next_frame(self) -> None:
-        """Let go of the frame before, and take the present one for it."""
+        """Release the previous frame, and make the current one the previous."""
         for tube in self.before:
             if tube is not None:
                 self._budget.release(tube, tube.estimates)
@@ -141,7 +141,7 @@ class Tubes:
         self.progresses.clear()
 
     def _fresh(self, header: Header, number: int, lean: int | None, before: bool = False) -> Tube:
-        """Make the tube of an isovalue before its layers; it leans on one of its frame or of the one before."""
+        """Make the tube of an isovalue, predicted from one of its frame or of the previous one, if any."""
         isovalues = self._outline.isovalues
         tubes = self.before if before else self.all
         earlier, other = (None, 0.0) if lean is None else (tubes[lean], isovalues[lean])
@@ -151,7 +151,7 @@ class Tubes:
         )
 
     def _left(self) -> Limits:
-        """Limits for one more tube: those of a file may not have more than a single one."""
+        """Limits for one more tube: all tubes of a file together must stay within the limits of one."""
         whole, tubes = self._limits, [tube for tube in (*self.before, *self.all, self.mask.tube) if tube]
         return replace(
             whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),
@@ -159,12 +159,12 @@ class Tubes:
         )
 
     def begin_mask(self, header: Header, offset: int) -> None:
-        """The chunk of the mask begins."""
+        """Begin the chunk of the mask."""
         self._outline.begin_mask(offset)
         self.mask.begin(header, self._left())
 
     def end_mask(self, header: Header) -> None:
-        """Take the complete mask; an isovalue without layers so far is coded with it."""
+        """Use the complete mask for isovalues whose layers have not begun."""
         self.mask.end()
         present = self.present
         if present is not None and present.level < 0 and not present.running:

@@ -1,1 +1,1 @@
-"""Fields in tiles: each tile coded on its own, all of them in one file (spec clause 12)."""
+"""Fields in tiles: each tile is coded independently, and all tiles are in one file (spec clause 12)."""

@@ -1,4 +1,4 @@
-"""From encoded tiles to a file: directories, then segments area by area (spec clauses 12.3 to 12.5)."""
+"""Assemble a file from encoded tiles: directories, then segments area by area (spec clauses 12.3 to 12.5)."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .structure import MOST_IN_BLOCK, Head, Kind, Leaf
 from .tile_encoder import Tiling
 
 BLOCK = {2: 5, 3: 3}
-"""Exponent of the width of blocks, in tiles, as long as there is room for all of them in the root directory."""
+"""Exponent of the width of blocks, in tiles, unless the root directory has no room for that many blocks."""
 
 
 class Tiles:
-    """Knowledge of all tiles of a file: all but their bytes.
+    """Everything about the tiles of a file except their bytes.
 
     Parameters
     ----------
@@ -29,13 +29,13 @@ class Tiles:
     Attributes
     ----------
     kinds : (1 + isovalues, counts ..) uint8
-        The mask's first.
+        Kinds of all tiles, for the mask first.
     lengths : (1 + stages * isovalues, counts ..) uint32
-        Bytes of segments, by area.
+        Sizes of segments, in bytes, by area.
     faces : (n, 2, counts ..) uint32
         Checksums of samples on faces.
     place : (counts ..) int64
-        Where the bytes of a tile are held, -1 if it has not come.
+        Offset of the stored bytes of each tile, -1 if it has not been encoded.
     """
 
     def __init__(self, tiling: Tiling) -> None:
@@ -48,16 +48,16 @@ class Tiles:
         self.place = np.full(grid.counts, -1, np.int64)
 
     def missing(self) -> int:
-        """Number of tiles that have not come."""
+        """Number of tiles that have not been encoded."""
         return int((self.place < 0).sum())
 
     def check_faces(self) -> None:
-        """Check that neighbours had the same samples where they meet.
+        """Check that neighbouring tiles had the same samples where they meet.
 
         Raises
         ------
         InputError
-            Naming two tiles that had not: the field has changed while it was read.
+            If two tiles, which are named, had different samples: the field changed while it was being read.
         """
         for axis in range(self.tiling.grid.n):
             low, high = (self.faces[axis, side] for side in (0, 1))
@@ -67,25 +67,27 @@ class Tiles:
                 here = tuple(differ[0].tolist())
                 there = self.tiling.grid.neighbour(here, axis)
                 raise InputError(
-                    f"tiles {here} and {there} had other samples in the row that they share: the field has changed "
-                    "while it was read", code="changed", remedy="encode all tiles again from a field that stays",
+                    f"tiles {here} and {there} disagree on the samples that they share: the field changed while it was "
+                    "being read", code="changed",
+                    remedy="encode all tiles again from a field that does not change",
                 )
 
 
 def merged(tiles: Tiles, read: Callable[[int, int], bytes]) -> Iterator[bytes]:
-    """The bytes of a file, piece by piece.
+    """Yield the bytes of a file, piece by piece.
 
     Parameters
     ----------
     tiles : Tiles
         All of them.
     read : callable
-        Gives so many bytes from a place on: a tile's are the mask's segment, then for each isovalue its stages.
+        Returns a number of bytes from an offset; a tile's bytes are the segment of the mask, then the stages of each
+        isovalue.
 
     Raises
     ------
     InputError
-        If tiles have not come, or do not meet.
+        If tiles are missing, or do not agree where they meet.
     """
     if tiles.missing():
         raise InputError(f"{tiles.missing():,} tiles have not been encoded", code="tiles")
@@ -96,7 +98,7 @@ def merged(tiles: Tiles, read: Callable[[int, int], bytes]) -> Iterator[bytes]:
         head = tiles.tiling.head(masked)
         head = replace(head, grid=replace(head.grid, block=block))
         try:
-            # lengths and checksums to come take no more than this
+            # the lengths and checksums that follow take no more than this
             write_head(head, [(bytes(MOST_IN_BLOCK), [1 << 34] * head.areas)] * int(np.prod(head.grid.blocks)))
             break
         except InputError:
@@ -121,7 +123,7 @@ def _written(head: Head, tiles: Tiles, read: Callable[[int, int], bytes]) -> Ite
 
 
 def _leaf(head: Head, tiles: Tiles, block: Index, read: Callable[[int, int], bytes]) -> Leaf:
-    """The directory of a block."""
+    """Make the directory of a block."""
     members = tuple(head.grid.members(block).T)
     kinds = tiles.kinds[(slice(None), *members)][not head.masked :]
     lengths = np.stack([tiles.lengths[(a, *members)] for a in _held(head)]).astype(np.int64)
@@ -130,14 +132,14 @@ def _leaf(head: Head, tiles: Tiles, block: Index, read: Callable[[int, int], byt
 
 
 def _held(head: Head) -> list[int]:
-    """For each area of a file the number of the segment in what is held of a tile: isovalue by isovalue."""
+    """For each area of a file, the number of the segment among the stored ones of a tile, isovalue by isovalue."""
     stages, isovalues = len(head.stages), len(head.isovalues)
     own = [1 + i * stages + s for s in range(stages) for i in range(isovalues)]
     return [0, *own] if head.masked else own
 
 
 def _segments(head: Head, tiles: Tiles, block: Index, area: int, read: Callable[[int, int], bytes]) -> list[bytes]:
-    """The segments of a block's tiles in an area."""
+    """Read the segments of a block's tiles in an area."""
     members = tuple(head.grid.members(block).T)
     number = _held(head)[area]
     lengths: NDArray[np.int64] = tiles.lengths[(number, *members)].astype(np.int64)
@@ -148,5 +150,5 @@ def _segments(head: Head, tiles: Tiles, block: Index, area: int, read: Callable[
 
 
 def grid_of(shape: Index, exponent: int) -> TileGrid:
-    """The grid of a field's tiles before it is known in how large blocks they are listed."""
+    """The grid of a field's tiles, before the size of blocks is known."""
     return TileGrid(shape, exponent, BLOCK[len(shape)])

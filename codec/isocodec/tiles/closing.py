@@ -1,10 +1,10 @@
-"""Gaps between tiles that are drawn up to different stages, closed in the face that they share.
+"""Close gaps between tiles that are drawn up to different stages, in the face that they share.
 
-Both meshes have the corners of the coarser one's cubes in the face, with the same signs. So in each square of it (in
-the plane: on each of its edges) what one tile draws and what the other does are closed to loops by parts of the
-square's border, and these bound what has to be filled. A part of a border ends at every point that any tile has there,
-so that squares, and faces that meet at an edge of tiles, agree on it. Squares beside missing samples, where curves end,
-stay as they are.
+Both meshes contain the corners of the coarser mesh's cubes in the face, with the same signs. So in each square of the
+face (in 2-D, on each of its edges), the drawings of both tiles are closed to loops by parts of the square's border, and
+these loops bound the area to be filled. A part of a border ends at every point that any tile has there, so that
+squares, and faces that meet at an edge of tiles, agree on it. Squares next to missing samples, where curves end, are
+left open.
 """
 
 from __future__ import annotations
@@ -24,26 +24,27 @@ from .gaps import filled, loops_of
 from .layout import Index
 
 Line = tuple[int, Index]
-"""A line of the grid: the axis that it runs along, and the samples that it begins with, 0 along that axis."""
+"""A line of the grid: its axis, and its first sample, which is 0 along that axis."""
 Edge = tuple[int, int]
 
 
 @dataclass(frozen=True)
 class TilePart:
-    """Drawing of a tile.
+    """The drawing of a tile.
 
     Attributes
     ----------
     index : tuple of int
     stage, cube : int
-        Up to which stage, and the edge of its cubes in samples.
+        Stage up to which the tile is drawn, and the edge length of its cubes in samples.
     origin, size : tuple of int
     contour : Contour
-        In coordinates of the tile.
+        Contour in coordinates of the tile.
     ends : (E, 2, n) int64
-        Between which samples of the tile the first points lie; others lie within cells.
+        Samples of the tile between which the first points lie; other points lie inside cells.
     whole : function of (C, n) int64 to (C,) bool, or None
-        Which unit cells of the tile have no missing corner, by their lowest ones; None if no sample is missing.
+        Finds which unit cells of the tile, by their lowest corners, have no missing corner; None if no sample is
+        missing.
     """
 
     index: Index
@@ -58,16 +59,16 @@ class TilePart:
 
 @dataclass(frozen=True)
 class Square:
-    """Gaps to close in a square of a face, or on an edge in the plane.
+    """Gaps to close in a square of a face, or on an edge in 2-D.
 
     Attributes
     ----------
     axis : int
-        Across the face.
+        Axis across the face.
     edges : list of pairs
-        Of points, as what fills the square needs them for the two tiles.
+        Pairs of points, with the direction that the filling needs for the two tiles.
     border : list of pairs, each with a bool
-        Parts of the border, and whether the square begins there.
+        Parts of the border, each with whether the square begins there.
     """
 
     axis: int
@@ -76,15 +77,15 @@ class Square:
 
 
 class Closing:
-    """The segments or triangles that close all gaps.
+    """Make the segments or triangles that close all gaps.
 
     Parameters
     ----------
     parts : sequence of TilePart
     numbers : sequence of (P,) int64
-        By part: the numbers that its points have in all.
+        For each part, the indices of its points among all points.
     points : (P, n) float64
-        All of them.
+        All points.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class Closing:
         self._line_of: dict[int, tuple[Line, int]] = {}
 
     def cells(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Points to append to the others, (Q, n), and segments or triangles, (M, n)."""
+        """Return further points, (Q, n), and segments or triangles, (M, n)."""
         squares = list(self._squares())
         if self._n == 2:
             segments = [edge for square in squares for edge, _ in square.border]
@@ -129,9 +130,9 @@ class Closing:
                     yield Square(axis, edges, border)
 
     def _apart(self, squares: Sequence[Square]) -> NDArray[np.float64]:
-        """Middles of parts of borders where all four faces around an edge of tiles are filled, (Q, 3).
+        """Middles of parts of borders for which all four faces around an edge of tiles are filled, (Q, 3).
 
-        Faces are then neighbours two by two, around the tiles in front and behind; the latter two get the middle.
+        The faces are then joined in pairs, around the tiles in front and those behind; the latter pair gets the middle.
         """
         counts = Counter(frozenset(edge) for square in squares for edge, _ in square.border)
         middles: dict[frozenset[int], int] = {}
@@ -151,7 +152,7 @@ class Closing:
         return np.array(found).reshape(-1, 3)
 
     def _faces(self) -> Iterator[tuple[int, int, int]]:
-        """Neighbours that are drawn up to different stages: both, and the axis across their face."""
+        """Find neighbours that are drawn up to different stages: both tiles, and the axis across their face."""
         where = {part.index: i for i, part in enumerate(self._parts)}
         for i, part in enumerate(self._parts):
             for axis in range(self._n):
@@ -161,7 +162,7 @@ class Closing:
                     yield i, j, axis
 
     def _is_whole(self, i: int, j: int, axis: int, low: Index, cube: int) -> bool:
-        """Whether no sample is missing beside a square of the face of two tiles, on either side."""
+        """Whether no sample is missing next to a square of the face of two tiles, on either side."""
         for part, place in ((self._parts[i], self._parts[i].size[axis] - 2), (self._parts[j], 0)):
             if part.whole is None:
                 continue
@@ -174,7 +175,7 @@ class Closing:
         return True
 
     def _note_lines(self) -> None:
-        """Points on lines of the grid in faces, in their order."""
+        """Find the points on grid lines in faces, in order."""
         held: dict[Line, set[tuple[float, int, int]]] = defaultdict(set)
         for part, ends, numbers in zip(self._parts, self._ends, self._numbers, strict=True):
             last = np.array(part.origin) + np.array(part.size) - 1
@@ -193,9 +194,9 @@ class Closing:
         self._lines = {line: sorted(points) for line, points in held.items()}
 
     def _gaps(self, i: int, j: int, axis: int, cube: int) -> dict[Index, list[Edge]]:
-        """Edges to fill in each square of a face, by its first sample, as both tiles need them.
+        """Find the edges to fill in each square of a face, by the square's first sample, as both tiles need them.
 
-        In the plane each is a point where a line of a tile ends, (-1, point), or begins, (point, -1).
+        In 2-D, each is a point where a line of a tile ends, (-1, point), or begins, (point, -1).
         """
         found: dict[Index, list[Edge]] = defaultdict(list)
         for part in (i, j):
@@ -206,7 +207,7 @@ class Closing:
                 points = cells[there[cells]]
                 lows = ends[points].min(axis=1) // cube * cube
                 edges = np.full((len(points), 2), -1)
-                # rows of points that lines begin with, and of those that they end with
+                # rows of points with which lines begin, and with which they end
                 edges[np.arange(len(points)), np.nonzero(there[cells])[1]] = numbers[points]
             else:
                 turned = np.concatenate([cells[:, [1, 0]], cells[:, [2, 1]], cells[:, [0, 2]]])
@@ -215,7 +216,7 @@ class Closing:
                 edges = numbers[turned]
             lows[:, axis] = self._parts[j].origin[axis]
             for low, (a, b) in zip(map(tuple, lows.tolist()), edges.tolist(), strict=True):
-                # where both draw the same there is nothing to fill
+                # nothing has to be filled where both tiles draw the same
                 if (b, a) in found[low]:
                     found[low].remove((b, a))
                 else:
@@ -225,9 +226,9 @@ class Closing:
     def _border(
         self, low: Index, edges: Sequence[Edge], axis: int, cube: int
     ) -> list[tuple[Edge, bool]] | None:
-        """Parts of the border of a square, or of an edge, that close what is there, and whether it begins at them.
+        """Parts of a square's (or an edge's) border that close open curves, each with whether the curve begins there.
 
-        None if nothing does: near missing samples.
+        None if no part closes them, as happens near missing samples.
         """
         more: dict[int, int] = defaultdict(int)
         for a, b in edges:
@@ -243,7 +244,7 @@ class Closing:
         out: list[tuple[Edge, bool]] = []
         for line, own in by_line.items():
             along, fixed = line
-            # across the face and along the line nothing is asked; at the end of a field squares may be cut
+            # across the face and along the line, any position is accepted; squares may be cut off at the end of a field
             across = [a for a in range(self._n) if a not in (along, axis)]
             if any((fixed[a] - low[a]) % cube and fixed[a] not in self._last[a] for a in across):
                 return None

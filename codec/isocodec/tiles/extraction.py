@@ -1,4 +1,4 @@
-"""Extract a box of a tiled file as a separate file: the strands of a tile as they are, or several tiles joined."""
+"""Extract a window of a tiled file as an ordinary file: the chunks of one tile unchanged, or several tiles joined."""
 
 from __future__ import annotations
 
@@ -22,25 +22,26 @@ from .tiled import TiledFile, plain
 
 
 class Extract:
-    """A box of samples of a tiled file.
+    """A box (window) of samples of a tiled file.
 
     Parameters
     ----------
     file : TiledFile
     box : n pairs of numbers, or None for everything
-        It is grown to whole samples, and at its low ends to even ones: there the full grid has the same diagonals.
+        It is enlarged to whole samples, and its start is rounded down to even indices, so that the full grid has the
+        same diagonals.
 
     Attributes
     ----------
     low, size : tuple of int
-        The first sample, and how many there are along each axis.
+        The first sample, and the number of samples along each axis.
     notes : dict of str to str
-        Of the file, with a placement that leaves all samples where they were.
+        Notes of the file, with the placement shifted so that all samples keep their positions.
 
     Raises
     ------
     OptionError
-        If there is no such box.
+        If the box is not valid.
     LimitError
         If it has more samples than the limits allow.
     """
@@ -51,8 +52,7 @@ class Extract:
         self.notes = moved_notes(file.metadata, self.low)
 
     def strands(self, numbers: Sequence[int]) -> bytes | None:
-        """The file of isovalues, by number, with their bytes as they are; None unless the box is a tile where all of
-        them come.
+        """Make a file of isovalues, by number, from unchanged bytes; None unless the box is a tile with all of them.
         """
         head = self._file.head
         index = tuple(low >> head.grid.exponent for low in self.low)
@@ -69,12 +69,12 @@ class Extract:
         return plain(head, index, numbers[0], mask, segments, self.notes)
 
     def sources(self, numbers: Sequence[int]) -> list[Source]:
-        """Recover the sources of isovalues, by number, from the tiles, as from a file of one piece.
+        """Recover the sources of isovalues, by number, from the tiles, as from an ordinary file.
 
         Raises
         ------
         OptionError
-            If their meshes are not the full grid.
+            If the meshes of the tiles are not the full grid.
         FormatError, LimitError
         """
         head = self._file.head
@@ -82,8 +82,8 @@ class Extract:
         if last.adaptive or last.edge:
             one = " x ".join(str((1 << head.grid.exponent) + 1) for _ in self.low)
             raise OptionError(
-                "the file's meshes are coarser than its samples: only a tile can be taken out as it is", code="extract",
-                remedy=f"ask for the box of one tile ({one} samples), or decode the window",
+                "the file's meshes are coarser than the grid: only whole tiles can be extracted", code="extract",
+                remedy=f"ask for the window of one tile ({one} samples), or decode the window",
             )
         told = [self._told(number) for number in numbers]
         gone = np.logical_or.reduce([each for _, each, _ in told])
@@ -94,7 +94,7 @@ class Extract:
         ]
 
     def _told(self, number: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Decoded]:
-        """Signs of an isovalue, the samples that are missing by its tiles, and the state that these store."""
+        """Signs of an isovalue, samples that its tiles mark as missing, and the decoded state that the tiles hold."""
         signs, gone = np.zeros(self.size, np.bool_), np.zeros(self.size, np.bool_)
         told = []
         for index, kind, mask, segments in self._tiles(number):
@@ -111,7 +111,7 @@ class Extract:
         return signs, gone, _together(told, self.size)
 
     def _tiles(self, number: int) -> Iterator[tuple[Index, Kind, bytes, list[bytes]]]:
-        """Tiles with something in the box, those where nothing is coded first.
+        """Tiles that reach into the box, tiles without coded data first.
 
         A neighbour may know of missing samples in the shared face, so it is applied later.
         """
@@ -121,7 +121,7 @@ class Extract:
         return chain((t for t in found if t[1] != Kind.CODED), (t for t in found if t[1] == Kind.CODED))
 
     def _windows(self, index: Index) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-        """Samples of a tile that lie in the box: counted in the box, and in the tile."""
+        """Samples of a tile that lie in the box, as ranges in the box and in the tile."""
         grid = self._file.head.grid
         bounds = [
             (max(o, low), min(o + s, low + size), o, low)
@@ -131,7 +131,7 @@ class Extract:
         return here, tuple(slice(a - o, b - o) for a, b, o, _ in bounds)
 
     def _moved(self, state: Decoded, move: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
-        """Cut a state to the box, and move it there."""
+        """Crop a state to the box, and shift it to the box's origin."""
         last = np.array(self.size) - 1
         position, low, high = state.position + move, state.edge_low + move, state.edge_high + move
         kept = ((position >= 0) & (position <= last)).all(axis=1)
@@ -144,7 +144,7 @@ class Extract:
 
 
 def _together(told: Sequence[Mapping[str, NDArray[Any]]], size: Index) -> Decoded:
-    """Join states of tiles: shared faces once, each sample from the tile that stores most of its bits."""
+    """Join the states of tiles, with shared faces once; each sample comes from the tile with most bits of it."""
     n = len(size)
     none: dict[str, NDArray[Any]] = {
         "position": np.zeros((0, n), np.int64), "edge_low": np.zeros((0, n), np.int64),
@@ -154,7 +154,7 @@ def _together(told: Sequence[Mapping[str, NDArray[Any]]], size: Index) -> Decode
     whole = {
         name: np.concatenate([none.get(name, np.zeros(0, np.int64)), *(each[name] for each in told)]) for name in names
     }
-    # numbers that are whole first, behind them those of which bits are missing, and samples without any
+    # complete numbers first, then those with missing bits, then samples without numbers
     order = np.argsort(np.where(whole["missing"] < 0, 64, whole["missing"]), kind="stable")
     _, first = np.unique(whole["position"][order], axis=0, return_index=True)
     whole.update({name: whole[name][order[first]] for name in names if not name.startswith("edge")})

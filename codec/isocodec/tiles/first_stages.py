@@ -1,4 +1,4 @@
-"""A tiled file of the first stages of another: its segments as they are, since areas come stage by stage."""
+"""Make a tiled file from the first stages of another; its segments are unchanged, since areas are sorted by stage."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _PIECE = 1 << 22
 
 
 def first_stages(file: TiledFile, count: int) -> Iterator[bytes]:
-    """The bytes of a tiled file with the first ``count`` stages of another, all of them if it has fewer.
+    """Yield the bytes of a tiled file with the first ``count`` stages of another, or all stages if it has fewer.
 
     Raises
     ------
     OptionError
-        If there is to be none.
+        If ``count`` is less than 1.
     FormatError
-        If its directories are damaged; segments that are keep checksums that do not fit.
+        If the directories are damaged; damaged segments keep their checksums, which do not match.
     TruncatedError
-        If the file ends before that.
+        If the file ends before these stages.
     """
     if count < 1:
         raise OptionError(f"layers is {count}; it must be at least 1", code="layers")

@@ -1,4 +1,4 @@
-"""Loops of directed edges in a plane, filled with triangles."""
+"""Fill loops of directed edges in a plane with triangles."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Edge = tuple[int, int]
 
 
 def loops_of(edges: Iterable[Edge]) -> list[list[int]]:
-    """Join edges to loops without a point twice; as many edges lead to each point as lead away from it.
+    """Join edges to loops that visit no point twice; as many edges must lead to each point as away from it.
 
-    Two opposite edges between two points cancel out.
+    Two opposite edges between the same points cancel out.
     """
     away: dict[int, list[int]] = defaultdict(list)
     for a, b in edges:
@@ -44,22 +44,22 @@ def loops_of(edges: Iterable[Edge]) -> list[list[int]]:
 def filled(
     loop: Sequence[int], points: NDArray[np.float64], axis: int, border: set[frozenset[int]], number: int
 ) -> tuple[list[tuple[int, int, int]], list[NDArray[np.float64]]]:
-    """Triangles that fill a loop in a plane across an axis, turned as it is.
+    """Make triangles that fill a loop in a plane across an axis, with the loop's orientation.
 
-    Corners are cut off one by one. What has none left that can be, since the loop crosses itself, is filled from a
+    Corners are cut off one by one. If none can be cut off, because the loop crosses itself, the rest is filled from a
     point in its middle.
 
     Parameters
     ----------
     loop : sequence of int
-        Numbers of points.
+        Indices of points.
     points : (P, n) float64
     axis : int
     border : set of pairs
-        Points that are neighbours on the border of a square. No new edge joins two points of one line of it: what lies
-        behind may have the same.
+        Points that are neighbours on the border of a square. No new edge joins two points on the same side of the
+        square, since the adjacent square may have the same edge.
     number : int
-        What a further point would be called.
+        Index of a further point.
 
     Returns
     -------
@@ -90,7 +90,7 @@ Place = tuple[float, float]
 def _is_ear(left: list[int], k: int, place: dict[int, Place], turn: float, taken: set[frozenset[int]]) -> bool:
     a, b, c = (left[(k + d) % len(left)] for d in (-1, 0, 1))
     p, q, r = place[a], place[b], place[c]
-    # an edge along the axes may lie in the border, with the same one on its other side
+    # an edge along an axis may lie in the border, with the same edge on its other side
     if frozenset((a, c)) in taken or p[0] == r[0] or p[1] == r[1] or _cross(p, q, r) * turn <= 0:
         return False
     return not any(

@@ -38,16 +38,16 @@ from .structure import (
 
 _MASK, _SCALED = 0x80, 0x20
 MOST_BYTES = 1 << 62
-"""No file is as long."""
+"""Upper bound on the size of files."""
 
 
 def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> bytes:
-    """Head and root directory; of each leaf its bytes and those of its segments, area by area.
+    """Write the head and the root directory; for each leaf, its bytes and the sizes of its segments by area.
 
     Raises
     ------
     InputError
-        If they take more than ``HEAD_BYTES``.
+        If they are longer than ``HEAD_BYTES``.
     """
     grid = head.grid
     scaled = b"" if head.scale is None else Double.build(head.scale)
@@ -66,15 +66,16 @@ def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> byt
     length = FIXED_BYTES + len(body) + 4
     if length > HEAD_BYTES:
         raise InputError(
-            f"the notes and the root directory take {length:,} bytes; there is room for {HEAD_BYTES:,}", code="head",
-            remedy="leave out notes, or take larger tiles or fewer isovalues",
+            f"the notes and the root directory take {length:,} bytes, but there is room for {HEAD_BYTES:,}",
+            code="head",
+            remedy="leave out notes, or use larger tiles or fewer isovalues",
         )
     out = SIGNATURE + bytes([WRITER_VERSION << 4 | READ_VERSION, flags]) + length.to_bytes(2, "big") + body
     return out + Checksum.build(zlib.crc32(out))
 
 
 def _head_length(data: bytes) -> int:
-    """Bytes that head and root have, all of them received.
+    """Number of bytes of head and root directory, which must have been received.
 
     Raises
     ------
@@ -93,7 +94,7 @@ def _head_length(data: bytes) -> int:
 
 
 def read_head(data: bytes) -> tuple[Head, Root]:
-    """Head and root directory, which ``data`` begins with.
+    """Read the head and the root directory, with which ``data`` begins.
 
     Raises
     ------
@@ -104,7 +105,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
         raise wrong("the head's checksum is wrong", "checksum", end - 4, "12.3")
     if data[4] & 15 > WRITER_VERSION:
         raise FormatError(
-            f"the file needs version {data[4] & 15} of the format, this reads up to {WRITER_VERSION}",
+            f"the file needs version {data[4] & 15} of the format, but this decoder reads only up to {WRITER_VERSION}",
             code="version", offset=4, clause="3.3.1", remedy="update isocodec",
         )
     reader = Reader(data, FIXED_BYTES, end - 4)
@@ -131,7 +132,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
     grid = TileGrid(shape, exponent, block)
     head = Head(grid, isovalues, listed, scale, Profile(flags & 3), bool(flags & _MASK), notes)
     total = math.prod(grid.blocks)
-    # each takes at least five bytes of the head
+    # each leaf takes at least five bytes of the head
     if total > HEAD_BYTES // 5:
         raise wrong("more leaves than the head has room for", "leaves", reader.at, "12.3")
     lengths, checksums, sizes = [], [], []
@@ -140,10 +141,10 @@ def read_head(data: bytes) -> tuple[Head, Root]:
         checksums.append(Checksum.parse(reader.bytes(4)))
         sizes.append([reader.number() for _ in range(head.areas)])
     if reader.at != end - 4:
-        raise wrong("the head goes on behind its root directory", "head", reader.at, "12.3")
+        raise wrong("the head continues after its root directory", "head", reader.at, "12.3")
     if sum(lengths) + sum(map(sum, sizes)) >= MOST_BYTES:
         raise TruncatedError(
-            "the file ends before its tiles do, which are longer than any file", code="truncated", offset=end,
+            "the directory states more bytes of tiles than any file can hold", code="truncated", offset=end,
             clause="12.4",
         )
     whole = np.array(sizes, np.int64).reshape(total, head.areas)

@@ -1,4 +1,4 @@
-"""Curves and surfaces of tiles as one: points on shared faces are the same from both sides (spec clause 12.7)."""
+"""Join the curves and surfaces of tiles: points on shared faces are the same from both sides (spec clause 12.7)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from .closing import Closing, TilePart
 
 _GRAIN = 1 << 30
-"""Points that were cut at missing samples are one if they agree to this part of a cell."""
+"""Points cut at missing samples are merged if they agree to within this fraction of a cell."""
 
 
 def joined(parts: Sequence[TilePart], n: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points and cells of all tiles, a point on a face once: those on edges that lie in a face are the same from both
-    sides. Where neighbours are drawn up to different stages gaps are closed (`Closing`).
+    """Join the points and cells of all tiles, with each point on a shared face only once.
+
+    If neighbours are drawn up to different stages, gaps are closed (`Closing`).
     """
-    # where an edge has a point in two stages it lies where the later one has it
+    # if an edge has points in two stages, the later stage's position is used
     parts = sorted(parts, key=lambda part: -part.stage)
     points, cells, keys, faces, count = [np.zeros((0, n))], [np.zeros((0, n), np.int64)], [], [], 0
     for part in parts:
@@ -28,7 +29,7 @@ def joined(parts: Sequence[TilePart], n: int) -> tuple[NDArray[np.float64], NDAr
         edges, others = len(ends), drawn.points[len(ends) :]
         on_face = ((ends == 0).all(axis=1) | (ends == last).all(axis=1)).any(axis=1)
         keys.append((ends[on_face] + origin).reshape(-1, 2 * n))
-        # points within cells, on a face where they were cut at missing samples
+        # points inside cells, or on a face where pieces were cut at missing samples
         cut = ((others == 0) | (others == last)).any(axis=1)
         places = np.rint((others[cut] + origin) * _GRAIN).astype(np.int64)
         keys.append(np.hstack([places, np.full_like(places, -1)]))

@@ -1,4 +1,4 @@
-"""Tiles of a box of samples, and their order (spec clause 12.2)."""
+"""Division of a field into tiles, and their order (spec clause 12.2)."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ..grid.lattice.tables import cube_exponent
 
 Index = tuple[int, ...]
 COARSEST = 4
-"""Exponent of the edge of the first stage's cubes: no tile is narrower than such a cube, unless the field is."""
+"""Exponent of the edge of the first stage's cubes; no tile is narrower than such a cube, unless the field is."""
 
 
 def morton(index: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers whose bits are those of the indices by turns, those of the last axis lowest.
+    """Compute Morton codes: the bits of the indices interleaved, with the last axis in the lowest bit.
 
     Parameters
     ----------
@@ -38,21 +38,21 @@ def morton(index: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def in_order(counts: Index) -> NDArray[np.int64]:
-    """All indices of a grid of so many, in Morton order, (K, n) int64."""
+    """All indices of a grid with these counts, in Morton order, (K, n) int64."""
     index = np.indices(counts).reshape(len(counts), -1).T.astype(np.int64)
     return index[np.argsort(morton(index), kind="stable")]
 
 
 @dataclass(frozen=True)
 class TileGrid:
-    """A box of samples cut into tiles, which share a row of samples with their neighbours.
+    """A field divided into tiles, which share a row of samples with their neighbours.
 
     Attributes
     ----------
     shape : tuple of int
         Samples along each axis.
     exponent : int
-        A tile is ``2**exponent`` samples wide, one more with the row it shares.
+        A tile is ``2**exponent`` samples wide, and one more with the shared row.
     block : int
         Tiles are listed in blocks of ``2**block`` along each axis.
     """
@@ -63,23 +63,23 @@ class TileGrid:
 
     @property
     def n(self) -> int:
-        """Axes."""
+        """Number of axes."""
         return len(self.shape)
 
     @cached_property
     def counts(self) -> Index:
-        """Tiles along each axis. What is left over at the end is part of the last one if it is no wider than a cube."""
+        """Number of tiles along each axis; a remainder no wider than a cube is part of the last tile."""
         edge, cube = 1 << self.exponent, 1 << COARSEST
         return tuple(max(-((cube + 1 - s) // edge), 1) for s in self.shape)
 
     @property
     def total(self) -> int:
-        """Tiles in all."""
+        """Total number of tiles."""
         return prod(self.counts)
 
     @cached_property
     def blocks(self) -> Index:
-        """Blocks along each axis."""
+        """Number of blocks along each axis."""
         return tuple(-(-count >> self.block) for count in self.counts)
 
     def origin(self, index: Index) -> Index:
@@ -87,7 +87,7 @@ class TileGrid:
         return tuple(i << self.exponent for i in index)
 
     def size(self, index: Index) -> Index:
-        """Samples of a tile along each axis, shared rows included."""
+        """Number of samples of a tile along each axis, including shared rows."""
         edge = 1 << self.exponent
         return tuple(
             s - i * edge if i == count - 1 else edge + 1
@@ -95,30 +95,30 @@ class TileGrid:
         )
 
     def window(self, index: Index) -> tuple[slice, ...]:
-        """The samples of a tile, in the field."""
+        """Slices of a tile's samples in the field."""
         return tuple(slice(o, o + s) for o, s in zip(self.origin(index), self.size(index), strict=True))
 
     def shared(self, index: Index) -> NDArray[np.bool_]:
-        """Faces that a tile shares, (n, 2): across each axis the low and the high one."""
+        """Whether a tile shares its low and its high face across each axis, (n, 2)."""
         return np.array([(i > 0, i < count - 1) for i, count in zip(index, self.counts, strict=True)])
 
     def neighbour(self, index: Index, axis: int) -> Index:
-        """The tile behind, along an axis."""
+        """The next tile along an axis."""
         return (*index[:axis], index[axis] + 1, *index[axis + 1 :])
 
     def members(self, block: Index) -> NDArray[np.int64]:
-        """Tiles of a block in their order, (K, n) int64."""
+        """Tiles of a block in order, (K, n) int64."""
         first = np.array(block, np.int64) << self.block
         there = tuple(min(count - int(f), 1 << self.block) for count, f in zip(self.counts, first, strict=True))
         return in_order(there) + first
 
     def all_blocks(self) -> Iterator[Index]:
-        """Blocks in their order."""
+        """Blocks in order."""
         for block in in_order(self.blocks).tolist():
             yield tuple(block)
 
     def touching(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> Iterator[Index]:
-        """Tiles that have a cell in the box of samples from ``low`` to ``high``, both included."""
+        """Tiles that have a cell in the box of samples from ``low`` to ``high``, inclusive."""
         ranges = []
         for a, count in enumerate(self.counts):
             first = min(int(low[a]) >> self.exponent, count - 1)
@@ -127,5 +127,5 @@ class TileGrid:
         return product(*ranges)
 
     def level(self, index: Index, edge: int) -> int:
-        """The level of a tile's uniform mesh of cubes of edge ``2**edge``; 0 where all of the tile is less."""
+        """The level of a tile's uniform mesh with cubes of edge ``2**edge``; 0 if the whole tile is smaller."""
         return self.n * max(cube_exponent(self.size(index)) - edge, 0)

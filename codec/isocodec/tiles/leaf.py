@@ -30,7 +30,7 @@ def write_leaf(head: Head, leaf: Leaf) -> bytes:
 
 
 def read_leaf(head: Head, data: bytes, tiles: int, at: int) -> Leaf:
-    """Inverse of ``write_leaf`` for so many tiles; ``at`` is where the leaf begins in the file.
+    """Inverse of ``write_leaf`` for a given number of tiles; the leaf begins at ``at`` in the file.
 
     Raises
     ------
@@ -45,28 +45,28 @@ def read_leaf(head: Head, data: bytes, tiles: int, at: int) -> Leaf:
             number = reader.number()
             kind, end = number & 3, done + (number >> 2) + 1
             if kind > Kind.CODED or end > tiles:
-                raise wrong("an invalid run of tiles", "leaf", at + reader.at, "12.5")
+                raise wrong("invalid run of tiles", "leaf", at + reader.at, "12.5")
             kinds[strand, done:end] = kind
             if kind == Kind.CODED:
-                # before memory is taken for them: each length takes a byte
+                # checked before memory is allocated; each length takes at least a byte
                 reader.check((end - done) * len(areas))
                 lengths[areas, done:end] = np.array(
                     [[reader.number() for _ in areas] for _ in range(done, end)], np.int64
                 ).T
             done = end
     if lengths.max(initial=0) >= 1 << 40:
-        raise wrong("a segment too long", "leaf", at, "12.5")
+        raise wrong("a segment is too long", "leaf", at, "12.5")
     checksums = []
     for area in range(head.areas):
         count = len(groups_of(lengths[area])) - 1
         packed = reader.bytes(4 * count)
         checksums.append(np.frombuffer(packed, ">u4").astype(np.int64))
     if reader.at != len(data):
-        raise wrong("bytes behind a leaf directory", "leaf", at + reader.at, "12.5")
+        raise wrong("bytes after a leaf directory", "leaf", at + reader.at, "12.5")
     return Leaf(kinds, lengths, checksums)
 
 
 def checksums_of(segments: Sequence[bytes]) -> NDArray[np.int64]:
-    """Checksums of the groups of a leaf's segments in an area."""
+    """Compute the checksums of the groups of a leaf's segments in an area."""
     bounds = groups_of(np.array([len(s) for s in segments], np.int64)).tolist()
     return np.array([zlib.crc32(b"".join(segments[a:b])) for a, b in pairwise(bounds)], np.int64)

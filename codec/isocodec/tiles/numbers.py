@@ -1,4 +1,4 @@
-"""Numbers of a directory, read within bounds (spec clause 3.2)."""
+"""Read the numbers of a directory with bounds checks (spec clause 3.2)."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from ..format.header import read_isovalue
 
 
 def wrong(text: str, code: str, at: int, clause: str) -> FormatError:
-    """The error for a directory that cannot be, with its place in the file."""
+    """Make the error for an invalid directory, with its offset in the file."""
     return FormatError(text, code=code, offset=at, clause=clause)
 
 
 class Reader:
-    """Numbers one after the other, within bounds; ``base`` is where the bytes begin in the file."""
+    """Reads numbers one after the other with bounds checks; ``base`` is the offset of the bytes in the file."""
 
     def __init__(self, data: bytes, at: int, end: int, base: int = 0) -> None:
         self.data, self.at, self.end, self.base = data, at, end, base
 
     def check(self, count: int) -> None:
-        """Raise `FormatError` unless so many bytes are left."""
+        """Raise `FormatError` unless this many bytes are left."""
         if count > self.end - self.at:
             raise self._early()
 
     def bytes(self, count: int) -> bytes:
-        """So many bytes."""
+        """Read this many bytes."""
         self.check(count)
         self.at += count
         return self.data[self.at - count : self.at]
 
     def byte(self) -> int:
-        """A number below 256."""
+        """Read a number below 256."""
         return self.bytes(1)[0]
 
     def number(self) -> int:
-        """A varint."""
+        """Read a varint."""
         try:
             found = read_varint(self.data, self.at, self.end)
         except VarintError as error:
@@ -49,14 +49,14 @@ class Reader:
         return found[0]
 
     def scale(self) -> float:
-        """A positive number."""
+        """Read a positive number."""
         value = float(Double.parse(self.bytes(8)))
         if not (math.isfinite(value) and value > 0):
             raise wrong("the scale is not a positive number", "scale", self.at - 8, "12.3")
         return value
 
     def isovalue(self) -> float:
-        """Its kind, and the number."""
+        """Read an isovalue: its kind, and the number."""
         kind = self.byte()
         if kind not in IsovalueKind.__members__.values():
             raise wrong("unknown kind of isovalue", "isovalue", self.at - 1, "12.3")
@@ -67,8 +67,8 @@ class Reader:
         return found[0]
 
     def notes(self) -> dict[str, str]:
-        """Their length, and an object of JSON (clause 3.7.2)."""
+        """Read notes: their length, and a JSON object (clause 3.7.2)."""
         return read_metadata(self.bytes(self.number()))
 
     def _early(self) -> FormatError:
-        return wrong("a directory that ends too early", "directory", self.base + self.end, "12.4")
+        return wrong("a directory ends too early", "directory", self.base + self.end, "12.4")

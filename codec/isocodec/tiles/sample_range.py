@@ -1,4 +1,4 @@
-"""The least and the largest sample of a field that need not be in memory: tile by tile."""
+"""Find the least and the largest sample of a field, tile by tile, so that it need not be in memory."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .layout import TileGrid, in_order
 def sample_range(
     field: Any, grid: TileGrid, progress: Callable[[int, int], object] | None = None
 ) -> tuple[float, float] | None:
-    """The least and the largest of the samples that are not missing; None if all are.
+    """Find the least and the largest of the samples that are not missing; None if all are missing.
 
     Parameters
     ----------
     field : array
-        Anything with slices, as `encode_tiles` takes it; no more than a tile of it is in memory.
+        Anything with slices that `encode_tiles` accepts; at most one tile is in memory.
     grid : TileGrid
-        The tiles that are read.
+        The tiles to read.
     progress : callable, optional
-        Called with tiles done and their total.
+        Called with the number of tiles done and the total.
     """
     found: list[tuple[Any, Any]] = []
     for done, index in enumerate(map(tuple, in_order(grid.counts).tolist()), 1):

@@ -1,4 +1,4 @@
-"""Tiles encoded so far, kept in a folder, so that nothing is lost when work stops: bytes, and a journal."""
+"""Keep encoded tiles in a folder, so that nothing is lost when a run ends early: their bytes, and a journal."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _BYTES, _JOURNAL = "segments", "journal"
 
 
 class Spool:
-    """A folder with the tiles of one file that have been encoded.
+    """A folder with those tiles of a file that have been encoded.
 
-    ``segments`` has the bytes of tiles one after the other, ``journal`` a line of JSON that names their field and
-    options, and a record of fixed size for each tile, written when its bytes are there. Bytes behind the last whole
-    record are written over.
+    ``segments`` has the bytes of tiles one after the other. ``journal`` has a line of JSON that describes the field and
+    the options, and a record of fixed size for each tile, written after the tile's bytes. Bytes after the last complete
+    record are overwritten.
 
     Parameters
     ----------
     folder : path
-        Made if it is not there.
+        Created if it does not exist.
     tiling : Tiling
 
     Attributes
@@ -42,7 +42,7 @@ class Spool:
     Raises
     ------
     OptionError
-        If the folder has tiles of something else, or another process uses it.
+        If the folder has tiles of a different field or with different options, or another process uses it.
     OSError
     """
 
@@ -54,7 +54,7 @@ class Spool:
         self.folder.mkdir(exist_ok=True)
         self._journal = _open(self.folder / _JOURNAL)
         self._bytes = _open(self.folder / _BYTES)
-        # a separate handle, so that what is written is always at the end
+        # a separate handle, so that writing always happens at the end
         self._reader = (self.folder / _BYTES).open("rb", buffering=0)
         try:
             _lock(self._journal, self.folder)
@@ -70,23 +70,23 @@ class Spool:
         self.close()
 
     def close(self) -> None:
-        """Leave the folder as it is."""
+        """Close the files, keeping the folder."""
         self._journal.close()
         self._bytes.close()
         self._reader.close()
 
     def remove(self) -> None:
-        """Everything is elsewhere now."""
+        """Remove the folder, whose contents are no longer needed."""
         self.close()
         shutil.rmtree(self.folder)
 
     def _resume(self) -> None:
-        """Take over what has been encoded before."""
+        """Load the tiles that have been encoded before."""
         first = self._journal.readline()
         if first and first.endswith(b"\n") and first != self._about:
             raise OptionError(
-                f"{self.folder} has tiles of another field, or encoded with other options", code="spool",
-                remedy="remove it, or name another folder",
+                f"{self.folder} has tiles of a different field, or tiles encoded with different options", code="spool",
+                remedy="remove it, or choose another folder",
             )
         end = 0
         if first != self._about:
@@ -99,7 +99,7 @@ class Spool:
         self._bytes.truncate()
 
     def _take(self, data: bytes) -> int:
-        """Take note of whole records whose tiles are there unharmed; where the last one ends."""
+        """Load complete records whose tiles are undamaged; returns where the last one ends."""
         size = self._record.itemsize
         records = np.frombuffer(data[: len(data) // size * size], self._record)
         good, end = 0, 0
@@ -125,12 +125,12 @@ class Spool:
         tiles.place[at] = record["place"]
 
     def add(self, tile: TileSegments) -> None:
-        """Keep a tile.
+        """Store a tile.
 
         Raises
         ------
         OSError
-            If there is no room; what was kept before stays.
+            If the disk is full; tiles stored before are kept.
         """
         segments = [tile.mask_segment, *(segment for stages in tile.segments for segment in stages)]
         data = b"".join(segments)
@@ -148,7 +148,7 @@ class Spool:
             self._journal.write(record.tobytes())
             self._journal.flush()
         except OSError:
-            # a part of either is written over when somebody goes on
+            # an incomplete part of either is overwritten when the run is resumed
             for file, end in ((self._bytes, place), (self._journal, before)):
                 file.seek(end)
                 file.truncate()
@@ -156,7 +156,7 @@ class Spool:
         self._note(record)
 
     def read(self, place: int, length: int) -> bytes:
-        """Bytes of tiles."""
+        """Read the bytes of tiles."""
         data = b"".join(self._pieces(place, length))
         if len(data) != length:
             raise InputError(f"{self.folder / _BYTES} has become shorter", code="spool", remedy="encode again")
@@ -169,7 +169,7 @@ class Spool:
             yield piece
 
     def done(self, index: Index) -> bool:
-        """Whether a tile is there."""
+        """Whether a tile is stored."""
         return bool(self.tiles.place[index] >= 0)
 
 
@@ -184,7 +184,7 @@ def _record_of(tiles: Tiles) -> np.dtype[Any]:
 
 
 def description(tiling: Tiling) -> dict[str, object]:
-    """Properties that tiles which go together share: the field's shape and type, and all options."""
+    """Properties shared by all tiles of a file: the shape and type of the field, and all options."""
     return {
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
         **asdict(tiling.options), "dtype": tiling.dtype, "cubes": tiling.cubes, "version": 1,
@@ -197,7 +197,7 @@ def _line(tiling: Tiling) -> bytes:
 
 
 def begun(folder: str | os.PathLike[str], tried: Sequence[Tiling]) -> int:
-    """Find which of some tilings a folder has tiles of; 0 if of none."""
+    """Find for which of some tilings a folder has tiles; 0 if for none."""
     journal = Path(folder) / _JOURNAL
     if not journal.is_file():
         return 0
@@ -208,12 +208,12 @@ def begun(folder: str | os.PathLike[str], tried: Sequence[Tiling]) -> int:
 
 
 def _open(path: Path) -> BinaryIO:
-    """Open for reading and writing; the file is made if it is missing."""
+    """Open a file for reading and writing, creating it if it is missing."""
     return os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "r+b")
 
 
 def _lock(file: BinaryIO, folder: Path) -> None:
-    """Keep other processes out, where the system can."""
+    """Lock the folder against other processes, if the system can."""
     try:
         import fcntl
     except ImportError:
@@ -222,5 +222,5 @@ def _lock(file: BinaryIO, folder: Path) -> None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         raise OptionError(
-            f"another process is at work in {folder}", code="spool", remedy="wait for it, or stop it"
+            f"another process is working in {folder}", code="spool", remedy="wait until it ends, or stop it"
         ) from None

@@ -1,4 +1,4 @@
-"""Directories of a tiled file: head, root and leaf directories, as records (spec clauses 12.3 to 12.5)."""
+"""Records for the directories of a tiled file: head, root and leaf directories (spec clauses 12.3 to 12.5)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from isospec.container import Profile
 from .layout import TileGrid
 
 HEAD_BYTES = 1 << 14
-"""Head and root directory have no more bytes than this."""
+"""Largest size, in bytes, of head and root directory together."""
 FIXED_BYTES = 8
 """Signature, versions, flags and length of the head."""
 EXPONENTS = range(5, 21)
-"""Widths of tiles, as exponents."""
+"""Smallest and largest width of tiles, as exponents."""
 MOST_IN_BLOCK = 1 << 20
 MOST_STAGES = 16
 MOST_SIDE = 1 << 40
-"""Most samples along an axis."""
+"""Largest number of samples along an axis."""
 GROUP_BYTES = 1 << 10
-"""A checksum is for at least so many bytes, unless they are the last of their leaf."""
+"""Least number of bytes for a checksum, except for the last bytes of a leaf."""
 
 
 class Kind(IntEnum):
@@ -38,14 +38,14 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True)
 class Stage:
-    """Layers of all tiles that lie together in the file.
+    """Layers of all tiles that are stored together in the file.
 
     Attributes
     ----------
     edge : int
-        Exponent of the edge of the cubes, in samples, of the uniform mesh that the stage leads to.
+        Exponent of the edge, in samples, of the cubes of the uniform mesh to which the stage leads.
     geometry : bool
-        Whether it stores where edges are crossed.
+        Whether the stage stores where edges are crossed.
     adaptive : bool
         Whether its meshes are coarser where the curve is flat.
     """
@@ -64,11 +64,11 @@ class Head:
     grid : TileGrid
     isovalues : tuple of float
     stages : tuple of Stage
-        For each isovalue.
+        Stages of each isovalue.
     scale : float or None
     profile : Profile
     masked : bool
-        Whether there is a mask, in an area before the others.
+        Whether there is a mask, whose area precedes the others.
     metadata : dict of str to str
     """
 
@@ -82,7 +82,7 @@ class Head:
 
     @property
     def areas(self) -> int:
-        """Areas of segments: the mask's, then stage by stage one for each isovalue."""
+        """Number of areas of segments: one for the mask, then for each stage one per isovalue."""
         return self.masked + len(self.stages) * len(self.isovalues)
 
     def area(self, isovalue: int, stage: int) -> int:
@@ -91,11 +91,11 @@ class Head:
 
     @property
     def strands(self) -> int:
-        """The mask, if there is one, and the isovalues."""
+        """Number of strands: the mask, if there is one, and the isovalues."""
         return self.masked + len(self.isovalues)
 
     def areas_of(self, strand: int) -> list[int]:
-        """Areas of the mask or of an isovalue, by its number among the strands."""
+        """Areas of the mask or of an isovalue, by number of the strand."""
         if self.masked and strand == 0:
             return [0]
         return [self.area(strand - self.masked, stage) for stage in range(len(self.stages))]
@@ -103,16 +103,16 @@ class Head:
 
 @dataclass(frozen=True)
 class Root:
-    """Places of leaf directories and of the segments of their tiles.
+    """Offsets of leaf directories and of the segments of their tiles.
 
     Attributes
     ----------
     end : int
-        Bytes of head and root.
+        Number of bytes of head and root directory.
     lengths, checksums : (L,) int64
-        Of leaf directories.
+        Sizes and checksums of leaf directories.
     sizes : (L, A) int64
-        Bytes of the leaf's segments in each area.
+        Number of bytes of each leaf's segments in each area.
     """
 
     end: int
@@ -122,32 +122,32 @@ class Root:
 
     @cached_property
     def leaves(self) -> NDArray[np.int64]:
-        """Beginnings of leaf directories and the end of the last one, (L + 1,) int64."""
+        """Offsets of leaf directories, and the end of the last one, (L + 1,) int64."""
         return self.end + np.concatenate([[0], np.cumsum(self.lengths)])
 
     @cached_property
     def segments(self) -> NDArray[np.int64]:
-        """Beginnings of the leaves' segments in each area, (L, A) int64."""
+        """Offsets of the leaves' segments in each area, (L, A) int64."""
         flat = self.sizes.T.ravel()
         return (self.leaves[-1] + np.cumsum(flat) - flat).reshape(self.sizes.T.shape).T
 
     @property
     def total(self) -> int:
-        """Bytes of the file."""
+        """Size of the file, in bytes."""
         return int(self.leaves[-1] + self.sizes.sum())
 
 
 @dataclass(frozen=True)
 class Leaf:
-    """A leaf directory: what is known of the tiles of a block.
+    """A leaf directory: kinds, sizes and checksums for the tiles of a block.
 
     Attributes
     ----------
     kinds : (strands, K) uint8
     lengths : (areas, K) int64
-        Bytes of segments.
+        Sizes of segments, in bytes.
     checksums : list of (groups,) int64
-        By area: of groups of segments.
+        Checksums of groups of segments, by area.
     """
 
     kinds: NDArray[np.uint8]
@@ -156,12 +156,12 @@ class Leaf:
 
     @cached_property
     def groups(self) -> list[NDArray[np.int64]]:
-        """Numbers, by area, of the segments that groups begin with, and behind the last one how many there are."""
+        """Numbers, by area, of the segments with which groups begin, followed by the number of segments."""
         return [groups_of(lengths) for lengths in self.lengths]
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
-        """Beginnings of segments behind the first one of their area, and the end of the last one, (areas, K + 1)."""
+        """Offsets of segments, relative to the first of their area, and the end of the last one, (areas, K + 1)."""
         return np.pad(np.cumsum(self.lengths, axis=1), ((0, 0), (1, 0)))
 
 
@@ -171,7 +171,7 @@ def is_tiled(data: object) -> bool:
 
 
 def groups_of(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Beginnings of groups of segments: each ends with the segment that fills it."""
+    """First segments of groups; each group ends with the segment that fills it."""
     starts, held = [0], 0
     for i, length in enumerate(lengths.tolist(), start=1):
         held += length

@@ -1,4 +1,4 @@
-"""One tile: samples in, segments out. A pure function of its samples, its place and what is asked for."""
+"""Encode one tile: samples in, segments out; a pure function of the samples, the index and the options."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from .layout import COARSEST, Index, TileGrid
 from .structure import Head, Kind, Stage
 
 EDGES = (COARSEST, 2, 0)
-"""Exponents of the edges of cubes that stages lead to."""
+"""Exponents of the edges of the cubes to which stages lead."""
 DEFAULT_EXPONENT = 10
 
 
 @dataclass(frozen=True)
 class Tiling:
-    """Properties that all tiles of a file share.
+    """Properties shared by all tiles of a file.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Tiling:
     dtype : str
         Type of the samples.
     cubes : int
-        In space, exponent of the edge of the cubes that meshes for a tolerance begin with; 0 for the full grid.
+        In 3-D, exponent of the edge of the cubes with which meshes for a tolerance begin; 0 for the full grid.
     """
 
     grid: TileGrid
@@ -67,7 +67,7 @@ class Tiling:
         }
         if chosen := next((name for name, given in unused.items() if given), ""):
             raise OptionError(
-                f"{chosen} and tiles cannot be combined: their meshes have to be the same where they meet",
+                f"{chosen} and tiles cannot be combined: the meshes of tiles must be the same where they meet",
                 code="tiles", remedy=f"use exact, step=.., signs or a distance below {SEARCHED:g}",
             )
         o.check_placement_note(self.grid.n)
@@ -82,14 +82,14 @@ class Tiling:
 
     @property
     def searched(self) -> float | None:
-        """The tolerance that meshes are searched for, if they are."""
+        """The tolerance for which meshes are searched, or None if there is no search."""
         precision = self.options.precision
         if self.grid.n == 3:
             return precision.tolerance if self.cubes else None
         return precision.searched
 
     def tried(self) -> list[Tiling]:
-        """Tilings to try one after the other: cubes that are smaller each time, at last the full grid."""
+        """Tilings to try one after the other, with smaller and smaller cubes, and finally the full grid."""
         exponents = cubes_for(self.options.precision.tolerance, COARSEST) if self.grid.n == 3 else ()
         return [*(replace(self, cubes=exponent) for exponent in exponents), self]
 
@@ -107,7 +107,7 @@ class Tiling:
 
 @dataclass(frozen=True)
 class TileSegments:
-    """A tile, encoded.
+    """An encoded tile.
 
     Attributes
     ----------
@@ -118,9 +118,9 @@ class TileSegments:
     kinds : tuple of Kind
         By isovalue.
     segments : tuple of tuple of bytes
-        By isovalue and stage; empty ones of tiles that are not coded.
+        By isovalue and stage; empty for tiles that are not coded.
     faces : tuple of tuple of int
-        Checksums of the samples on the low and the high face across each axis.
+        Checksums of the samples in the low and the high face across each axis.
     """
 
     index: Index
@@ -132,7 +132,7 @@ class TileSegments:
 
 
 class FaceSlack(Slack):
-    """Slack in a tile, none on the faces that it shares: there crossings have to come out the same from both sides."""
+    """Slack in a tile, with none in shared faces, where crossings must be the same from both sides."""
 
     def __init__(self, tolerance: float, size: Sequence[int], shared: NDArray[np.bool_]) -> None:
         super().__init__(tolerance)
@@ -141,7 +141,7 @@ class FaceSlack(Slack):
         self._high = np.where(shared[:, 1], last, -1)
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Slack of crossings as of ``Slack``, 0 in shared faces."""
+        """Slack of crossings, as for ``Slack``, but 0 in shared faces."""
         return np.where(self.on_face(low, high), 0, super().__call__(low, high))
 
     def on_face(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -157,18 +157,18 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
     window : array_like or masked array
         The samples of the tile, ``field[tiling.grid.window(index)]``; NaN and masked samples are missing.
     index : tuple of int
-        Which tile, along each axis.
+        Index of the tile along each axis.
     tiling : Tiling
 
     Returns
     -------
     TileSegments
-        The same bytes for the same samples, wherever and in whatever order tiles are encoded.
+        Segments, which depend only on the samples, not on where or in which order tiles are encoded.
 
     Raises
     ------
     InputError
-        If the samples cannot be encoded, or are not those of the tile.
+        If the samples cannot be encoded, or do not have the tile's shape.
     """
     size = tiling.grid.size(index)
     if np.shape(window) != size:
@@ -204,12 +204,12 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
 
 
 def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
-    """Vertices and edges that belong into the mesh in shared faces, in space.
+    """Find the vertices and edges that belong to the mesh in shared faces, in 3-D.
 
     Raises
     ------
     NotKeptError
-        If samples are missing: what fills them would have to be the same on both sides.
+        If samples are missing, since the values that fill them would have to be the same on both sides.
     """
     tolerance = tiling.searched
     if tolerance is None or field.signs.ndim == 2:
@@ -225,7 +225,7 @@ def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
 
 
 def _sealed(checksum: int, meshes: Sequence[Faces | None], axis: int, place: int) -> int:
-    """A checksum of a face's samples, with that of what was found for its mesh, so that neighbours are held to it."""
+    """Checksum of a face's samples, combined with that of its mesh, so that neighbours must agree on both."""
     for faces in filter(None, meshes):
         for vertex in faces.wanted.get((axis, place), ()):
             checksum = zlib.crc32(repr(vertex[:axis] + vertex[axis + 1 :]).encode(), checksum)
@@ -233,7 +233,7 @@ def _sealed(checksum: int, meshes: Sequence[Faces | None], axis: int, place: int
 
 
 def _missing(index: Index, tiling: Tiling) -> TileSegments:
-    """A tile whose samples are all missing."""
+    """Make a tile whose samples are all missing."""
     grid, count = tiling.grid, len(tiling.isovalues)
     faces = []
     for axis in range(grid.n):
@@ -249,7 +249,7 @@ def _kind(signs: NDArray[np.bool_]) -> Kind:
 
 
 def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int, axis: int) -> int:
-    """Checksum of the samples of a face, and of which are missing."""
+    """Compute a checksum of the samples of a face, and of which are missing."""
     known = 0
     if gone is not None and (missing := gone.take(at, axis)).any():
         face = np.where(missing, face.dtype.type(0), face)
@@ -260,7 +260,7 @@ def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int
 def _segments(
     header: Header, field: Samples, holes: Holes | None, index: Index, tiling: Tiling, faces: Faces | None
 ) -> Iterator[bytes]:
-    """The segments of an isovalue, stage by stage."""
+    """Make the segments of an isovalue, stage by stage."""
     truth = truth_of(field)
     if tiling.searched is None:
         plan, ends = _plan(index, tiling)
@@ -271,7 +271,7 @@ def _segments(
     writer = LayerWriter(field, tube, plan, Progress(full).begin(None))
     program = Progress(full).begin(None)
     for first, end in pairwise([0, *ends]):
-        # values are layers only once those before them are done
+        # layers of values are known only when earlier layers are done
         last = len(writer.layers) if end is None else end
         if first is not None and first == last:
             yield b""
@@ -281,7 +281,7 @@ def _segments(
 
 
 def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
-    """The layers of a tile's isovalue, and how many of them each stage ends with; None for all."""
+    """Make the layers of a tile's isovalue, and the number of layers after each stage; None for all."""
     grid, precision = tiling.grid, tiling.options.precision
     levels = [grid.level(index, stage.edge) for stage in tiling.stages if not stage.geometry]
     base = base_of(grid.n, levels[0])
@@ -307,7 +307,7 @@ def _searched(
     header: Header, field: Samples, truth: GroundTruth, holes: Holes | None, index: Index, tiling: Tiling,
     faces: Faces | None,
 ) -> tuple[Plan, list[int | None]]:
-    """Search meshes for a tolerance."""
+    """Search for a mesh that keeps a tolerance."""
     grid, tolerance = tiling.grid, tiling.searched
     assert tolerance is not None
     shared = grid.shared(index)

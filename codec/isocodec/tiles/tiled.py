@@ -1,4 +1,4 @@
-"""Reading a tiled file: only what a window needs, in few pieces (spec clause 12.6)."""
+"""Read a tiled file: only what a window needs, in few requests (spec clause 12.6)."""
 
 from __future__ import annotations
 
@@ -31,36 +31,36 @@ from .numbers import wrong
 from .structure import HEAD_BYTES, Head, Kind, Leaf
 
 KEPT_LEAVES = 64
-"""Leaf directories that are kept."""
+"""Number of leaf directories that are cached."""
 Box = Sequence[tuple[int, int]]
 """First and last samples along each axis."""
 Found = tuple[Index, Kind, bytes, list[bytes]]
-"""A tile: what it is for an isovalue, the segment of its mask, and those of its stages."""
+"""A tile: its kind for an isovalue, the segment of its mask, and the segments of its stages."""
 
 
 class TiledFile:
-    """A tiled file; only what is asked for is fetched.
+    """A tiled file, of which only the necessary parts are fetched.
 
     Parameters
     ----------
     fetch : callable
-        Gives the bytes of the file from one place up to another, fewer at its end.
+        Returns the bytes of the file from one offset up to another, or up to its end.
     limits : Limits, optional
-        What decoding each tile may need at most; ``bytes`` is for what is fetched at a time.
+        Limits for decoding each tile; ``bytes`` limits what is fetched at a time.
     first : bytes, optional
-        Its first ``HEAD_BYTES``, if they are there.
+        The first ``HEAD_BYTES`` of the file, if already read.
 
     Attributes
     ----------
     head : Head
     root : Root
     requests, received : int
-        How often bytes were fetched, and how many.
+        Number of requests, and number of bytes fetched.
 
     Raises
     ------
     FormatError
-        If it is no tiled file, or damaged.
+        If it is not a tiled file, or is damaged.
     TruncatedError
         If it ends too early.
     """
@@ -77,7 +77,7 @@ class TiledFile:
         self._leaves: dict[int, Leaf] = {}
 
     def fetch(self, start: int, end: int) -> bytes:
-        """The bytes of the file from one place up to another, fewer at its end."""
+        """Fetch the bytes of the file from one offset up to another, or up to its end."""
         data = self._source(start, end)
         self.requests += 1
         self.received += len(data)
@@ -99,19 +99,20 @@ class TiledFile:
         return dict(self.head.metadata)
 
     def stage_of(self, within: float | None = None, stage: int | None = None) -> int:
-        """The number of a stage: the first whose cubes are no wider than ``within`` samples, the last if none is.
+        """Number of the first stage whose cubes are no wider than ``within`` samples, or of the last stage.
 
         Raises
         ------
         OptionError
-            If both are given, or there is no such stage.
+            If both are given, or the stage does not exist.
         """
         stages = self.head.stages
         if within is not None and stage is not None:
             raise OptionError("within and layers cannot be combined", code="layers", remedy="choose one")
         if stage is not None:
             if not 0 <= stage < len(stages):
-                raise OptionError(f"layer {stage}; the file has {len(stages)}, from 0 on", code="layers")
+                raise OptionError(f"layer {stage} does not exist; the file has the layers 0 to {len(stages) - 1}",
+                                  code="layers")
             return stage
         if within is None:
             return len(stages) - 1
@@ -122,20 +123,20 @@ class TiledFile:
         within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
         clip: bool = True,
     ) -> Contour:
-        """The curve or surface in a box, see `TiledIsoFile.window`.
+        """Draw the curve or surface in a box.
 
         Parameters
         ----------
         box, isovalue, within, layer, partial
             As there.
         clip : bool
-            Whether cells are left out that do not reach into the box.
+            Whether to drop cells that do not reach into the box.
 
         Returns
         -------
         Contour
-            In index coordinates of the whole field; tiles meet without seams. It is not complete if a layer of a tile
-            that was asked for is not there.
+            Contour in index coordinates of the whole field; tiles meet without seams. It is not complete if a needed
+            layer of a tile is missing.
 
         Raises
         ------
@@ -175,7 +176,7 @@ class TiledFile:
         )
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
-        """A tile as a separate ``.iso`` file."""
+        """Make a separate ``.iso`` file of a tile."""
         number = self.number_of(isovalue)
         ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, index, number, mask, segments)
@@ -198,8 +199,9 @@ class TiledFile:
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
     def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int, partial: bool = False) -> list[Found]:
-        """Tiles, leaf by leaf: what each is for an isovalue, and its segments up to a stage; with ``partial`` up to the
-        last one that is there, if the file ends too early.
+        """Yield tiles, leaf by leaf: the kind of each for an isovalue, and its segments up to a stage.
+
+        With ``partial``, a truncated file gives segments up to the last stage that is complete.
         """
         by_leaf: dict[int, list[Index]] = {}
         for index in wanted:
@@ -232,7 +234,7 @@ class TiledFile:
         ]
 
     def _there(self, leaf: Leaf, areas: list[int], number: int, i: int, gone: set[tuple[int, int, int]]) -> list[int]:
-        """The first areas whose segments of a tile are there."""
+        """Number of the first areas whose segments of a tile have been received."""
         if not gone:
             return areas
 
@@ -250,17 +252,17 @@ class TiledFile:
         return index, kind, mask, segments
 
     def _end_of(self, areas: list[int]) -> int:
-        """End of the leaves, or of the first areas if those are wanted: they follow right behind."""
+        """End of the leaf directories or, if the first areas are wanted, of those, which follow the directories."""
         end = int(self.root.leaves[-1])
         return end + int(self.root.sizes[:, : len(areas)].sum()) if areas == list(range(len(areas))) else end
 
     def _places(self, number: int, wanted: list[Index]) -> list[int]:
-        """Places of tiles in their leaf."""
+        """Positions of tiles in their leaf."""
         order = {tuple(index): i for i, index in enumerate(self.head.grid.members(self._blocks[number]).tolist())}
         return [order[index] for index in wanted]
 
     def _read_leaves(self, numbers: list[int], pieces: Pieces) -> dict[int, Leaf]:
-        """Leaf directories, those that are kept and others."""
+        """Get leaf directories, cached or fetched."""
         pieces.fetch(self._leaf_range(number) for number in numbers if number not in self._leaves)
         out = {
             number: self._leaves.pop(number) if number in self._leaves else self._read_leaf(number, pieces)
@@ -272,7 +274,7 @@ class TiledFile:
         return out
 
     def leaves(self, numbers: Sequence[int]) -> list[Leaf]:
-        """Leaf directories, by number."""
+        """Fetch leaf directories, by number."""
         found = self._read_leaves(list(numbers), self._pieces())
         return [found[number] for number in numbers]
 
@@ -300,7 +302,7 @@ class TiledFile:
         return start + int(leaf.starts[area, first]), start + int(leaf.starts[area, behind])
 
     def number_of(self, isovalue: float | None) -> int:
-        """The number of an isovalue, 0 of None.
+        """Number of an isovalue; 0 for None.
 
         Raises
         ------
@@ -319,7 +321,7 @@ def plain(
     head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes],
     notes: Mapping[str, str] | None = None,
 ) -> bytes:
-    """An ``.iso`` file of a tile at an isovalue, of its segments; further chunks may come between these."""
+    """Make an ``.iso`` file of a tile at an isovalue from its segments; further chunks may be inserted between them."""
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
     last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
     return b"".join(with_checksum([write_header(header), mask, *segments, last]))
@@ -328,7 +330,7 @@ def plain(
 def _within(
     points: NDArray[np.float64], cells: NDArray[np.int64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Cells that reach into a box, and their points."""
+    """Keep the cells that reach into a box, and their points."""
     corners = points[cells]
     kept = cells[((corners.min(axis=1) < high) & (corners.max(axis=1) > low)).all(axis=1)]
     used, number = np.unique(kept, return_inverse=True)

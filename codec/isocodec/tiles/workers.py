@@ -1,4 +1,4 @@
-"""Encoding all tiles, here or by others: threads, processes, a Dask cluster. The bytes are the same."""
+"""Encode all tiles, here or in threads, processes or a Dask cluster; the bytes are the same."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from .spool import Spool
 from .tile_encoder import TileSegments, Tiling, encode_tile
 
 AHEAD = 2
-"""Tiles in flight for each worker, and as many more."""
+"""Number of tiles in progress for each worker, and of additional ones."""
 HANDED_OVER = 1 << 16
-"""Most bytes of a field that are sent along with each tile."""
+"""Largest size of a field, in bytes, that is sent along with each tile."""
 
 
 class Engine(Protocol):
-    """Runs work: an executor of ``concurrent.futures``, or a client of ``dask.distributed``."""
+    """Runs functions: an executor of ``concurrent.futures``, or a client of ``dask.distributed``."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **options: Any) -> Any:
-        """Have a function called elsewhere."""
+        """Submit a function to be called elsewhere."""
 
 
 def end_with_parent() -> None:
-    """Have this process end when the one that began it does, even if that is killed: workers would wait for ever."""
+    """Make this process end with its parent, even if the parent is killed; otherwise workers would wait for ever."""
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -55,22 +55,22 @@ def run(
     Parameters
     ----------
     field : array
-        Anything with ``shape``, ``dtype`` and slices: of numpy, Dask, xarray, Zarr, h5py, or a file's windows. Other
-        processes read slices themselves of what is handed over in few bytes (of Zarr, a file's windows, of Dask on a
-        cluster); else they are read here.
+        Anything with ``shape``, ``dtype`` and slices: an array of numpy, Dask, xarray, Zarr or h5py, or the windows of
+        a file. Other processes read slices themselves if the object can be sent in few bytes (Zarr, windows of a file,
+        Dask on a cluster); otherwise slices are read here.
     tiling : Tiling
     spool : Spool
     engine : Engine, optional
-        None for this thread.
+        If None, this thread encodes.
     workers : int
-        How many the engine has.
+        Number of workers of the engine.
     progress : callable, optional
-        Called with tiles done and their total.
+        Called with the number of tiles done and the total.
 
     Raises
     ------
     InputError
-        As `encode_tile`, naming the tile; or if workers died. What has been encoded is kept.
+        As for `encode_tile`, naming the tile; or if workers died. Tiles that have been encoded are kept.
     """
     total = tiling.grid.total
     waiting = (index for index in map(tuple, in_order(tiling.grid.counts).tolist()) if not spool.done(index))
@@ -111,7 +111,7 @@ def _encoded(
 
 
 def _submitted(engine: Engine, field: Any, tiling: Tiling, index: Index, read_there: bool) -> Any:
-    """Have a tile encoded."""
+    """Submit a tile to be encoded."""
     options: dict[str, Any] = {"pure": False} if _is_cluster(engine) else {}
     if _is_cluster(engine) and hasattr(field, "__dask_graph__"):
         from dask import delayed
@@ -128,18 +128,18 @@ def _read_and_encoded(field: Any, tiling: Tiling, index: Index) -> TileSegments:
 
 
 def _is_cluster(engine: Engine) -> bool:
-    """Whether this is a client of ``dask.distributed``, which need not be there."""
+    """Whether this is a client of ``dask.distributed``, which need not be installed."""
     return hasattr(engine, "scheduler_info")
 
 
 def _is_small(field: Any) -> bool:
-    """Whether a field takes few bytes to send, since its samples are elsewhere."""
+    """Whether a field can be sent in few bytes, because its samples are stored elsewhere."""
     if isinstance(field, np.ndarray):
         return False
     try:
         pickle.Pickler(_Few(), protocol=5).dump(field)
     except Exception:
-        # too large to be sent, or not picklable: libraries raise errors of all kinds for that
+        # too large to send, or not picklable, for which libraries raise errors of all kinds
         return False
     return True
 
@@ -165,7 +165,7 @@ def _samples(field: Any, tiling: Tiling, index: Index) -> Any:
 
 @contextmanager
 def _about(index: Index) -> Iterator[None]:
-    """Add the tile to errors, and a remedy to those of workers that died."""
+    """Add the tile to error messages, and a remedy if a worker died."""
     try:
         yield
     except InputError as error:
@@ -173,7 +173,7 @@ def _about(index: Index) -> Iterator[None]:
     except (BrokenProcessPool, CancelledError) as error:
         raise _died(index) from error
     except Exception as error:
-        # from a library that may be missing: a worker or the scheduler is gone
+        # an error of a library that may be missing: a worker or the scheduler has died
         if type(error).__name__ in ("KilledWorker", "CommClosedError"):
             raise _died(index) from error
         raise
@@ -182,5 +182,5 @@ def _about(index: Index) -> Iterator[None]:
 def _died(index: Index) -> InputError:
     return InputError(
         f"the worker that encoded tile {index} died", code="worker",
-        remedy="run the same again: tiles that were done are kept",
+        remedy="run the same command again: complete tiles are kept",
     )

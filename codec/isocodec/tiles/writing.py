@@ -1,4 +1,4 @@
-"""Files in tiles of fields that need not be in memory (spec clause 12)."""
+"""Write tiled files of fields that need not be in memory (spec clause 12)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .workers import Engine
 
 TILE = 1024
-"""Samples along each axis of a tile in the plane, unless another number is asked for; in space an eighth."""
+"""Default number of samples along each axis of a tile in 2-D; in 3-D, an eighth of it."""
 
 
 def encode_tiles(
@@ -38,9 +38,9 @@ def encode_tiles(
 ) -> None:
     """Encode a field tile by tile into one file.
 
-    With a tolerance in space from half a sample on, meshes of cubes are tried, of the same edge in all tiles, smaller
-    ones and at last the full grid where a tile is not proven to keep to it, or samples are missing; tiles are encoded
-    again then. Parameters and errors are those of `isocodec.save`.
+    In 3-D with a tolerance of half a sample or more, meshes of cubes with the same edge in all tiles are tried. If a
+    tile is not proven to keep the tolerance, or if samples are missing, all tiles are encoded again with smaller cubes,
+    and finally on the full grid. Parameters and errors are as for `isocodec.save`.
     """
     from ..search.strategy import NotKeptError
 
@@ -67,29 +67,29 @@ def tiling_of(
     field: Any, isovalue: Isovalues | None, tile: int | None, options: Options,
     progress: Callable[[int, int], object] | None = None,
 ) -> Tiling:
-    """Tiling for a file in tiles, checked before any sample is read, unless isovalues need their range.
+    """Check the input, and make the tiling; no sample is read unless isovalues need the range of the data.
 
     Parameters
     ----------
     field : Field, or array with ``shape``, ``dtype`` and slices
     isovalue : number, sequence of numbers, or str
     tile : int or None
-        Samples along each axis of a tile: 1024 in the plane, 128 in space if None.
+        Samples along each axis of a tile; if None, 1024 in 2-D and 128 in 3-D.
     options : Options
     progress : callable, optional
-        Called with the tiles done and their total while the range is sought.
+        Called with the number of tiles done and the total while the range of the data is determined.
 
     Raises
     ------
     OptionError, InputError
-        As `encode_tiles`, of all but the samples.
+        As for `encode_tiles`, except for errors in the samples.
     """
     samples = field.values if isinstance(field, Field) else field
     shape, dtype = _shape_of(samples)
     options = _options_of(field, shape, dtype, isovalue, options)
     grid = grid_of(shape, _exponent(tile, len(shape)))
     if isovalue is None and dtype.kind != "b":
-        raise OptionError("no isovalue", code="isovalue", remedy="only a mask (bool) needs none")
+        raise OptionError("no isovalue", code="isovalue", remedy="only a mask (bool) can be encoded without one")
 
     def ends() -> tuple[float, float]:
         found = sample_range(slices_of(field), grid, progress)
@@ -104,13 +104,13 @@ def tiling_of(
 def _options_of(
     field: Any, shape: Index, dtype: np.dtype[Any], isovalue: Isovalues | None, options: Options
 ) -> Options:
-    """Options with the notes of a field, with defaults of its type, a distance in cells."""
+    """Complete the options with the notes of a field and defaults for its type; distances are converted to cells."""
     precision = options.precision
     if precision.default and isovalue is None and dtype.kind == "b":
         precision = Precision(signs=True)
     if not isinstance(field, Field):
         if precision.world:
-            raise OptionError(f"a distance of {precision.world} needs a field with a placement in the world",
+            raise OptionError(f"a distance of {precision.world} needs a field that states where its samples lie",
                               code="tolerance", remedy="give a Field with a placement, or a number of cells")
         return replace(options, precision=precision)
     if field.labels is not None or field.missing != "hole":
@@ -129,14 +129,14 @@ def _options_of(
 
 
 def slices_of(field: Any) -> Any:
-    """Something with slices, in which missing samples are masked."""
+    """An array-like object whose slices have missing samples masked."""
     if not isinstance(field, Field):
         return field
     return field.values if field.mask is None else _Masked(field.values, field.mask)
 
 
 class _Masked:
-    """Samples and which are missing, slice by slice."""
+    """Samples, and which of them are missing, slice by slice."""
 
     def __init__(self, values: NDArray[Any], mask: NDArray[np.bool_]) -> None:
         self._values, self._mask = values, mask
@@ -147,7 +147,7 @@ class _Masked:
 
 
 def _shape_of(field: Any) -> tuple[Index, np.dtype[Any]]:
-    """Shape and type of something with slices."""
+    """Shape and type of an array-like object."""
     shape, dtype = getattr(field, "shape", None), getattr(field, "dtype", None)
     if shape is None or dtype is None:
         raise InputError(
@@ -156,11 +156,11 @@ def _shape_of(field: Any) -> tuple[Index, np.dtype[Any]]:
     if len(shape) not in (2, 3) or min(shape) < 2:
         raise InputError(
             f"a field of shape {tuple(shape)} cannot be encoded in tiles", code="shape",
-            remedy="give 2 or 3 axes with at least 2 samples along each",
+            remedy="a field must have 2 or 3 axes with at least 2 samples along each",
         )
     found = np.dtype(dtype)
     if found.kind not in "biuf":
-        raise InputError(f"samples of type {found}; they must be real numbers", code="dtype")
+        raise InputError(f"the samples have type {found}; they must be real numbers", code="dtype")
     return tuple(int(s) for s in shape), found
 
 
@@ -177,7 +177,7 @@ def _exponent(tile: int | None, n: int) -> int:
 
 
 def _workers_of(engine: Any) -> int:
-    """Number of an engine's workers, as far as it states that."""
+    """Number of an engine's workers, if it states this."""
     if hasattr(engine, "nthreads"):
         return max(sum(engine.nthreads().values()), 1)
     return int(getattr(engine, "_max_workers", 1))

@@ -1,4 +1,4 @@
-"""The ground of a contour map: its reference system, what x and y are called, how long a unit is."""
+"""Coordinates of a contour map: reference system, names of x and y, and lengths of their units."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class Ground:
     Attributes
     ----------
     name : str
-        Of their reference system.
+        Name of the reference system.
     axes : tuple of str
-        What x and y are.
+        Names of x and y.
     placed : bool
-        Whether they are those of a world, where y runs upwards.
+        Whether they are world coordinates, with y upwards.
     shrinks : float
-        How long a unit of x is in the middle of the map, in units of y: less than 1 where these are degrees.
+        Length of a unit of x in the middle of the map, in units of y; less than 1 for degrees.
     scale : float
-        How long it is, in ``unit``.
+        Length of a unit of x, in ``unit``.
     unit : str
     """
 
@@ -40,7 +40,7 @@ class Ground:
     unit: str = "samples"
 
     def written(self, at: float, axis: int, steps: Sequence[float]) -> str:
-        """Format the coordinate of a tick, one of even steps."""
+        """Format the coordinate of one of a row of evenly spaced ticks."""
         step = abs(steps[1] - steps[0]) if len(steps) > 1 else max(abs(at), 1e-9)
         digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
         if self.axes[axis] not in (_LONGITUDE, _LATITUDE):
@@ -52,7 +52,7 @@ class Ground:
         return f"{abs(at):.{digits}f}\u00b0{'' if neither else letters[int(at > 0)]}"
 
     def steps(self, axis: int, span: float) -> list[float]:
-        """First digits of the steps between ticks: of many degrees 15, 30, 45, 60, 90."""
+        """First digits of the steps between ticks; for many degrees 15, 30, 45, 60, 90."""
         round_the_globe = self.axes[axis] in (_LONGITUDE, _LATITUDE) and span > 50
         return [1, 1.5, 3, 4.5, 6, 9, 10] if round_the_globe else [1, 2, 5, 10]
 
@@ -61,12 +61,12 @@ _LONGITUDE, _LATITUDE = "longitude", "latitude"
 
 
 def ground_of(contour: Curve) -> Ground:
-    """The ground of a contour in the plane: its system by its EPSG number, lengths as they are on the ellipsoid.
+    """Find the coordinates of a 2-D contour: the system by its EPSG number, with lengths on the ellipsoid.
 
     Raises
     ------
     MissingExtraError
-        If it has a system, and pyproj is not installed.
+        If there is a reference system, but pyproj is not installed.
     """
     placement = contour.placement
     if placement is None or not placement.placed:

@@ -1,4 +1,4 @@
-"""Display in notebooks: a drawing of a few curves in the page itself, and a table of what is known of them."""
+"""Display in notebooks: a drawing of a few curves as HTML, and a table of facts."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ..curve import Curve
 from .picture import contour_picture
 
 MOST_POINTS = 50_000
-"""Most points of curves that are drawn as paths; with more they become a picture."""
+"""Largest number of points of curves that are drawn as paths; curves with more become a picture."""
 _SIDE = 480
 """Pixels along the longer side."""
 
 
 def page_of(contours: Sequence[Curve], facts: Mapping[str, object]) -> str:
-    """HTML of curves or surfaces of one field, and under them what is known.
+    """Make HTML of curves or surfaces of one field, with facts below.
 
-    Surfaces, and curves of many points, are pictures made by matplotlib, or left out without it.
+    Surfaces, and curves with many points, are pictures made by matplotlib; they are omitted without it.
     """
     rows = "".join(
         f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(str(fact))}</td></tr>'
@@ -44,7 +44,7 @@ def _drawing(contours: Sequence[Curve]) -> str:
 
 
 def _paths(contours: Sequence[Curve]) -> str:
-    """An SVG, rows downwards as pictures are shown; on a mesh in the plane y upwards."""
+    """Make an SVG with rows downwards, as in pictures; on a mesh in the plane, with y upwards."""
     shape = contours[0].shape
     if shape:
         low, size = np.array([-0.5, -0.5]), np.array(shape[::-1], float)

@@ -1,6 +1,6 @@
-"""Labels along contour lines: where they lie straight and alone, and the lines broken under them.
+"""Place labels along contour lines where these are straight and isolated, and break the lines under them.
 
-All coordinates are those of the page, in points of 1/72 inch, y upwards.
+All coordinates are on the page, in points of 1/72 inch, with y upwards.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 Points = NDArray[np.float64]
 
 _CELL = 2.0
-"""Side of the cells in which crowds are counted."""
+"""Side of the cells in which the density of lines is measured."""
 _APART = 200.0
-"""Between labels of one line, along it, and of lines of one isovalue, through the air a third of it."""
+"""Least distance between labels along one line; a third of it, in a straight line, between lines of one isovalue."""
 _ROOM = 2.0
-"""Between a label and the ends of its line."""
+"""Least distance between a label and the ends of its line."""
 _BENT = 1.5
 """Largest deviation of a line from straight under its label."""
 _CROWDED = 5.0
-"""Lines of the label's length that it may hide, besides its own."""
+"""Length of other lines that a label may hide, as a multiple of the label's length."""
 
 
 @dataclass(frozen=True)
 class Label:
-    """A text, the middle of its place, and its angle in degrees, -90 to 90."""
+    """A text, the middle of its position, and its angle in degrees, -90 to 90."""
 
     text: str
     at: Points
@@ -36,14 +36,14 @@ class Label:
 
 @dataclass
 class Page:
-    """Places that are taken on a page.
+    """Occupied places on a page.
 
     Attributes
     ----------
     shut : (rows, columns) bool
-        Cells where no label may be: the grid begins at the lower left corner of the page.
+        Cells that labels must not cover; the grid of cells begins at the lower left corner of the page.
     crowd : (rows, columns) float64
-        Length of lines in each cell.
+        Total length of lines in each cell.
     """
 
     shut: NDArray[np.bool_]
@@ -60,7 +60,7 @@ class Page:
         return np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1), inside
 
     def add(self, line: Points) -> None:
-        """Count a line."""
+        """Add a line to the density."""
         even, step = _even(line)
         row, column, inside = self.cells(even)
         np.add.at(self.crowd, (row[inside], column[inside]), step)
@@ -71,18 +71,18 @@ class Page:
         return np.asarray((inside & ~self.shut[row, column]).all(axis=1))
 
     def hidden(self, boxes: Points, area: float) -> Points:
-        """Length of lines in each box of that area."""
+        """Total length of lines in each box of this area."""
         row, column, _ = self.cells(boxes)
         return np.asarray(self.crowd[row, column].mean(axis=1) * (area / _CELL**2))
 
     def shut_box(self, box: Points) -> None:
-        """Take a place."""
+        """Mark a place as occupied."""
         row, column, inside = self.cells(box)
         self.shut[row[inside], column[inside]] = True
 
 
 def page_of(width: float, height: float) -> Page:
-    """A page with nothing on it; no label touches its border."""
+    """Make an empty page, whose border no label may touch."""
     shut = np.ones((int(np.ceil(height / _CELL)), int(np.ceil(width / _CELL))), np.bool_)
     shut[1:-1, 1:-1] = False
     return Page(shut)
@@ -91,24 +91,24 @@ def page_of(width: float, height: float) -> Page:
 def label_lines(
     page: Page, lines: Sequence[tuple[Points, str]], widths: dict[str, float], height: float
 ) -> tuple[list[Label], list[Points]]:
-    """Choose places of labels, the longest line first.
+    """Choose the positions of labels, beginning with the longest line.
 
     Parameters
     ----------
     page : Page
-        With all lines counted.
+        A page to which all lines have been added.
     lines : sequence of ((K, 2) float64, str)
-        Each with its text.
+        Lines with their texts.
     widths : mapping of str to float
-        How long the texts are.
+        Widths of the texts.
     height : float
-        How high they are.
+        Height of the texts.
 
     Returns
     -------
     list of Label
     list of (K, 2) float64
-        The lines without the parts under their labels.
+        The lines without the parts under labels.
     """
     labels: list[Label] = []
     pieces: list[Points] = []
@@ -123,7 +123,7 @@ def label_lines(
 def _along(
     page: Page, line: Points, width: float, height: float, others: list[Points]
 ) -> list[tuple[float, Points, float]]:
-    """Labels of one line: where each begins along it, its middle and its angle."""
+    """Labels of one line: start along the line, middle and angle of each."""
     even, step = _even(line)
     window = int(np.ceil((width + 2 * _ROOM) / step))
     if len(even) < 1.5 * window:
@@ -159,7 +159,7 @@ def _along(
 
 
 def _samples(size: float) -> Points:
-    """Distances from the middle of a side, no farther apart than cells are wide."""
+    """Sample positions along a side, relative to its middle, no farther apart than cells are wide."""
     return np.linspace(-size / 2, size / 2, int(np.ceil(size / _CELL)) + 1)
 
 
@@ -168,7 +168,7 @@ def _length(line: Points) -> float:
 
 
 def _far(line: Points) -> Points:
-    """Distance of each point of a line along it."""
+    """Distance of each point along its line."""
     return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
 
 
@@ -177,14 +177,14 @@ def _at(line: Points, far: Points, where: Points) -> Points:
 
 
 def _even(line: Points) -> tuple[Points, float]:
-    """Points of a line at even distances of about a point, and their distance."""
+    """Resample a line at even distances of about one point (1/72 inch); returns the points and the distance."""
     far = _far(line)
     count = max(int(np.ceil(far[-1])), 1)
     return _at(line, far, np.linspace(0, far[-1], count + 1)), max(float(far[-1]) / count, 1e-9)
 
 
 def _cut(line: Points, gaps: list[tuple[float, float]]) -> list[Points]:
-    """Cut a line: keep what lies before one distance along it, and behind another."""
+    """Cut a line: keep what lies before one distance along it, and after another."""
     far = _far(line)
     edges = [0.0, *(edge for gap in sorted(gaps) for edge in gap), float(far[-1])]
     pieces = []

@@ -1,4 +1,4 @@
-"""Contour maps: lines with labels over a shaded relief, coordinates on the frame, a scale bar, holes hatched."""
+"""Contour maps: labelled lines over a shaded relief, coordinates on the frame, a scale bar, and hatched holes."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ MOST_PIXELS = 1 << 28
 _POINTS = 72
 """In an inch."""
 _LEFT, _RIGHT, _BELOW, _ABOVE, _TITLE = 0.62, 0.25, 0.95, 0.38, 0.22
-"""Room around the map for what is written there, inches."""
+"""Width of the margin around the map for text, in inches."""
 _LEAST = 0.2
-"""Height of a map as a share of its width, and the other way round, at least."""
+"""Least ratio of the shorter to the longer side of a map."""
 _SMALL = 7
-"""Size of what is written, points."""
+"""Size of text, in points."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class MapLook:
     Attributes
     ----------
     index : int
-        Each line of this number is thick and labelled.
+        Every line whose number is a multiple of this is thick and labelled.
     title : str
     size : float
         Longest side of the map, without its frame, in centimetres.
@@ -75,7 +75,7 @@ class MapLook:
 
 
 class Map(NamedTuple):
-    """The file of a map, and how many labels are on it."""
+    """Make the file of a map; also returns the number of labels."""
 
     data: bytes
     labels: int
@@ -90,25 +90,25 @@ def map_picture(
     Parameters
     ----------
     contours : sequence of Curve
-        Of one field of two axes.
+        Contours of one field with two axes.
     suffix : str
         One of `picture.PICTURE_SUFFIXES`.
     look : MapLook
     field : (s0, s1) array, optional
-        Its samples, for the shaded relief; without them the map has no relief.
+        Samples for the shaded relief; without them, the map has no relief.
     valid : (s0, s1) array of bool, optional
         Which samples are not missing; all if not given.
 
     Raises
     ------
     OptionError
-        If the field has other than two axes, or the picture too many pixels.
+        If the field does not have two axes, or the picture has too many pixels.
     MissingExtraError
-        Without matplotlib; without pyproj, if the contours name a reference system.
+        If matplotlib is missing, or if the contours name a reference system and pyproj is missing.
     """
     first = contours[0]
     if len(first.shape) != 2:
-        raise OptionError("a map needs a field of two axes", code="dimension", remedy="isocodec plot draws surfaces")
+        raise OptionError("a map needs a field with two axes", code="dimension", remedy="isocodec plot draws surfaces")
     ground = ground_of(first)
     figure, axes = _sheet(first, look, ground)
     if field is not None:
@@ -125,11 +125,11 @@ def map_picture(
 
 
 def _sheet(contour: Curve, look: MapLook, ground: Ground) -> tuple[Any, Any]:
-    """Figure and axes of a map: the same scale along both axes, whatever is written around it."""
+    """Make figure and axes of a map, with the same scale along both axes regardless of the text around it."""
     low, high = _extent(contour)
     size = np.maximum(high - low, 1e-300) * [ground.shrinks, 1]
     sides = size / size.max()
-    # a strip gets room beside it, not another scale
+    # a narrow map gets empty space, not a different scale
     shown = np.maximum(sides, _LEAST)
     middle, half = (low + high) / 2, (high - low) / 2 * shown / sides
     width, height = shown * look.size / INCH
@@ -137,13 +137,14 @@ def _sheet(contour: Curve, look: MapLook, ground: Ground) -> tuple[Any, Any]:
     whole = np.array([width + _LEFT + _RIGHT, height + _BELOW + above])
     if np.prod(whole * look.dpi) > MOST_PIXELS or (whole * look.dpi).max() >= 1 << 16:
         pixels = " x ".join(f"{n:,.0f}" for n in whole * look.dpi)
-        raise OptionError(f"a picture of {pixels} pixels is too large", code="size", remedy="a smaller size or dpi")
+        raise OptionError(f"a picture of {pixels} pixels is too large", code="size", remedy="choose a smaller size or "
+                                                                                            "dpi")
     figure = matplotlib_figure().Figure(figsize=whole, dpi=look.dpi)
     axes = figure.add_axes((_LEFT / whole[0], _BELOW / whole[1], width / whole[0], height / whole[1]))
     axes.set_facecolor(look.colours.paper)
     for k, limits in enumerate((axes.set_xlim, axes.set_ylim)):
         ends = middle[k] - half[k], middle[k] + half[k]
-        # samples are counted downwards, as pictures are shown
+        # sample indices increase downwards, as in pictures
         limits(*(ends if k == 0 or ground.placed else ends[::-1]))
     return figure, axes
 
@@ -174,7 +175,7 @@ def _draw_holes(axes: Any, contour: Curve, valid: NDArray[np.bool_], colours: Co
 
 
 def _draw_lines(axes: Any, contours: Sequence[Curve], look: MapLook, page: Page) -> int:
-    """Thin lines, thick index lines broken under their labels, and these; returns how many."""
+    """Draw thin lines, thick index lines broken under their labels, and the labels; returns the number of labels."""
     thick = index_lines([contour.isovalue for contour in contours], look.index)
     thin_lines: list[Points] = []
     index: list[tuple[Points, str]] = []
@@ -206,7 +207,7 @@ def _draw_lines(axes: Any, contours: Sequence[Curve], look: MapLook, page: Page)
 
 
 def _write_label(axes: Any, label: Label, on_map: Any, colours: Colours, gid: str) -> None:
-    """A label over its halo: two texts, since one with an effect would be drawn as a path."""
+    """Draw a label over its halo, as two texts, since a text with an effect would become a path."""
     effects = optional("matplotlib.patheffects", extra="plot", purpose="drawing a picture")
     common = {
         "rotation": label.angle, "rotation_mode": "anchor", "ha": "center", "va": "center_baseline", "fontsize": _SMALL,
@@ -218,10 +219,10 @@ def _write_label(axes: Any, label: Label, on_map: Any, colours: Colours, gid: st
 
 
 def index_lines(isovalues: Sequence[float], every: int) -> list[bool]:
-    """Find isovalues with index lines: multiples of the interval times ``every``, as 100, 200 of 20, 40, ...
+    """Find isovalues with index lines: multiples of the interval times ``every``, such as 100, 200 of 20, 40, ...
 
-    If isovalues are in even steps and lie beside the multiples of these, all are taken as shifted: 100.5, 200.5. If
-    they are not in even steps, they are counted.
+    If the isovalues are evenly spaced but offset from multiples of the interval, the offset is ignored: 100.5, 200.5.
+    If they are not evenly spaced, every ``every``-th one is taken.
     """
     order = np.argsort(isovalues, kind="stable")
     rising = np.asarray(isovalues, np.float64)[order]
@@ -237,7 +238,7 @@ def index_lines(isovalues: Sequence[float], every: int) -> list[bool]:
 
 
 def _on_page(axes: Any, points: Points) -> Points:
-    """Places in the world as points of the page, from the lower left corner of the map."""
+    """Convert world coordinates to points on the page, from the lower left corner of the map."""
     pixels = axes.transData.transform(points) - axes.bbox.min
     return np.asarray(pixels * (_POINTS / axes.figure.dpi))
 
@@ -260,7 +261,7 @@ def _write_around(
     for k, axis in enumerate((axes.xaxis, axes.yaxis)):
         low, high = sorted(axis.get_view_interval())
         axis.set_major_locator(ticker.MaxNLocator(5, steps=ground.steps(k, high - low)))
-        # ticks beyond the map would move its border
+        # ticks outside the map would move its border
         places = [at for at in axis.get_majorticklocs() if low <= at <= high]
         axis.set_ticks(places, [ground.written(at, k, places) for at in places])
         axis.set_label_text(ground.axes[k], fontsize=_SMALL, color=colours.text)
@@ -286,7 +287,7 @@ def _write_around(
 
 
 def _said_of_lines(contours: Sequence[Curve], every: int) -> str:
-    """Interval of the lines and of index lines, if there is one."""
+    """Describe the interval of the lines and of the index lines, if the lines are evenly spaced."""
     unit = one_line(contours[0].metadata.get(UNIT, ""), 20)
     values = sorted(contour.isovalue for contour in contours)
     steps = np.diff(values)
@@ -300,7 +301,7 @@ def _said_of_lines(contours: Sequence[Curve], every: int) -> str:
 
 
 def _scale_bar(figure: Any, axes: Any, ground: Ground, write: dict[str, Any]) -> None:
-    """Two parts of a round length below the map, at its right end."""
+    """Draw a scale bar of two parts with a round length, below the map at its right end."""
     patches = optional("matplotlib.patches", extra="plot", purpose="drawing a picture")
     inches = axes.bbox.width / figure.dpi
     a_inch = abs(np.diff(axes.get_xlim())[0]) * ground.scale / inches
@@ -317,7 +318,7 @@ def _scale_bar(figure: Any, axes: Any, ground: Ground, write: dict[str, Any]) ->
                 facecolor="none" if part else write["color"], gid=f"scale-bar-{part}",
             )
             figure.add_artist(box)
-        # the unit goes behind what is in the middle
+        # the unit follows the number in the middle
         figure.text(
             at - _width(number) / _POINTS / 2, low + 0.08, f"{number} {unit}" if part == 2 else number,
             fontsize=_SMALL, **write,
@@ -325,13 +326,13 @@ def _scale_bar(figure: Any, axes: Any, ground: Ground, write: dict[str, Any]) ->
 
 
 def _round_below(number: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, .. that is not greater."""
+    """The largest of 1, 2, 5, 10, 20, .. that is not greater than a number."""
     power = 10.0 ** math.floor(math.log10(number))
     return next((k * power for k in (5, 2) if k * power <= number), power)
 
 
 def _file(figure: Any, suffix: str, look: MapLook) -> bytes:
-    """The picture; of .svg texts stay texts, and the same map gives the same bytes."""
+    """Write the picture; in .svg, texts stay texts, and equal maps give equal bytes."""
     matplotlib = optional("matplotlib", extra="plot", purpose="drawing a picture")
     dated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     buffer = io.BytesIO()

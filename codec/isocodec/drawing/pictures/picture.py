@@ -1,6 +1,6 @@
-"""Pictures of contours: one alone, or the steps of a progressive file side by side, as the papers show them.
+"""Pictures of contours: a single one, or the steps of a progressive file side by side, as in the papers.
 
-Figures are made without ``pyplot``: no window system, no state left behind.
+Figures are made without ``pyplot``, so that no window system is needed and no state remains.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ _DPI = 150
 _INK = (0.10, 0.25, 0.45)
 _INKS = "viridis"
 _NAMED = 12
-"""Most isovalues that a legend lists."""
-# Panels in one row; more go on to the next.
+"""Largest number of isovalues that a legend lists."""
+# Panels in one row; further ones go to the next row.
 _COLUMNS = 6
 
 
 @dataclass(frozen=True)
 class Step:
-    """A prefix of a file: what it decodes to, its size, and the size of the whole file.
+    """A prefix of a file: its contour, its size, and the size of the whole file.
 
-    ``mesh``, if it is to be drawn, holds the vertices of its crossed simplices and their numbers in rows; ``within`` is
-    what the file promises.
+    ``mesh``, if it is to be drawn, holds the vertices of the crossed simplices, and the simplices as rows of indices;
+    ``within`` is the distance that the file guarantees.
     """
 
     contour: Curve
@@ -49,16 +49,16 @@ class Step:
 
 
 def contour_picture(contours: Collection[Curve], suffix: str = ".png", view: View = USUAL) -> bytes:
-    """The file of a picture of a contour, 2-D or 3-D, or of several of one field: curves in one, surfaces side by side.
+    """Make the picture of one or several contours of a field: curves in one picture, surfaces side by side.
 
-    ``view`` is that of surfaces.
+    ``view`` applies to surfaces.
 
     Raises
     ------
     OptionError
-        If the contours are neither.
+        If the contours are neither 2-D nor 3-D.
     MissingExtraError
-        Without matplotlib.
+        If matplotlib is missing.
     """
     each = iter(contours)
     first = next(each)
@@ -78,7 +78,7 @@ def contour_picture(contours: Collection[Curve], suffix: str = ".png", view: Vie
 
 
 def _curves_figure(contours: Iterable[Curve]) -> Any:
-    """Curves of several isovalues in one picture, each in its colour."""
+    """Draw curves of several isovalues in one picture, each in a colour."""
     cm = optional("matplotlib.cm", extra="plot", purpose="drawing a picture")
     isovalues: list[float] = []
     figure: Any = None
@@ -110,16 +110,16 @@ def _curves_figure(contours: Iterable[Curve]) -> Any:
 
 
 def steps_picture(steps: Sequence[Step], suffix: str = ".png", view: View = USUAL) -> bytes:
-    """The file of a picture of several prefixes side by side, each under its bytes and its share of the file.
+    """Make a picture of several prefixes side by side, each titled with its size and its share of the file.
 
-    ``view`` is that of surfaces.
+    ``view`` applies to surfaces.
 
     Raises
     ------
     OptionError
         If the contours are neither 2-D nor 3-D.
     MissingExtraError
-        Without matplotlib.
+        If matplotlib is missing.
     """
     columns = min(len(steps), _COLUMNS)
     rows = -(-len(steps) // columns)
@@ -140,12 +140,12 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png", view: View = USUA
 
 
 def check_picture(path: Path) -> str:
-    """Check a picture's name and that a library can draw it; returns its suffix.
+    """Check a picture's name, and that the library for it is installed; returns the suffix.
 
     Raises
     ------
     OptionError
-        If it is that of something else.
+        If the suffix is not that of a picture.
     MissingExtraError
     """
     suffix = path.suffix.lower()
@@ -159,7 +159,7 @@ def check_picture(path: Path) -> str:
 
 
 def matplotlib_figure() -> Any:
-    """The library that draws.
+    """Import the library that draws.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def _file(figure: Any, suffix: str) -> bytes:
 
 
 def _panel_size(contour: Curve, longest: float) -> tuple[float, float]:
-    """Width and height in inches: in the proportions of a plane grid, but never a mere strip."""
+    """Width and height in inches: in the proportions of the grid, but not too narrow."""
     if _flat(contour) and len(contour.points):
         columns, rows = np.maximum(np.ptp(contour.points, axis=0), 1e-300)
     elif len(contour.shape) != 2:
@@ -193,7 +193,7 @@ def _panel_size(contour: Curve, longest: float) -> tuple[float, float]:
 
 
 def _flat(contour: Curve) -> bool:
-    """Whether it is a curve on a mesh in the plane, in x and y."""
+    """Whether a contour is a curve on a mesh in the plane, with coordinates x and y."""
     return not contour.shape and contour.points.shape[1] == 2
 
 
@@ -203,14 +203,14 @@ def _draw(axes: Any, contour: Curve, pixels: int, view: View) -> None:
     elif len(contour.shape) == 3:
         _draw_surface(axes, contour, pixels, view)
     else:
-        what = f"a field of {len(contour.shape)} axes" if contour.shape else "a curve or surface on a mesh in space"
+        what = f"a field with {len(contour.shape)} axes" if contour.shape else "a curve or surface on a mesh in space"
         raise OptionError(f"{what} cannot be drawn", code="dimension", remedy="decode it to PLY or STL")
 
 
 def _draw_mesh(
     axes: Any, contour: Curve, position: np.ndarray, simplices: np.ndarray, view: View = USUAL
 ) -> None:
-    """Triangles under a curve; for a surface the sides of its triangles that face the viewer."""
+    """Draw triangles under a curve; for a surface, the edges of triangles that face the viewer."""
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     if _flat(contour) or len(contour.shape) == 2:
         ends = np.unique(np.sort(simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
@@ -220,7 +220,7 @@ def _draw_mesh(
     world = upright(contour)
     corners = contour.points[contour.cells] @ world.T
     below = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ view.towards
-    # normals point to the samples below, unless space is mirrored; what is outside is what the box's first corner is
+    # normals point to lower values, unless the placement mirrors; outside is the side of the grid's first corner
     front = (below > 0) != (bool(contour.origin_above) != (np.linalg.det(world) < 0))
     flat = _box(contour) @ world.T @ view.screen
     shown = corners[front] @ view.screen - (flat.min(axis=0) + flat.max(axis=0)) / 2
@@ -241,7 +241,7 @@ def _draw_curve(axes: Any, contour: Curve) -> None:
         return
     rows, columns = contour.shape
     axes.set_xlim(-0.5, columns - 0.5)
-    # Downwards, as pictures are shown.
+    # Downwards, as in pictures.
     axes.set_ylim(rows - 0.5, -0.5)
     down, across = proportions(contour)
     axes.set_aspect(down / across)
@@ -249,7 +249,7 @@ def _draw_curve(axes: Any, contour: Curve) -> None:
 
 
 def _draw_surface(axes: Any, contour: Curve, pixels: int, view: View) -> None:
-    """Draw the surface into a separate picture: matplotlib sorts whole triangles, and that shows in every fold."""
+    """Draw the surface as a separate image, since matplotlib sorts whole triangles, which is visible in folds."""
     world = upright(contour)
     flat = _box(contour) @ world.T @ view.screen
     low, high = flat.min(axis=0), flat.max(axis=0)

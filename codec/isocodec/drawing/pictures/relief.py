@@ -1,4 +1,4 @@
-"""The ground of a map beneath its lines: the field in relief, lit from the upper left, and its holes."""
+"""Background of a map: the field in relief, lit from the upper left, and its holes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..curve import Curve
 Shades = NDArray[np.float64]
 
 _STEEP = 0.7
-"""Slope, after exaggeration, that nine tenths of a field are flatter than."""
+"""Slope, after exaggeration, below which nine tenths of a field lie."""
 _SHARE = 90
 
 
@@ -26,7 +26,7 @@ def colour_map(shadow: str, light: str) -> Any:
 def draw_relief(
     axes: Any, contour: Curve, field: NDArray[Any], valid: NDArray[np.bool_] | None, colours: Any
 ) -> None:
-    """Draw a field as it lies, in relief; heights are exaggerated so that its slopes are seen, whatever its unit."""
+    """Draw a field in relief; heights are exaggerated so that slopes are visible, regardless of the unit."""
     every = max(1, int(min(np.array(field.shape) / axes.bbox.size[::-1])))
     heights = np.asarray(field[::every, ::every], np.float64)
     if valid is not None:
@@ -36,7 +36,7 @@ def draw_relief(
     index = (np.argwhere(np.ones(heights.shape, np.bool_)) * every).astype(np.float64)
     x, y = contour.place(index).T.reshape(2, *heights.shape)
     pixels = axes.transData.transform(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(*heights.shape, 2)
-    # on a grid that bends, steps in its middle represent all
+    # on a curved grid, the steps in the middle represent all
     row, column = heights.shape[0] // 2 - 1, heights.shape[1] // 2 - 1
     corner = pixels[row, column]
     steps = np.stack([pixels[row + 1, column] - corner, pixels[row, column + 1] - corner], axis=1)
@@ -54,17 +54,17 @@ def draw_relief(
 
 
 def shaded(heights: Shades, steps: NDArray[np.float64]) -> Shades:
-    """Light that falls on a field from the upper left, 45 degrees high, 0 .. 1, NaN where it is missing.
+    """Compute the light on a field from the upper left, 45 degrees high: 0 .. 1, NaN where samples are missing.
 
     Parameters
     ----------
     heights : (s0, s1) float64
     steps : (2, 2) float64
-        What a step along each axis adds to x, to the right, and to y, upwards, on the picture: a column for each axis.
+        A column for each axis: what a step along it adds to x (to the right) and y (upwards) in the picture.
     """
-    # beside what is missing it is taken for level
+    # next to missing samples, the field is taken to be level
     slopes = np.nan_to_num(np.stack([np.gradient(heights, axis=axis) for axis in (0, 1)]))
-    # what a field gains along an axis is its gradient in the picture times that axis' step
+    # the difference along an axis is the gradient in the picture times the step of that axis
     x, y = np.tensordot(np.linalg.inv(steps).T, slopes, axes=1)
     steep = np.hypot(x, y)
     exaggerated = _STEEP / np.percentile(steep[steep > 0], _SHARE) if steep.any() else 0.0
@@ -75,12 +75,12 @@ def shaded(heights: Shades, steps: NDArray[np.float64]) -> Shades:
 
 
 def hole_cells(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Find unit cells with a missing corner: curves end there."""
+    """Find unit cells with a missing corner, where curves end."""
     return ~(valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:])
 
 
 def within_holes(valid: NDArray[np.bool_], finest: tuple[int, ...]) -> NDArray[np.float64]:
-    """Index coordinates (P, 2) within the cells of holes, as close to each other as the cells of a page so fine."""
+    """Index coordinates (P, 2) of points that fill the cells of holes, as dense as the cells of a page."""
     missing = hole_cells(valid)
     row, column = np.nonzero(missing)
     cells = np.stack([row, column], axis=1).astype(np.float64)
@@ -90,14 +90,14 @@ def within_holes(valid: NDArray[np.bool_], finest: tuple[int, ...]) -> NDArray[n
 
 
 def hole_path(contour: Curve, valid: NDArray[np.bool_]) -> Any:
-    """The cells of holes as one path in places: in each row of cells the runs."""
+    """Make one path, in world coordinates, of the cells of holes: the runs of cells in each row."""
     path = optional("matplotlib.path", extra="plot", purpose="drawing a picture")
     missing = hole_cells(valid)
     ends = np.diff(missing.astype(np.int8), axis=1, prepend=0, append=0)
     row, first = np.nonzero(ends == 1)
     last = np.nonzero(ends == -1)[1]
     if contour.bent:
-        # sides bend with the grid: each cell by itself
+        # edges bend with the grid, so each cell is drawn separately
         row, first = np.nonzero(missing)
         last = first + 1
     corners = np.stack(

@@ -1,4 +1,4 @@
-"""Surfaces as pictures: parallel projection with a depth buffer, in numpy alone."""
+"""Pictures of surfaces: parallel projection with a depth buffer, using only numpy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .view import View
 
 _SURFACE = np.array([0.62, 0.72, 0.84])
 _BAND = 32
-"""Rows of a picture that are coloured at a time."""
+"""Number of rows of a picture that are coloured at a time."""
 
 
 def shade(
@@ -24,19 +24,19 @@ def shade(
 ) -> NDArray[np.float64]:
     """Draw triangles in parallel projection with a depth buffer, lit by their normals.
 
-    Triangles are splatted as lattices of points less than a pixel apart, so that the time follows the
-    area on the screen and not the number of triangles.
+    Triangles are drawn as lattices of points less than a pixel apart, so that the time depends on the area on screen
+    rather than on the number of triangles.
 
     Parameters
     ----------
     points : (P, 3) float64
-        In the world, z upwards.
+        World coordinates, with z upwards.
     cells : (M, 3) int64
     view : View
     centre : (2,) float64
-        What lies in the middle of the picture, along right and up.
+        Centre of the picture, along right and up.
     scale : float
-        Width and height of what the picture shows.
+        Width and height of the part that the picture shows.
     pixels : int
         Width and height of the picture.
 
@@ -46,7 +46,7 @@ def shade(
         Red, green, blue and opacity in 0 .. 1; the first row is the lowest.
     """
     side = 2 * pixels  # averaged down below, against ragged edges
-    # Half a pixel of room, so that what lies on the border of the box falls inside.
+    # A margin of half a pixel, so that points on the border fall inside.
     screen = (points @ view.screen - centre) * ((side - 1) / scale) + side / 2
     depth = points @ view.towards
     nearest = np.full(side * side, -np.inf)
@@ -66,7 +66,7 @@ def shade(
         end = min(start + _BAND, pixels)
         seen = shown[2 * start * side : 2 * end * side]
         image[start:end] = _lit(points, cells, view, seen).reshape(end - start, 2, pixels, 2, 4).sum(axis=(1, 3))
-    # Colours weighted by opacity, or empty pixels would darken the outline.
+    # Colours are weighted by opacity; otherwise empty pixels would darken the outline.
     image[..., :3] /= np.maximum(image[..., 3:], 1.0)
     image[..., 3] /= 4.0
     return image
@@ -75,14 +75,14 @@ def shade(
 def _lit(
     points: NDArray[np.float64], cells: NDArray[np.int64], view: View, shown: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Colour and opacity, (S, 4), of pixels that show a triangle each, or none (-1)."""
+    """Colour and opacity, (S, 4), of pixels, each of which shows a triangle or nothing (-1)."""
     image = np.zeros((len(shown), 4))
     seen = shown >= 0
     a, b, c = (points[cells[shown[seen], k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     length = np.linalg.norm(normal, axis=1)
     normal /= np.where(length > 0, length, 1.0)[:, None]
-    # Both sides are lit alike: an open surface shows its inside.
+    # Both sides are lit alike, since an open surface shows its inside.
     normal *= np.where(normal @ view.towards < 0, -1.0, 1.0)[:, None]
     image[seen, :3] = _SURFACE * (0.3 + 0.7 * np.clip(normal @ view.light, 0.0, 1.0))[:, None]
     image[seen, 3] = 1.0
@@ -92,12 +92,12 @@ def _lit(
 def _lattices(
     screen: NDArray[np.float64], cells: NDArray[np.int64], batch: int = 1 << 17
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
-    """Batches of triangles, each with the barycentric weights (S, 3) of points dense enough for all of them."""
+    """Yield batches of triangles, each with barycentric weights (S, 3) of sufficiently dense points."""
     if len(cells) == 0:
         return
     a, b, c = (screen[cells[:, k]] for k in range(3))
     longest = np.sqrt(np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0))
-    # At 0.85 pixels no pixel inside a triangle stays empty: the widest gap in the lattice is then below one.
+    # At 0.85 pixels, no pixel inside a triangle stays empty, since the widest gap in the lattice is below one pixel.
     steps = np.maximum(np.ceil(longest / 0.85), 1.0)
     sizes = np.unique([m << k for k in range(14) for m in (2, 3)] + [1])
     size = sizes[np.minimum(np.searchsorted(sizes, steps), len(sizes) - 1)]

@@ -1,8 +1,9 @@
-"""Position of the viewer of a surface, and which way is up.
+"""Position of the viewer of a surface, and the upward direction.
 
-The world of a picture has x, y and z, z upwards; the front is at +y, as of a patient in a volume whose coordinates are
-right, front and up. With a placement that is the world of the file. Without one, axes 0, 1, 2 of the array run down,
-back and left: volumes are mostly stored slice by slice from the top, and rows of a slice from the front.
+A picture has world coordinates x, y and z, with z upwards; the front is at +y, as for a patient in a volume whose
+coordinates are right, front and up. With a placement, these are the coordinates of the file. Without one, axes 0, 1, 2
+of the array run down, back and left, since volumes are usually stored slice by slice from the top, and rows of a slice
+from the front.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class View:
     azimuth : float
         Position of the viewer around the vertical: 0 at the front (+y), 90 on the side of +x, -180 to 360.
     elevation : float
-        How high above the horizon, -90 to 90.
+        Angle above the horizon, -90 to 90.
     """
 
     azimuth: float
@@ -37,9 +38,9 @@ class View:
 
     def __post_init__(self) -> None:
         if not -180 <= self.azimuth <= 360:
-            raise OptionError(f"azimuth {self.azimuth:g}; it lies between -180 and 360", code="view")
+            raise OptionError(f"azimuth {self.azimuth:g}; it must lie between -180 and 360", code="view")
         if not -90 <= self.elevation <= 90:
-            raise OptionError(f"elevation {self.elevation:g}; it lies between -90 and 90", code="view")
+            raise OptionError(f"elevation {self.elevation:g}; it must lie between -90 and 90", code="view")
 
     @property
     def towards(self) -> NDArray[np.float64]:
@@ -60,7 +61,7 @@ class View:
 
     @property
     def screen(self) -> NDArray[np.float64]:
-        """Matrix (3, 2) that takes points of the world to right and up in the picture."""
+        """Matrix (3, 2) that maps world coordinates to right and up in the picture."""
         return np.stack([self.right, self.up], axis=1)
 
     @property
@@ -71,16 +72,16 @@ class View:
 
 
 USUAL = View(36.25, 24.3)
-"""From the side, in front and above."""
+"""Default view: from one side, in front and above."""
 NAMED = {
     "front": View(0, 0), "back": View(180, 0), "right": View(90, 0), "left": View(-90, 0), "top": View(0, 90),
     "bottom": View(0, -90),
 }
-"""Views by name; right and left are those of what is looked at: +x and -x."""
+"""Views by name; right and left are those of the object: +x and -x."""
 
 
 def read_view(text: str) -> View:
-    """A view by its name, or as azimuth and elevation with a comma between them.
+    """Parse a view: a name, or azimuth and elevation separated by a comma.
 
     Raises
     ------
@@ -98,7 +99,7 @@ def read_view(text: str) -> View:
 
 
 def proportions(contour: Curve) -> NDArray[np.float64]:
-    """Distances of neighbouring samples along each axis, the shortest of them 1, the longest at most ``_STRETCH``."""
+    """Sample spacing along each axis, scaled so that the shortest is 1, and the longest at most ``_STRETCH``."""
     n = len(contour.shape)
     matrix = None if contour.placement is None else contour.placement.matrix
     if matrix is None:
@@ -108,7 +109,7 @@ def proportions(contour: Curve) -> NDArray[np.float64]:
 
 
 def upright(contour: Curve) -> NDArray[np.float64]:
-    """Matrix (3, 3) from samples of a volume to the world of its picture, where the shortest step has the length 1."""
+    """Matrix (3, 3) from samples of a volume to the world of its picture, where the shortest step has length 1."""
     matrix = None if contour.placement is None else contour.placement.matrix
     if matrix is None:
         return _UNPLACED

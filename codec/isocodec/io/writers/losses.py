@@ -1,4 +1,4 @@
-"""Placement of the curves in a written file, and what its coordinates lose of it."""
+"""Losses of placement and precision in the coordinates of a written file."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from ...field.reference_system import epsg_of
 from .output_formats import Output, OutputOptions
 
 LOST = 0.01
-"""Share of a cell by which single precision may move points without a remark."""
+"""Fraction of a cell by which single precision may move points without a remark."""
 
 
 class Losses:
-    """Coordinates of the contours seen so far, and what a format keeps of them.
+    """Coordinates of the contours written so far, and what a format keeps of them.
 
     Parameters
     ----------
     output : Output
     suffix : str
     options : OutputOptions
-        What is asked for is no loss.
+        Losses that the user asked for are not reported.
     """
 
     def __init__(self, output: Output, suffix: str, options: OutputOptions) -> None:
@@ -35,7 +35,7 @@ class Losses:
     def see(self, contour: Contour) -> None:
         """Take another contour into account."""
         self._points += len(contour.points)
-        # what lies on a mesh has its own coordinates
+        # contours on a mesh have the mesh's coordinates
         self._placed = contour.frame is not None or not contour.shape
         self._named = epsg_of(contour.placement) is not None
         matrix = None if contour.placement is None else contour.placement.matrix
@@ -45,20 +45,20 @@ class Losses:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """A line for each loss."""
+        """One line for each loss."""
         output, options = self._output, self._options
         if not self._points:
             return ()
         found = []
         unnamed = not (self._named or options.in_samples)
         where = "in a reference system that the file does not name" if self._placed else (
-            "in samples: the file does not place these in the world"
+            "in samples, since the file does not state where these lie"
         )
         remedy = "encode with --spacing and --metadata crs=EPSG:.."
         if output.coordinates == "degrees" and not output.names_crs and unnamed and not options.keep_crs:
             found.append(
-                f"coordinates are no longitudes and latitudes, as GeoJSON has them (RFC 7946), but {where}; {remedy}, "
-                "or write a GeoPackage"
+                f"the coordinates are {where}, not the longitudes and latitudes that GeoJSON requires (RFC 7946); "
+                f"{remedy}, or write a GeoPackage"
             )
         elif output.names_crs and unnamed:
             found.append(

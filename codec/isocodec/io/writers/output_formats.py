@@ -1,4 +1,4 @@
-"""Capabilities of formats: a record for each kind of thing and the suffixes that one library writes it to."""
+"""Capabilities of formats: a record for each kind of content and the suffixes with which a library writes it."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin", "pyramid", "
 """A curve or surface; polygons beside curves or between them; bools of samples, or labels; simplices under a contour; a
 triangulated surface; a contour at each zoom of a map; whatever draws itself."""
 Coordinates = Literal["samples", "placement", "degrees"]
-"""Indices of samples; x, y (, z) of the placement; longitude and latitude where the reference system is known."""
+"""Sample indices; x, y (, z) of the placement; longitude and latitude if the reference system is known."""
 Pieces = bytes | Iterable[bytes]
-"""A file, whole or in pieces."""
+"""A file, complete or in pieces."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Bytes of memory that writing takes at most: for each point, for each cell, and in any case.
+    """Most memory, in bytes, that writing takes: for each point, for each cell, and in any case.
 
-    ``kept`` of them, for each point, stay until the file is whole; all if it is None.
+    ``kept`` bytes for each point are held until the file is complete; all of them if None.
     """
 
     point: int
@@ -31,26 +31,26 @@ class Cost:
     kept: int | None = None
 
     def peak(self, points: int, cells: int) -> int:
-        """While one drawing is written."""
+        """Memory while one drawing is written."""
         return self.point * points + self.cell * cells + self.fixed
 
     def after(self, points: int, cells: int) -> int:
-        """Cost once it has been, and others follow."""
+        """Memory after a drawing has been written, while others follow."""
         return self.point * points + self.cell * cells if self.kept is None else self.kept * points
 
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Options of everything that is written.
+    """Options for all writers.
 
     Attributes
     ----------
     keep_crs : bool
-        GeoJSON in the reference system of the file instead of longitude and latitude.
+        Write GeoJSON in the reference system of the file instead of longitude and latitude.
     in_samples : bool
-        Coordinates in samples, even if there is a placement.
+        Write coordinates in samples, even if there is a placement.
     to : str or None
-        Suffix of the format, where no name ends in it: ``".geojson"``.
+        Suffix of the format, if the name has none: ``".geojson"``.
     """
 
     keep_crs: bool = False
@@ -60,7 +60,7 @@ class OutputOptions:
 
 @dataclass(frozen=True)
 class Output:
-    """A writer for one kind of thing and files of some suffixes.
+    """A writer for one kind of content and files of some suffixes.
 
     Attributes
     ----------
@@ -70,31 +70,30 @@ class Output:
     title : str
         Name of the format.
     render : callable
-        ``render(what, suffix, options)`` makes the file of a thing of this kind (see `isocodec.io.writers.things`). Of
-        contours it takes an iterable, which it goes through once.
+        ``render(what, suffix, options)`` makes the file of content of this kind (see `isocodec.io.writers.things`). For
+        contours, ``what`` is an iterable, which is iterated over once.
     dimensions : tuple of int
-        Axes of the fields that the thing may be of.
+        Numbers of axes of fields whose content can be written.
     several : tuple of int
-        Axes of the fields for which a file can hold several isovalues.
+        Numbers of axes of fields for which a file can hold several isovalues.
     holds : str
-        What several isovalues are in the file.
+        How several isovalues are represented in the file.
     coordinates : str
-        Which it has.
+        Kind of the coordinates in the file.
     names_crs : bool
         Whether the file names the reference system.
     single : bool
         Whether coordinates have single precision.
     sampled : bool
-        Whether the thing has to lie on samples; what lies on an explicit mesh or scattered points does not.
+        Whether the content must lie on a sampled grid, rather than on a mesh or scattered points.
     extra : str
-        Extra of this package that brings the libraries.
+        Extra of this package that installs the libraries.
     libraries : tuple of str
         Modules that ``render`` needs.
     cost : mapping of int to Cost
-        Memory that ``render`` takes, by axes of the field.
+        Memory that ``render`` takes, by the number of axes of the field.
     parts : callable or None
-        Where the format is several files: ``parts(path, data)`` gives the paths and contents, out of what ``render``
-        made.
+        For formats of several files: ``parts(path, data)`` returns their paths and contents, from what ``render`` made.
     """
 
     kind: Kind
@@ -114,14 +113,14 @@ class Output:
     parts: Callable[[Path, bytes], list[tuple[Path, bytes]]] | None = None
 
     def fits(self, n: int | None, several: bool, sampled: bool) -> bool:
-        """Whether it can hold a thing of a field of ``n`` axes (of any, if None)."""
+        """Whether the format can hold content of a field with ``n`` axes (any number, if None)."""
         return (
             (n is None or n in self.dimensions) and (sampled or not self.sampled)
             and (not several or (bool(self.several) if n is None else n in self.several))
         )
 
     def check_libraries(self, suffix: str) -> None:
-        """Find out before the work that a library is missing.
+        """Check, before the work begins, that no library is missing.
 
         Raises
         ------

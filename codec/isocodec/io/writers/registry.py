@@ -1,4 +1,4 @@
-"""All formats that are written: which of them hold what, by suffix; the table of the documentation."""
+"""All formats that are written: what each can hold, by suffix; the table for the documentation."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _KINDS: dict[Kind, str] = {
     "contour": "curves, surfaces", "areas": "areas, bands", "mask": "masks", "labels": "labels", "mesh": "meshes",
     "tin": "triangulated surfaces", "picture": "steps, contour maps",
 }
-"""Names of things in the table; pyramids are written as curves are."""
+"""Names of contents in the table; pyramids are listed as curves."""
 
 
 def suffixes_of(kind: Kind, n: int | None = None, *, several: bool = False, sampled: bool = True) -> list[str]:
-    """Suffixes of the formats that can hold a kind of thing (of a field of ``n`` axes), for help and messages."""
+    """Suffixes of the formats that can hold a kind of content (of a field with ``n`` axes), for help and messages."""
     return [
         suffix for output in OUTPUTS if output.kind == kind and output.fits(n, several, sampled)
         for suffix in output.suffixes
@@ -34,21 +34,21 @@ def suffixes_of(kind: Kind, n: int | None = None, *, several: bool = False, samp
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str | None:
-    """The suffix of a name that one of the formats has, the longest; None if there is no such."""
+    """The longest suffix of a name that belongs to a format; None without one."""
     name = Path(path).name.lower()
     found = [suffix for suffix in SUFFIXES if name.endswith(suffix) and len(name) > len(suffix)]
     return max(found, key=len, default=None)
 
 
 def find(path: str | os.PathLike[str], thing: Thing) -> tuple[str, Output]:
-    """Choose the format for a file's name, one that can hold a thing and whose libraries are installed.
+    """Choose a format by a file's name, and check that it can hold the content and that its libraries are installed.
 
     Parameters
     ----------
     path : path
-        Only its suffix counts.
+        Only the suffix is used.
     thing : Thing
-        As far as it is known; before anything is decoded ``Thing("contour", None)`` will do.
+        As far as it is known; before anything is decoded, for example ``Thing("contour", None)``.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def find(path: str | os.PathLike[str], thing: Thing) -> tuple[str, Output]:
     Raises
     ------
     OptionError
-        Naming the formats that would do.
+        Naming the formats that can be used.
     MissingExtraError
     """
     suffix = suffix_of(path)
@@ -83,7 +83,7 @@ def find(path: str | os.PathLike[str], thing: Thing) -> tuple[str, Output]:
 
 
 def table() -> str:
-    """The formats as a table of the documentation (``docs/formats.md``)."""
+    """Make the table of formats for the documentation (``docs/formats.md``)."""
     rows = ["| format | suffixes | holds | isovalues | coordinates | extra |", "| --- | --- | --- | --- | --- | --- |"]
     where = {"samples": "samples", "placement": "placement", "degrees": "longitude, latitude"}
     for output in OUTPUTS:
@@ -93,7 +93,7 @@ def table() -> str:
         if output.kind == "contour" and len(output.dimensions) == 1:
             what = what.split(", ")[output.dimensions[0] - 2]
         if output.kind in ("mask", "labels") and len(output.dimensions) == 1:
-            what = f"{what} of {output.dimensions[0]} axes"
+            what = f"{what} with {output.dimensions[0]} axes"
         suffixes = ", ".join(f"`{suffix}`" for suffix in output.suffixes)
         isovalues = output.holds or ("-" if output.kind == "tin" else "one")
         extra = f"`{output.extra}`" if output.extra else ""

@@ -1,4 +1,4 @@
-"""Things that can be written, and where they lie: contours, areas, masks, meshes, triangulated surfaces, pictures."""
+"""Contents that can be written, with their placement: contours, areas, masks, meshes, surfaces, pictures."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from .output_formats import Kind
 
 Mask = NDArray[np.bool_]
 ABOVE, LEVEL = "above", "level"
-"""Names of the values at the vertices of a mesh (1 above the isovalue, 0 not) and of its simplices."""
+"""Names of the values at the vertices of a mesh (1 above the isovalue, 0 not) and at its simplices."""
 
 
 @dataclass(frozen=True, eq=False)
 class Areas:
-    """Polygons of the areas beside curves, or between them.
+    """Polygons of the areas on one side of curves, or between them.
 
     Attributes
     ----------
     contours : collection of Contour
-        Isocontours of one field of two axes; gone through once.
+        Isocontours of one field with two axes; iterated over once.
     side : {"above", "below", "bands"}
     valid : (s0, s1) bool, optional
-        As of `isocodec.drawing.areas.areas`.
+        As for `isocodec.drawing.areas.areas`.
     """
 
     contours: Collection[Contour]
@@ -50,7 +50,7 @@ class SampleMask:
         All samples, bools or labels; or ``rows(transposed)`` gives them a few rows at a time, as `MaskRows`, of the
         transposed array where the format stores that.
     placement : Placement, optional
-        Where they lie.
+        Where the samples lie.
     ones : int
         How many of the samples that have been taken are True, or have a label.
     """
@@ -85,12 +85,12 @@ class SampleMask:
 
 @dataclass(frozen=True, eq=False)
 class Pyramid:
-    """Isovalues of a field of two axes, drawn for each zoom of a map as coarsely as it allows.
+    """Isovalues of a field with two axes, drawn as coarsely as each zoom level of a map allows.
 
     Attributes
     ----------
     isovalues : iterable of callable
-        Each gives the contour as it is seen where a pixel is so many samples wide; 1.0 is the finest.
+        Each returns the contour to draw where a pixel is this many samples wide; 1.0 is the finest.
     """
 
     isovalues: Iterable[Callable[[float], Contour]]
@@ -98,12 +98,12 @@ class Pyramid:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """Something that draws itself: steps of a file, or a contour map.
+    """A picture of the steps of a file, or a contour map.
 
     Attributes
     ----------
     draw : callable
-        ``draw(suffix)`` gives the file of the picture.
+        ``draw(suffix)`` returns the file of the picture.
     """
 
     draw: Callable[[str], bytes]
@@ -111,17 +111,17 @@ class Picture:
 
 @dataclass(frozen=True)
 class Thing:
-    """A thing to write, as far as formats care.
+    """Properties of a content that decide which formats can hold it.
 
     Attributes
     ----------
     kind : str
     n : int or None
-        Axes of the field; None of pictures, which may be of any.
+        Number of axes of the field; None for pictures, which may have any number.
     several : bool
-        Whether it is of several isovalues.
+        Whether it has several isovalues.
     sampled : bool
-        Whether it lies on samples.
+        Whether it lies on a sampled grid.
     """
 
     kind: Kind
@@ -137,8 +137,8 @@ class Thing:
             return name if self.sampled else f"{name.partition(' (')[0]} that lies on a mesh"
         names = {
             "areas": "areas of a surface" if self.n == 3 else "areas",
-            "mask": f"a mask of {self.n} axes" if self.n else "a mask",
-            "labels": f"labels of {self.n} axes" if self.n else "labels",
+            "mask": f"a mask with {self.n} axes" if self.n else "a mask",
+            "labels": f"labels with {self.n} axes" if self.n else "labels",
             "mesh": f"the mesh of a {self.n}-D field" if self.n else "a mesh",
             "tin": "a triangulated surface" + ("" if self.sampled else " of scattered points"),
             "pyramid": "a curve at each zoom of a map", "picture": "a picture",
@@ -147,12 +147,12 @@ class Thing:
 
 
 def thing_of(what: Any) -> Thing:
-    """The kind of what is to be written.
+    """Find the kind of what is to be written.
 
     Raises
     ------
     OptionError
-        If it is nothing that has a format, or no contour at all.
+        If there is no format for it, or if there are no contours.
     """
     if isinstance(what, Contour):
         return Thing("contour", what.n, False, bool(what.shape))
@@ -178,7 +178,7 @@ def thing_of(what: Any) -> Thing:
 
 
 def _of_contours(contours: Collection[Any]) -> Thing:
-    """Several contours; those that are drawn one after the other have the attribute ``n``."""
+    """Several contours; collections that draw them one by one have the attribute ``n``."""
     if not len(contours):
         raise OptionError("no contours to write", code="contours")
     n = getattr(contours, "n", None)
@@ -192,7 +192,7 @@ def _of_contours(contours: Collection[Any]) -> Thing:
 
 
 class Each(Collection[Contour]):
-    """Contours, each changed and looked at when it is its turn, so that it may be drawn then and dropped after that."""
+    """Contours, each changed and examined when it is needed, so that it can be drawn then and released afterwards."""
 
     def __init__(self, contours: Collection[Contour], change: Callable[[Contour], Contour]) -> None:
         self._contours = contours
@@ -214,7 +214,7 @@ class Each(Collection[Contour]):
 
 
 def in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices with three coordinates, and simplices with a positive volume, or seen counter-clockwise from above."""
+    """Vertices with three coordinates, and simplices with positive volume, or counter-clockwise as seen from above."""
     none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
     about = Contour(*none, mesh.isovalue, mesh.shape, placement=mesh.placement)
     points = about.place(mesh.points.astype(np.float64))
@@ -222,23 +222,23 @@ def in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]
     spanned = np.linalg.det(corners[:, 1:] - corners[:, :1])
     cells = mesh.cells
     if (spanned < 0).any():
-        # all are oriented alike, and a placement that mirrors turns all over
+        # all have the same orientation, and a mirroring placement flips all of them
         cells = np.concatenate([cells[:, :-2], cells[:, :-3:-1]], axis=1)
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1]))), cells
 
 
 @dataclass(frozen=True)
 class PlacedTin:
-    """A triangulated surface, where it lies, and what a format may hold beside.
+    """A triangulated surface with its placement, and further arrays that a format may hold.
 
-    The third coordinate is the value. Of points that were scattered, x and y are the two columns; of the samples of a
-    field, those of its placement, without one x runs along axis 1 and y along axis 0.
+    The third coordinate is the value. For scattered points, x and y are the two columns; for samples of a field, those
+    of its placement, or without one, x runs along axis 1 and y along axis 0.
 
     Attributes
     ----------
     tin : Tin
     placement : Placement
-        With a matrix.
+        A placement with a matrix.
     notes : dict
         Arrays for NPZ.
     """
@@ -249,7 +249,7 @@ class PlacedTin:
 
     @classmethod
     def of(cls, tin: Tin, in_samples: bool = False) -> PlacedTin:
-        """Place a surface by its notes."""
+        """Place a surface according to its notes."""
         found = None if in_samples else read_placement(tin.metadata, 2)
         if found is None or found.matrix is None:
             crs = None if in_samples else tin.metadata.get(CRS)
@@ -265,5 +265,5 @@ class PlacedTin:
 
     @property
     def triangles(self) -> NDArray[np.int64]:
-        """(T, 3) int64: seen anticlockwise from above."""
+        """(T, 3) int64: counter-clockwise as seen from above."""
         return self.tin.triangles[:, ::-1] if self.placement.mirrored() else self.tin.triangles

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
-    """A drawing (R2010). Polylines of curves lie at the height of their isovalue; x and y are those of `placed`."""
+    """Make a drawing (R2010). Polylines of curves have their isovalue as height; x and y are those of `placed`."""
     library: Any = optional("ezdxf", extra="cad", purpose=f"writing {suffix}")
     before = library.options.write_fixed_meta_data_for_testing
-    # without the time and an individual number for each file
+    # without the time and a unique identifier, so that equal input gives equal bytes
     library.options.write_fixed_meta_data_for_testing = True
     try:
         document = library.new("R2010", setup=False, units=0)

@@ -17,7 +17,7 @@ from .things import ABOVE, LEVEL, Areas, PlacedTin, in_space
 
 
 def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes:
-    """A feature for the curve of a contour, or of each of several."""
+    """Write a feature for the curve of each contour."""
     keep = options.keep_crs
 
     def feature(contour: Contour) -> bytes:
@@ -30,7 +30,7 @@ def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes
 
 
 def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
-    """A feature for the areas above or below each contour, or for each band between them."""
+    """Write a feature for the areas above or below each contour, or for each band between contours."""
     keep = options.keep_crs
 
     def moved(contour: Contour, geometry: dict[str, Any]) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
 
 
 def _mesh(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
-    """A polygon for each triangle, with its level and the signs of its corners."""
+    """Write a polygon for each triangle, with its level and the signs of its corners."""
     points, cells = in_space(mesh)
     points = to_degrees(mesh.placement)(points[:, :2])
     features = [
@@ -74,7 +74,7 @@ def _mesh(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
 
 
 def _tin(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
-    """A polygon with heights for each triangle."""
+    """Write a polygon with heights for each triangle."""
     features = [
         {
             "type": "Feature",
@@ -87,7 +87,7 @@ def _tin(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
 
 
 def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
-    """The text of a feature with the properties isovalue, shape and complete; an empty curve is an empty geometry."""
+    """Write a feature with the properties isovalue, shape and complete; an empty curve has an empty geometry."""
     return _json(
         {
             "type": "Feature",
@@ -103,12 +103,12 @@ def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> b
 
 
 def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes], keep: bool) -> bytes:
-    """The file of the feature of a contour, or of a collection of several of the same placement."""
+    """Write the file of one contour's feature, or of a collection of several with the same placement."""
     texts, name = [], None
     for contour in contours:
         texts.append(feature(contour))
         name = named(contour.placement) if keep else None
-        # of a contour no more is kept than its text
+        # only the text of each contour is kept
         del contour
     if len(texts) == 1:
         return b"".join([texts[0][:-1], _member(name), b"}\n"])
@@ -116,13 +116,13 @@ def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes], 
 
 
 def _collection(texts: list[bytes], system: dict[str, Any] | None) -> bytes:
-    """The file of several features."""
+    """Write the file of several features."""
     start = b'{"type":"FeatureCollection","features":['
     return b"".join([start, b",".join(texts), b"]", _member(system), b"}\n"])
 
 
 def named(placement: Placement | None) -> dict[str, Any]:
-    """The member of a GeoJSON file that names its system, as GeoJSON had it before RFC 7946; none for degrees."""
+    """The member ``crs`` of a GeoJSON file, as in GeoJSON before RFC 7946; omitted for degrees."""
     number = epsg_of(placement)
     if number in (None, DEGREES):
         return {}

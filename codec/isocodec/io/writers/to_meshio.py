@@ -1,4 +1,4 @@
-"""Files of VTK: lines of curves and triangles of surfaces as VTP, meshes and triangulated surfaces as VTU by meshio."""
+"""VTK files: curves and surfaces as VTP, meshes and triangulated surfaces as VTU (by meshio)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TYPES = {"f8": "Float64", "f4": "Float32", "i8": "Int64"}
 
 
 def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
-    """All isovalues in one file, in double precision; cells have the value ``isovalue``, points of surfaces normals."""
+    """Write all isovalues to one file, in double precision; cells have ``isovalue``, points of surfaces normals."""
     points: list[NDArray[np.float64]] = []
     normals: list[NDArray[np.float64]] = []
     cells: list[NDArray[np.int64]] = []
@@ -69,7 +69,7 @@ def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
 
 
 def _array(name: str, array: NDArray[Any], body: list[bytes]) -> str:
-    """The element of an array, whose bytes go to the end of the file, their number before them."""
+    """Write the element of an array, whose bytes, preceded by their number, go to the end of the file."""
     at = sum(map(len, body))
     kind = f"{array.dtype.kind}{array.dtype.itemsize}"
     data = np.ascontiguousarray(array, dtype=f"<{kind}").tobytes()
@@ -91,7 +91,7 @@ def _tin_vtu(placed: PlacedTin, suffix: str, _: OutputOptions) -> bytes:
 def _vtu(points: NDArray[np.float64], cells: NDArray[np.int64], suffix: str, values: dict[str, Any]) -> bytes:
     meshio = optional("meshio", extra="vtu", purpose=f"writing {suffix}")
     mesh = meshio.Mesh(points, [("triangle" if cells.shape[1] == 3 else "tetra", cells)], **values)
-    # the library writes to a path only
+    # the library writes only to paths
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"mesh{suffix}"
         mesh.write(path, file_format="vtu")

@@ -24,7 +24,7 @@ def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
     dtype = np.dtype({"b": "u1", "f": "f4" if mask.dtype.itemsize <= 4 else "f8"}.get(mask.dtype.kind, mask.dtype))
     image = nibabel.Nifti1Image(np.broadcast_to(np.zeros((), dtype), shape[::-1]), affine, dtype=dtype)
     if affine is not None:
-        # for programs that only know quaternions, which cannot express sheared axes
+        # for programs that only read quaternions, which cannot express sheared axes
         with suppress(nibabel.spatialimages.HeaderDataError):
             image.set_qform(affine, code="aligned", strip_shears=False)
     image.update_header()
@@ -38,7 +38,7 @@ def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
 
 def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[bytes]:
     out = io.BytesIO()
-    # without the time of day: the same mask, the same bytes
+    # without the time, so that equal masks give equal bytes
     with gzip.GzipFile(filename="", mode="wb", fileobj=out, mtime=0) as packed:
         for piece in _nii(mask, suffix, options):
             packed.write(piece)

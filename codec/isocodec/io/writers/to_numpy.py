@@ -14,7 +14,7 @@ from .things import PlacedTin, SampleMask
 
 
 def _contour_npz(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
-    """Points in samples; the placement, if there is one, beside them."""
+    """Write points in samples, and the placement, if there is one."""
     contour = next(iter(contours))
     arrays: dict[str, Any] = {
         "points": contour.points,
@@ -32,7 +32,7 @@ def _contour_npz(contours: Iterable[Contour], _: str, __: OutputOptions) -> byte
 
 
 def _tin_npz(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
-    """Points in the order of the array's axes."""
+    """Write points with coordinates in the order of the array's axes."""
     tin = placed.tin
     return _saved({
         "points": tin.points, "values": tin.values, "triangles": tin.triangles, "placement": placed.placement.matrix,
@@ -56,7 +56,7 @@ def _mask_npy(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
 
 
 def _raster_npy(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
-    """The picture that a surface makes."""
+    """Write a surface resampled on the grid."""
     buffer = io.BytesIO()
     np.save(buffer, placed.tin.raster())
     return buffer.getvalue()
@@ -69,5 +69,5 @@ OUTPUTS = (
     Output("tin", (".npz",), "NPZ", _tin_npz, coordinates="samples", sampled=False),
     Output("mask", (".npy",), "NPY", _mask_npy, (2, 3), coordinates="samples"),
     Output("labels", (".npy",), "NPY", _mask_npy, (2, 3), coordinates="samples"),
-    Output("tin", (".npy",), "NPY, the picture that it makes", _raster_npy, coordinates="samples"),
+    Output("tin", (".npy",), "NPY, resampled on the grid", _raster_npy, coordinates="samples"),
 )

@@ -1,4 +1,4 @@
-"""Pictures: of curves and surfaces by matplotlib, of masks by Pillow, and curves as paths of SVG."""
+"""Pictures: curves and surfaces by matplotlib, masks by Pillow, and curves as SVG paths."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def _drawn(contours: Collection[Contour], suffix: str, _: OutputOptions) -> byte
 
 
 def _mask_png(mask: SampleMask, _: str, __: OutputOptions) -> bytes:
-    """White above."""
+    """Write a picture that is white where samples lie above."""
     pillow: Any = optional("PIL.Image", extra="image", purpose="writing .png")
     shape, rows = mask.taken()
-    # the library wants the whole picture
+    # the library needs the whole picture
     picture = pillow.new("L", shape[::-1])
     start = 0
     for some in rows:
@@ -41,10 +41,10 @@ def _picture(picture: Picture, suffix: str, _: OutputOptions) -> bytes:
 
 
 def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
-    """A group for each isovalue, in it a path for each polyline.
+    """Write a group for each isovalue, with a path for each polyline.
 
-    The view box is that of the picture's pixels, so that the two can be overlaid: x runs along axis 1 of the array and
-    y along axis 0, in samples, whatever the placement is.
+    The view box matches the picture's pixels, so that the two can be overlaid: x runs along axis 1 of the array and y
+    along axis 0, in samples, regardless of the placement.
     """
     strokes = {"fill": "none", "stroke": "black", "stroke-width": "1", "stroke-linejoin": "round"}
     size: dict[str, str] = {}
@@ -56,7 +56,7 @@ def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
         group = ElementTree.Element("g", strokes)
         ElementTree.SubElement(group, "title").text = f"isovalue {contour.isovalue:g}"
         for line in contour.lines:
-            # The width is then one of the screen: a contour has none.
+            # The line width is measured on screen, since a contour has no width.
             ElementTree.SubElement(group, "path", {"d": _path(np.asarray(line)), "vector-effect": "non-scaling-stroke"})
         groups.append(ElementTree.tostring(group))
         del contour, group
@@ -72,13 +72,13 @@ def _path(line: NDArray[np.float64]) -> str:
 
 
 def _decimal(number: float) -> str:
-    # Six places are a millionth of a cell: finer than any stroke, and half the size of all digits.
+    # Six decimals are a millionth of a cell, finer than any stroke, and take half the size of all digits.
     text = f"{number:.6f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 
 PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
-"""Memory that pictures take, by axes of the field."""
+"""Memory that pictures take, by the number of axes of the field."""
 _MATPLOTLIB: Any = {"extra": "plot", "libraries": ("matplotlib.figure",), "coordinates": "samples"}
 OUTPUTS = (
     Output("contour", (".png",), "PNG", _drawn, (2, 3), (2, 3), "a colour or a panel each", cost=PICTURE,

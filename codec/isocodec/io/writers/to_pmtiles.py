@@ -1,6 +1,6 @@
-"""Vector tiles of curves for maps on the web: PMTiles, an archive of Mapbox Vector Tiles in Web Mercator.
+"""Vector tiles of curves for web maps: PMTiles, an archive of Mapbox Vector Tiles in Web Mercator.
 
-Pixels are those of maps with 256 a tile: at the largest zoom one is no wider than a sample. Each tile has 4096 units.
+A tile is 256 pixels wide; at the highest zoom level a pixel is no wider than a sample. Each tile has 4096 units.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ if TYPE_CHECKING:
 LAYER = "contours"
 """Name of the layer of all tiles."""
 EXTENT = 4096
-"""Units of a tile along each side."""
+"""Number of units along each side of a tile."""
 PIXELS = 256
 MOST_ZOOM = 22
 BUFFER = 64
-"""Units around a tile in which curves go on."""
+"""Width, in units, of the buffer around a tile in which curves continue."""
 LONGEST = 1024
-"""Units of a segment at most; longer ones are divided."""
+"""Largest length of a segment, in units; longer ones are divided."""
 ROUNDING = 2
-"""Units that points are left out for below the largest zoom, where the curve without them is no farther away."""
+"""Largest distance, in units, by which simplification may move a curve below the highest zoom level."""
 _POLE = 85.06
-"""Degrees of latitude beyond which there are no tiles."""
+"""Latitude, in degrees, beyond which there are no tiles."""
 Key = tuple[int, int, int]
 """Zoom, column and row of a tile."""
 Features = list[tuple[float, list[NDArray[np.int32]]]]
 """Isovalues with their lines, in units of a tile."""
 AtWidth = Callable[[float], "Contour"]
-"""The contour of an isovalue, as it is seen where a pixel is so many samples wide; 1 is the finest."""
+"""Returns the contour to draw where a pixel is this many samples wide; 1 is the finest."""
 
 
 def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) -> bytes:
-    """The archive of contours, the same at all zooms but for its smallest parts."""
+    """Make the archive of contours that are the same at all zoom levels, apart from simplification."""
 
     def same(contour: Contour) -> AtWidth:
         return lambda width: contour
@@ -55,7 +55,7 @@ def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) ->
 
 
 def _render_pyramid(pyramid: Pyramid, suffix: str, _: OutputOptions) -> bytes:
-    """The archive of isovalues that are drawn for each zoom as coarsely as it allows.
+    """Make the archive of isovalues that are drawn as coarsely as each zoom level allows.
 
     Raises
     ------
@@ -75,12 +75,12 @@ def _render_pyramid(pyramid: Pyramid, suffix: str, _: OutputOptions) -> bytes:
                 bounds += [line[:, :2] for line in lines]
             for key, geometry in cut(lines, zoom, 0 if zoom == most else ROUNDING):
                 tiles.setdefault(key, []).append((finest.isovalue, geometry))
-    # a map of nothing has a tile, too
+    # an empty map has one tile, too
     return _archive(writer, tiles or {(0, 0, 0): []}, bounds, most)
 
 
 def zoom_of(contour: Contour) -> int:
-    """The least zoom at which a pixel is no wider than the distance of samples in the middle of a field."""
+    """Find the lowest zoom level at which a pixel is no wider than the sample spacing in the middle of a field."""
     middle = (np.array(contour.shape) - 1) / 2
     ends = _mercator(to_degrees(_placed(contour).placement)(contour.place(np.array([middle, *(middle + np.eye(2))]))))
     step = float(np.linalg.norm(ends[1:] - ends[0], axis=1).min())
@@ -88,7 +88,7 @@ def zoom_of(contour: Contour) -> int:
 
 
 def mercator_lines(contour: Contour) -> list[NDArray[np.float64]]:
-    """Lines of a contour in Web Mercator, (K, 2) each, 0 to 1 eastwards and southwards, and beyond where they go on."""
+    """Project the lines of a contour to Web Mercator, (K, 2) each, 0 to 1 eastwards and southwards, or beyond."""
     move, whole = to_degrees(_placed(contour).placement), contour.joined
     out = []
     for walk in whole.walks:
@@ -101,7 +101,8 @@ def mercator_lines(contour: Contour) -> list[NDArray[np.float64]]:
 def _placed(contour: Contour) -> Contour:
     if epsg_of(contour.placement) is None:
         raise OptionError(
-            "a map needs to know where the curve lies: the file has no placement or names no reference system",
+            "vector tiles need to know where the curve lies, but the file has no placement or names no reference "
+            "system",
             code="crs", remedy="encode with placement and --metadata crs=EPSG:..",
         )
     return contour
@@ -116,9 +117,9 @@ def _mercator(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
 def cut(
     lines: list[NDArray[np.float64]], zoom: int, rounding: float
 ) -> Iterable[tuple[Key, list[NDArray[np.int32]]]]:
-    """Tiles of a zoom with what they show: lines in their units, (K, 2) each.
+    """Yield the tiles of a zoom level with their lines, in units of the tile, (K, 2) each.
 
-    Segments are kept whole where they reach into a tile or its buffer, so that no point moves.
+    Segments that reach into a tile or its buffer are not clipped, so that no point moves.
     """
     shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
     scale = float(EXTENT << zoom)
@@ -147,7 +148,7 @@ def cut(
             inside = (tile <= last).all(axis=1) & (tile[:, 1] >= 0) & (tile[:, 1] < 1 << zoom)
             found.append(np.column_stack([tile[inside], start[inside]]))
     held = np.unique(np.concatenate(found), axis=0)
-    # a line goes on in a tile as long as segments follow one another
+    # a line continues in a tile as long as its segments are consecutive
     breaks = np.flatnonzero((np.diff(held[:, :2], axis=0) != 0).any(axis=1) | (np.diff(held[:, 2]) != 1)) + 1
     by_tile: dict[Key, list[NDArray[np.int32]]] = {}
     for a, b in zip([0, *breaks.tolist()], [*breaks.tolist(), len(held)], strict=True):
@@ -158,7 +159,7 @@ def cut(
 
 
 def _divided(line: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A line with no segment longer than `LONGEST` along an axis."""
+    """Divide a line so that no segment is longer than `LONGEST` along an axis."""
     parts = np.maximum(np.ceil(np.abs(np.diff(line, axis=0)).max(axis=1, initial=0) / LONGEST), 1).astype(np.int64)
     if not len(parts) or parts.max() == 1:
         return line
@@ -168,7 +169,7 @@ def _divided(line: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _tile(features: Features) -> bytes:
-    """A tile of one layer, whose features have the isovalue as their only property."""
+    """Make a tile with one layer, whose features have the isovalue as their only property."""
     shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
     encoder = optional("mapbox_vector_tile", extra="pmtiles", purpose="making vector tiles")
     found = [
@@ -182,7 +183,7 @@ def _tile(features: Features) -> bytes:
 def _archive(
     writer: Any, tiles: dict[Key, Features], lines: list[NDArray[np.float64]], most: int
 ) -> bytes:
-    """The archive of tiles, in the order of their numbers."""
+    """Make the archive of tiles, in the order of their numbers."""
     format_ = optional("pmtiles.tile", extra="pmtiles", purpose="writing .pmtiles")
     out = io.BytesIO()
     archive = writer.Writer(out)

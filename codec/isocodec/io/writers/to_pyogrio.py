@@ -1,6 +1,6 @@
-"""Maps of curves and areas for geographic information systems: GeoPackage, FlatGeobuf, Shapefile, GeoParquet.
+"""Curves and areas for geographic information systems: GeoPackage, FlatGeobuf, Shapefile, GeoParquet.
 
-A line of a contour, or an area, is a row, with its isovalue; coordinates are those of the placement, in its system.
+Each line of a contour, or each area, is a row with its isovalue; coordinates are those of the placement.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SHAPEFILE = ".shp"
 _DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
 _DATE = "2000-01-01T00:00:00.000Z"
-"""Time of writing in a GeoPackage, fixed: the same input gives the same bytes."""
+"""Fixed time of writing in a GeoPackage, so that equal input gives equal bytes."""
 
 
 def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
@@ -37,7 +37,7 @@ def _render_areas(what: Areas, suffix: str, _: OutputOptions) -> bytes:
 
 
 def _file(table: Any, suffix: str, shape: str, layer: str) -> bytes:
-    """The file of a table; of a Shapefile, which is several, an archive of them (see `_unpacked`)."""
+    """Write the file of a table; for a Shapefile, an archive of its several files (see `_unpacked`)."""
     if suffix not in _DRIVERS:
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)
@@ -50,7 +50,7 @@ def _file(table: Any, suffix: str, shape: str, layer: str) -> bytes:
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
     try:
         with TemporaryDirectory(prefix="isocodec-") as folder, warnings.catch_warnings():
-            # a file without a system is what the caller knows of
+            # the caller knows that the file has no reference system
             warnings.filterwarnings("ignore", message="'crs' was not provided")
             path = Path(folder) / f"{layer}{suffix}"
             pyogrio.write_dataframe(
@@ -68,7 +68,7 @@ def _file(table: Any, suffix: str, shape: str, layer: str) -> bytes:
 
 
 def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
-    """The files of a Shapefile at ``path``, the one of that name last."""
+    """Unpack the files of a Shapefile at ``path``, the file with that name last."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         parts = [(path.with_suffix(name), archive.read(name)) for name in archive.namelist() if name != SHAPEFILE]
         return [*parts, (path, archive.read(SHAPEFILE))]

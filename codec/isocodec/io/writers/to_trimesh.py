@@ -1,6 +1,6 @@
 """Surfaces in the formats of trimesh: PLY, STL, OBJ, OFF, GLB, 3MF; meshes and triangulated surfaces as PLY.
 
-Triangles of surfaces are seen counter-clockwise from the side of lower values, whatever the placement does.
+Triangles of surfaces are counter-clockwise as seen from the side of lower values, even if the placement mirrors.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ def trimesh_for(suffix: str) -> Any:
 
 
 def mesh_of(contour: Contour, suffix: str = "a mesh") -> Any:
-    """A ``Trimesh``, its vertices and their order as they are."""
+    """Make a ``Trimesh`` with unchanged vertices, in unchanged order."""
     whole = contour.joined
     return trimesh_for(suffix).Trimesh(vertices=whole.placed, faces=whole.placed_cells, process=False)
 
 
 def _single(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
-    """PLY, STL (both binary) and OFF; the first two hold single precision by custom."""
+    """Write PLY, STL (both binary) or OFF; by convention, the first two hold single precision."""
     contour = next(iter(contours))
     if suffix == ".off" and len(contour.cells) == 0:
         return b"OFF\n0 0 0\n"
@@ -54,10 +54,10 @@ def _single(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
 
 
 def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
-    """OBJ, GLB and 3MF: an object for each isovalue, named after it.
+    """Write OBJ, GLB or 3MF, with an object for each isovalue, named after it.
 
-    OBJ has eight decimal places of a cell, 3MF all digits. GLB holds single precision, counted from the middle of each
-    object, which the node that the object belongs to adds again: half of 2**-24 of its size is lost at most.
+    OBJ has eight decimals of a cell, 3MF all digits. GLB holds single precision relative to the middle of each object,
+    which the object's node adds again, so that at most half of 2**-24 of its size is lost.
     """
     trimesh = trimesh_for(suffix)
     scene = trimesh.Scene()
@@ -75,7 +75,7 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
             scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
         del contour
     if not scene.geometry:
-        # the library would write keywords without numbers, or none at all, which no reader takes
+        # the library would write keywords without numbers, or none at all, which no reader accepts
         if suffix == ".obj":
             return b"# empty isosurface\n"
         raise OptionError(f"the surface is empty, and {suffix} cannot hold that", code="empty")
@@ -86,7 +86,7 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
 
 
 def _digits(contour: Contour) -> int:
-    """Decimal places that are a hundred millionth of a cell."""
+    """Number of decimals that resolve a hundred-millionth of a cell."""
     steps = [1.0] if contour.frame is None else np.linalg.norm(contour.frame, axis=0)
     return 8 + max(0, math.ceil(-math.log10(min(steps))))
 
@@ -96,7 +96,7 @@ def _bytes(data: Any) -> bytes:
 
 
 def _repacked(data: bytes) -> bytes:
-    """An archive without the time at which it was made, and with numbers of objects that are always the same."""
+    """Write an archive without timestamps and with fixed object identifiers, so that equal input gives equal bytes."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as given, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as made:
         for name in given.namelist():
@@ -110,9 +110,9 @@ def _repacked(data: bytes) -> bytes:
 
 
 def _mesh_ply(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
-    """Triangles in the plane; in space the sides of the tetrahedra, each once.
+    """Triangles of a mesh: in 2-D its cells, in 3-D the faces of the tetrahedra, each once.
 
-    A side has the level of the finer of the two tetrahedra that share it.
+    A face has the level of the finer of the two tetrahedra that share it.
     """
     points, cells = in_space(mesh)
     levels = mesh.levels
@@ -133,7 +133,7 @@ def _binary_ply(
     points: NDArray[np.float64], triangles: NDArray[np.int64], at_points: dict[str, NDArray[Any]],
     of_faces: dict[str, NDArray[Any]],
 ) -> bytes:
-    """Binary PLY in double precision, with values of a byte at points and of faces."""
+    """Write binary PLY in double precision, with one-byte values at points and faces."""
     vertex = np.empty(len(points), [("at", "<f8", 3), *((name, "u1") for name in at_points)])
     face = np.empty(len(triangles), [("count", "u1"), ("of", "<i4", 3), *((name, "u1") for name in of_faces)])
     vertex["at"], face["count"], face["of"] = points, 3, triangles

@@ -1,8 +1,8 @@
-"""Writing in the formats of other tools: one call for contours, areas, masks, meshes, surfaces and pictures.
+"""Write the formats of other tools: one call for contours, areas, masks, meshes, surfaces and pictures.
 
-Coordinates are those of the file's placement (`Contour.placed`), of GeoJSON in longitude and latitude where the
-reference system is known. Without a placement, and always in an SVG, the unit is the cell: in the plane x runs along
-axis 1 of the array and y along axis 0, sample (i, j) at x = j, y = i; in space x, y, z are the axes 0, 1, 2.
+Coordinates are those of the file's placement (`Contour.placed`); for GeoJSON, longitude and latitude if the reference
+system is known. Without a placement, and always in an SVG, the unit is the cell: in the plane x runs along axis 1 of
+the array and y along axis 0, sample (i, j) at x = j, y = i; in space x, y, z are the axes 0, 1, 2.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .things import Areas, Each, PlacedTin, SampleMask, Thing, thing_of
 
 USUAL = OutputOptions()
 _SHOWN = 3
-"""Messages of libraries that a warning repeats."""
+"""Largest number of library messages that a warning repeats."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class Written:
     Attributes
     ----------
     suffix : str
-        The format's.
+        Suffix of the format.
     bytes : int
     above : int or None
         For a mask, how many samples are True.
     remarks : tuple of str
-        Remarks on what the format loses of the placement.
+        What the format loses of placement and precision.
     """
 
     suffix: str
@@ -56,12 +56,12 @@ class Written:
 def check(
     path: str | os.PathLike[str], thing: Thing, *, options: OutputOptions = USUAL
 ) -> tuple[str, Output]:
-    """Find out before any work whether a thing can be written to a path.
+    """Check, before the work begins, that content can be written to a path.
 
     Parameters
     ----------
     path : path
-        Nothing is written.
+        The file to be written later.
     thing : Thing
         As far as it is known.
     options : OutputOptions
@@ -77,7 +77,7 @@ def check(
     Raises
     ------
     OptionError
-        If the format cannot hold this, naming those that can.
+        If the format cannot hold the content; names the formats that can.
     MissingExtraError
         If a library is missing.
     """
@@ -85,15 +85,15 @@ def check(
 
 
 def write(path: str | os.PathLike[str] | BinaryIO, what: Any, *, options: OutputOptions = USUAL) -> Written:
-    """Write something in the format that the suffix of ``path`` names; whole, or not at all.
+    """Write content in the format that the suffix of ``path`` chooses, completely or not at all.
 
     Parameters
     ----------
     path : path or binary file
         An open file (standard output) needs ``options.to``.
     what : Contour, collection of Contour, Areas, bool array, SampleMask, Tessellation, Tin, Pyramid or Picture
-        Several contours are gone through once, so that each may be drawn when it is asked for and dropped after that;
-        such a collection has an attribute ``n``, the axes of the field. A bool array has no placement.
+        Several contours are iterated over once, so that each can be drawn when it is needed and released afterwards;
+        such a collection has an attribute ``n``, the number of axes of the field. A bool array has no placement.
     options : OutputOptions
 
     Returns
@@ -103,18 +103,18 @@ def write(path: str | os.PathLike[str] | BinaryIO, what: Any, *, options: Output
     Raises
     ------
     OptionError
-        If the format cannot hold this, before any work.
+        If the format cannot hold the content; raised before the work begins.
     TruncatedError
-        If areas are asked for of a curve that ends within the box.
+        If areas are asked for, but the curve ends inside the field.
     MissingExtraError
         If a library is missing.
     OSError
-        If the file cannot be written; what was there stays.
+        If the file cannot be written; an existing file is kept.
 
     Warns
     -----
     UserWarning
-        With what libraries warn of, all in one.
+        With the warnings of libraries, combined into one.
     """
     target = None if hasattr(path, "write") else Path(path)
     made = _Rendering(what, "" if target is None else target, options)
@@ -134,7 +134,7 @@ def write(path: str | os.PathLike[str] | BinaryIO, what: Any, *, options: Output
 
 
 def render(what: Any, *, options: OutputOptions) -> bytes:
-    """The whole file of something, in the format that ``options.to`` names; of a Shapefile an archive of its files.
+    """Return the complete file of some content, in the format ``options.to``; for a Shapefile, an archive of its files.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def render(what: Any, *, options: OutputOptions) -> bytes:
 
 
 class _Rendering:
-    """The file of something, in pieces; raises before any work if there can be none."""
+    """Make the file of some content, in pieces; raises before the work begins if it cannot be made."""
 
     def __init__(self, what: Any, path: str | Path, options: OutputOptions) -> None:
         if path == "" and options.to is None:
@@ -172,7 +172,7 @@ class _Rendering:
 
 
 def _located(what: Any, options: OutputOptions, losses: Losses) -> Any:
-    """A thing as writers take it, without its placement if coordinates are to be in samples."""
+    """Convert content to what writers take, without its placement if coordinates are to be in samples."""
 
     def change(contour: Contour) -> Contour:
         if options.in_samples:
@@ -197,7 +197,7 @@ def _located(what: Any, options: OutputOptions, losses: Losses) -> Any:
 
 @contextmanager
 def _one_warning() -> Iterator[None]:
-    """Collect what libraries warn of into one warning, unless an error ends it."""
+    """Combine the warnings of libraries into one, unless an error is raised."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield
@@ -208,10 +208,10 @@ def _one_warning() -> Iterator[None]:
 
 
 def _put_parts(parts: Collection[tuple[Path, bytes]]) -> None:
-    """Write several files of one format; none is replaced before all are complete."""
+    """Write the several files of one format; no file is replaced before all are complete."""
     for part, _ in parts:
         check_target(part)
     with ExitStack() as stack:
-        # left in the opposite order: the file that was named comes last
+        # exited in reverse order, so that the named file is replaced last
         for part, content in reversed([*parts]):
             stack.enter_context(writing(part)).write(content)
