@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import MissingExtraError, OptionError
 from ..extras import optional
 from ..field.placement import Placement
-from .areas import areas_of, polygons
+from .areas import areas_of, lifted, polygons
 from .capping import capped_mesh
 from .seam import joined
 
@@ -75,7 +75,7 @@ class Contour:
 
     @cached_property
     def placed(self) -> NDArray[np.float64]:
-        """The points in the coordinates x, y (, z) of the placement, (P, n) float64.
+        """The points in the coordinates x, y (, z) of the placement, (P, n) float64; (P, 3) on a plane in space.
 
         Without a placement the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z
         are the axes 0, 1, 2.
@@ -87,6 +87,12 @@ class Contour:
         if self.placement is not None and self.placement.placed:
             return self.placement.place(points)
         return points[:, ::-1] if len(self.shape) == 2 else points
+
+    @property
+    def flat(self) -> Contour:
+        """The contour in coordinates within its plane, if that lies in space (see `Placement.flat`); else itself."""
+        placement = self.placement
+        return self if placement is None or not placement.in_space else replace(self, placement=placement.flat)
 
     @property
     def bent(self) -> bool:
@@ -106,7 +112,8 @@ class Contour:
 
     @property
     def frame(self) -> NDArray[np.float64] | None:
-        """Steps along each axis in x, y (, z), (n, n) float64; with coordinates, in a cell of the contour.
+        """Steps along each axis in x, y (, z), (n, n) float64; with coordinates, in a cell of the contour; on a plane
+        in space (3, 2).
 
         None without a placement.
         """
@@ -182,7 +189,7 @@ class Contour:
     @cached_property
     def mirrored(self) -> bool:
         """Whether the way from index coordinates to those of the placement turns left into right."""
-        frame = self.frame
+        frame = self.flat.frame
         return bool(self.n == 2 and self.shape) if frame is None else bool(np.linalg.det(frame) < 0)
 
     @property
@@ -194,7 +201,10 @@ class Contour:
     @cached_property
     def normals(self) -> NDArray[np.float64]:
         """Unit vectors (P, n) at the points of `placed`, towards lower values: means over the cells around each,
-        weighted by their size; 0 where a point has no cell."""
+        weighted by their size; 0 where a point has no cell. On a plane in space (P, 3)."""
+        if self.placement is not None and self.placement.in_space:
+            ends = self.placement.lifted(np.concatenate([np.zeros((1, 2)), self.flat.normals]))
+            return ends[1:] - ends[0]
         placed = self.placed
         cells = self.placed_cells
         out = np.zeros_like(placed)
@@ -235,7 +245,8 @@ class Contour:
             GeoJSON ``MultiPolygon`` in the coordinates of `placed`, exterior rings counter-clockwise in these and
             holes clockwise; ``shapely.geometry.shape`` takes it. The two parts share the contour and make up the box,
             from the first sample to the last along each axis, without cells that have a missing corner. Where samples
-            equal the isovalue, rings may touch.
+            equal the isovalue, rings may touch. On a plane in space points have three coordinates, and rings are
+            counter-clockwise in the coordinates of `flat`.
 
         Raises
         ------
@@ -246,7 +257,7 @@ class Contour:
         MissingExtraError
             If shapely is not installed.
         """
-        return areas_of(self, above=above, valid=valid)
+        return lifted(areas_of(self, above=above, valid=valid), self.placement)
 
     def capped(self, *, above: bool = True) -> Contour:
         """The boundary of the part of the box where values lie above the isovalue, or not above it.
@@ -340,6 +351,8 @@ class Contour:
         else:
             mesh = pyvista.PolyData(points, faces=np.insert(whole.placed_cells, 0, 3, axis=1).ravel())
             mesh.point_data["Normals"] = whole.normals
+        if self.placement is not None and self.placement.space:
+            mesh.field_data["SPACE"] = [self.placement.space]
         mesh.cell_data["isovalue"] = np.full(mesh.n_cells, float(self.isovalue))
         return mesh
 

@@ -106,6 +106,7 @@ def map_picture(
     MissingExtraError
         Without matplotlib; without pyproj, if the contours name a reference system.
     """
+    contours = [contour.flat for contour in contours]
     first = contours[0]
     if len(first.shape) != 2:
         raise OptionError("a map needs a field of two axes", code="dimension", remedy="isocodec plot draws surfaces")

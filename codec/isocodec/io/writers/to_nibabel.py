@@ -11,17 +11,18 @@ import numpy as np
 
 from ...extras import optional
 from .output_formats import Output, OutputOptions
-from .things import SampleMask
+from .things import SampleMask, volume_matrix
 
 
 def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
     """1 above, in the coordinates of the placement; without one in none."""
     nibabel = optional("nibabel", extra="nifti", purpose="writing NIfTI")
-    matrix = None if mask.placement is None else mask.placement.matrix
+    matrix = volume_matrix(mask.placement)
     affine = None if matrix is None else np.vstack([matrix, [0, 0, 0, 1]])
     shape, rows = mask.taken(transposed=True)
     # the library sees an array of this shape that takes no memory; its samples follow the header
-    image = nibabel.Nifti1Image(np.broadcast_to(np.uint8(0), shape[::-1]), affine)
+    size = (*shape[::-1], *(1,) * (3 - len(shape)))
+    image = nibabel.Nifti1Image(np.broadcast_to(np.uint8(0), size), affine)
     if affine is not None:
         # for programs that only know quaternions, which cannot express sheared axes
         with suppress(nibabel.spatialimages.HeaderDataError):
@@ -48,6 +49,6 @@ def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[b
 
 
 OUTPUTS = (
-    Output("mask", (".nii",), "NIfTI", _nii, (3,), extra="nifti", libraries=("nibabel",)),
-    Output("mask", (".nii.gz",), "NIfTI, compressed", _nii_gz, (3,), extra="nifti", libraries=("nibabel",)),
+    Output("mask", (".nii",), "NIfTI", _nii, (2, 3), extra="nifti", libraries=("nibabel",)),
+    Output("mask", (".nii.gz",), "NIfTI, compressed", _nii_gz, (2, 3), extra="nifti", libraries=("nibabel",)),
 )
