@@ -140,6 +140,15 @@ def _member_array(source: InputFile, archive: zipfile.ZipFile, info: zipfile.Zip
         return _array(source, member, info.file_size)
 
 
+def _text(archive: zipfile.ZipFile, info: zipfile.ZipInfo | None) -> str | None:
+    """A text of an archive; None if it is none, or empty."""
+    if info is None or info.file_size > _HEADER:
+        return None
+    with _opened(archive, info) as member:
+        text = npy.read_array(io.BytesIO(member.read(_HEADER)), allow_pickle=False)
+    return str(text) or None if text.dtype.kind == "U" and text.ndim == 0 else None
+
+
 def _opened(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> IO[bytes]:
     if info.compress_type not in _PACKED:
         raise InputError("is packed in a way that NumPy does not write", code="unreadable", remedy="use np.savez")
@@ -168,10 +177,8 @@ def _beside(source: InputFile, archive: zipfile.ZipFile, shape: tuple[int, ...])
     members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
     if PLACEMENT in members:
         with reading("NumPy file"):
-            matrix, crs = (
-                _member_array(source, archive, members[name]) if name in members else np.array("") for name in _OF_PLACE
-            )
-        return placed(matrix, len(shape), str(crs) or None)
+            matrix, crs = _member_array(source, archive, members[PLACEMENT]), _text(archive, members.get(CRS))
+        return placed(matrix, len(shape), crs)
     if len(shape) != 2:
         return None
     for pair in _PAIRS:
