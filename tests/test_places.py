@@ -192,8 +192,9 @@ def enhanced(folder: Path, at: Array, values: Array) -> Made:
     made.save_as(path, enforce_file_format=True)
     places = [
         by_attributes(
-            each.PlanePositionSequence[0].ImagePositionPatient, each.PlaneOrientationSequence[0].ImageOrientationPatient,
-            each.PixelMeasuresSequence[0].PixelSpacing, values.shape[:2],
+            each.PlanePositionSequence[0].ImagePositionPatient,
+            each.PlaneOrientationSequence[0].ImageOrientationPatient, each.PixelMeasuresSequence[0].PixelSpacing,
+            values.shape[:2],
         ) for each in pydicom.dcmread(path).PerFrameFunctionalGroupsSequence
     ]
     return Made(path, np.stack(places, axis=2), "LPS")
