@@ -196,13 +196,16 @@ def test_volumes_of_itk(tmp_path: Path, suffix: str) -> None:
     place, other = (read_place(tmp_path / name, 3) for name in (f"v{suffix}", "v.nii"))
     assert place.matrix is not None and other.matrix is not None
     assert np.allclose(place.matrix, other.matrix, rtol=0, atol=1e-5) and not place.remark
+    assert place.crs == other.crs == "right-anterior-superior" and place.space == "RAS"
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(BALL), tmp_path / f"bare{suffix}")
-    assert says_nothing(read_place(tmp_path / f"bare{suffix}", 3))
+    assert np.array_equal(read_place(tmp_path / f"bare{suffix}", 3).matrix, np.diag([-1.0, -1, 1, 0])[:3])
     SimpleITK.WriteImage(SimpleITK.JoinSeries([image, image]), tmp_path / f"series{suffix}")
     again = read_place(tmp_path / f"series{suffix}", 3)
     assert again.matrix is not None and np.allclose(again.matrix, place.matrix, rtol=0, atol=1e-5)
     SimpleITK.WriteImage(image[:, :, 3], tmp_path / f"slice{suffix}")
-    assert "slice" in read_place(tmp_path / f"slice{suffix}", 2).remark
+    flat = read_place(tmp_path / f"slice{suffix}", 2)
+    there = image[:, :, 3].TransformContinuousIndexToPhysicalPoint([3.0, 5.0])
+    assert flat.space is None and not flat.remark and np.allclose(flat.place(np.array([[3.0, 5.0]])), there)
 
 
 def netcdf(path: Path, field: np.ndarray, scales: list[np.ndarray | None], key: str = "z") -> Path:
@@ -332,7 +335,8 @@ def test_nifti_that_says_less(tmp_path: Path) -> None:
         assert says in read_place(tmp_path / "unit.nii", 3).remark and (says or not place.remark)
     image.header.set_xyzt_units("unknown")
     nibabel.save(nibabel.Nifti1Image(HILL.astype(np.float32)[..., None], np.eye(4)), tmp_path / "slice.nii")
-    assert "slice" in read_place(tmp_path / "slice.nii", 2).remark
+    place = read_place(tmp_path / "slice.nii", 2)
+    assert place.in_space and np.array_equal(place.matrix, np.eye(4)[:3, [0, 1, 3]]) and not place.remark
     for name, wrong in (("flat", 0.0), ("nan", np.nan)):
         image.header["sform_code"] = 1
         for number, row in enumerate(("srow_x", "srow_y", "srow_z")):

@@ -20,6 +20,7 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
+import SimpleITK
 import trimesh
 import vtk
 from PIL import Image
@@ -151,6 +152,7 @@ READERS: dict[str, Callable[[Path], int]] = {
     **dict.fromkeys([".stl", ".off", ".obj", ".glb", ".3mf"], points_of_trimesh),
     ".nii": lambda path: int(nibabel.load(path).get_fdata().max() * 0) - 1,
     ".nii.gz": lambda path: int(nibabel.load(path).get_fdata().max() * 0) - 1,
+    ".nrrd": lambda path: int(SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(path)).max() * 0) - 1,
 }
 """By suffix: how many different points there are, or -1 where a format has none."""
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError, TruncatedError
 from ..extras import optional
+from ..field.placement import Placement
 from .curve import Curve
 
 Ring = NDArray[np.float64]
@@ -25,7 +26,8 @@ def polygons() -> Any:
 
 
 def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-    """Make polygons of the part above, or not above, the isovalue; see `Contour.areas`."""
+    """Polygons of the part above or not above the isovalue; see `Contour.areas`. Of a plane in space in `flat`."""
+    contour = contour.flat
     if len(contour.shape) != 2:
         raise OptionError("only an isocontour (n = 2) has areas", code="dimension")
     if contour.masked:
@@ -70,6 +72,17 @@ def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | N
     placed = shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in placed.geoms])
     geometry: dict[str, Any] = shapely.geometry.mapping(placed)
     return geometry
+
+
+def lifted(geometry: dict[str, Any], placement: Placement | None) -> dict[str, Any]:
+    """Areas of a plane in space with three coordinates, from those within the plane; others as they are."""
+    if placement is None or not placement.in_space:
+        return geometry
+    parts = [
+        [list(map(tuple, placement.lifted(np.array(ring)).tolist())) for ring in part]
+        for part in geometry["coordinates"]
+    ]
+    return {**geometry, "coordinates": parts}
 
 
 def _holes(valid: NDArray[np.bool_], shapely: Any) -> Any:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .areas import areas_of, pieces_of, polygons
+from .areas import areas_of, lifted, pieces_of, polygons
 from .curve import Curve
 
 
@@ -66,7 +66,7 @@ def bands(contours: Iterable[Curve], *, valid: NDArray[np.bool_] | None = None) 
         upper, less = above[i + 1] if i + 1 < len(above) else (None, None)
         rest = shape if less is None else shapely.difference(shape, less)
         out.append(Band(value, upper, _mapping(rest, shapely)))
-    return out
+    return [replace(band, geometry=lifted(band.geometry, None if lowest is None else lowest.placement)) for band in out]
 
 
 def _mapping(shape: Any, shapely: Any) -> dict[str, Any]:

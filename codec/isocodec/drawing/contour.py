@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import MissingExtraError, OptionError
 from ..extras import optional
 from ..field.placement import Placement
-from .areas import areas_of, polygons
+from .areas import areas_of, lifted, polygons
 from .capping import capped_mesh
 from .seam import joined
 
@@ -76,7 +76,7 @@ class Contour:
 
     @cached_property
     def placed(self) -> NDArray[np.float64]:
-        """The points in the coordinates x, y (, z) of the placement, (P, n) float64.
+        """The points in the coordinates x, y (, z) of the placement, (P, n) float64; (P, 3) on a plane in space.
 
         Without a placement, the unit is the cell: in 2-D, x runs along axis 1 and y along axis 0; in 3-D, x, y, z are
         the axes 0, 1, 2.
@@ -88,6 +88,12 @@ class Contour:
         if self.placement is not None and self.placement.placed:
             return self.placement.place(points)
         return points[:, ::-1] if len(self.shape) == 2 else points
+
+    @property
+    def flat(self) -> Contour:
+        """The contour in coordinates within its plane, if that lies in space (see `Placement.flat`); else itself."""
+        placement = self.placement
+        return self if placement is None or not placement.in_space else replace(self, placement=placement.flat)
 
     @property
     def bent(self) -> bool:
@@ -107,7 +113,8 @@ class Contour:
 
     @property
     def frame(self) -> NDArray[np.float64] | None:
-        """Steps along each axis in x, y (, z), (n, n) float64; with coordinates, those in a cell of the contour.
+        """Steps along each axis in x, y (, z), (n, n) float64; with coordinates, in a cell of the contour; on a plane
+        in space (3, 2).
 
         None without a placement.
         """
@@ -181,8 +188,8 @@ class Contour:
 
     @cached_property
     def mirrored(self) -> bool:
-        """Whether the conversion from index coordinates to those of the placement mirrors."""
-        frame = self.frame
+        """Whether the way from index coordinates to those of the placement turns left into right."""
+        frame = self.flat.frame
         return bool(self.n == 2 and self.shape) if frame is None else bool(np.linalg.det(frame) < 0)
 
     @property
@@ -195,10 +202,11 @@ class Contour:
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
-        """Unit vectors (P, n) at the points of `placed`, towards lower values.
-
-        They are averages over the cells around each point, weighted by size; 0 for points without a cell.
-        """
+        """Unit vectors (P, n) at the points of `placed`, towards lower values: means over the cells around each,
+        weighted by their size; 0 where a point has no cell. On a plane in space (P, 3)."""
+        if self.placement is not None and self.placement.in_space:
+            ends = self.placement.lifted(np.concatenate([np.zeros((1, 2)), self.flat.normals]))
+            return ends[1:] - ends[0]
         placed = self.placed
         cells = self.placed_cells
         out = np.zeros_like(placed)
@@ -236,10 +244,11 @@ class Contour:
         Returns
         -------
         dict
-            GeoJSON ``MultiPolygon`` in the coordinates of `placed`, with exterior rings counter-clockwise and holes
-            clockwise; ``shapely.geometry.shape`` accepts it. The two parts share the contour and together cover the
-            grid, from the first sample to the last along each axis, except for cells with a missing corner. Where
-            samples equal the isovalue, rings may touch.
+            GeoJSON ``MultiPolygon`` in the coordinates of `placed`, exterior rings counter-clockwise in these and
+            holes clockwise; ``shapely.geometry.shape`` takes it. The two parts share the contour and make up the box,
+            from the first sample to the last along each axis, without cells that have a missing corner. Where samples
+            equal the isovalue, rings may touch. On a plane in space points have three coordinates, and rings are
+            counter-clockwise in the coordinates of `flat`.
 
         Raises
         ------
@@ -250,7 +259,7 @@ class Contour:
         MissingExtraError
             If shapely is not installed.
         """
-        return areas_of(self, above=above, valid=valid)
+        return lifted(areas_of(self, above=above, valid=valid), self.placement)
 
     def capped(self, *, above: bool = True) -> Contour:
         """Make the closed boundary of the part of the grid where values lie above the isovalue, or not above it.
@@ -345,6 +354,8 @@ class Contour:
         else:
             mesh = pyvista.PolyData(points, faces=np.insert(whole.placed_cells, 0, 3, axis=1).ravel())
             mesh.point_data["Normals"] = whole.normals
+        if self.placement is not None and self.placement.space:
+            mesh.field_data["SPACE"] = [self.placement.space]
         mesh.cell_data["isovalue"] = np.full(mesh.n_cells, float(self.isovalue))
         return mesh
 

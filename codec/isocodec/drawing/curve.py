@@ -53,6 +53,9 @@ class Curve(Protocol):
     def joined(self) -> Curve: ...
 
     @property
+    def flat(self) -> Curve: ...
+
+    @property
     def lines(self) -> list[NDArray[np.float64]]: ...
 
     @property

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import OptionError
 from ..extras import optional
 from ..field.reference_system import epsg_of
-from .areas import areas_of
+from .areas import areas_of, lifted
 from .bands import bands
 from .curve import Curve
 
@@ -42,7 +42,8 @@ def table_of(
         if contour.n != 2:
             raise OptionError("only an isocontour (n = 2) has lines for a map", code="dimension")
         if side is not None:
-            parts = [shapely.geometry.shape(areas_of(contour, above=side == "above", valid=valid))]
+            areas = lifted(areas_of(contour, above=side == "above", valid=valid), contour.placement)
+            parts = [shapely.geometry.shape(areas)]
             kinds: list[Any] = [side]
         else:
             whole = contour.joined

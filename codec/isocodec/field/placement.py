@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import combinations
 from numbers import Real
 from typing import Any
 
@@ -22,6 +23,10 @@ PLACEMENT = "placement"
 """Name of the note that holds the numbers."""
 CRS = "crs"
 """Name of the note that names their coordinate reference system, as ``EPSG:32631``."""
+RAS, LPS = "right-anterior-superior", "left-posterior-superior"
+SPACES = {RAS: "RAS", LPS: "LPS"}
+"""Reference systems of bodies, by the sides of these that x, y, z run to, as NRRD names them, and in short; files of
+volumes are read in the first."""
 FRAME_STEP = "frame_step"
 """Name of the note with the time between two frames of a series: ``2 s``."""
 LEAST, MOST = 1e-30, 1e30
@@ -47,13 +52,14 @@ class Placement:
     ----------
     matrix : (n, n + 1) float64, or None
         A row for each coordinate x, y (, z): what a step along each axis of the array adds to it, and its value at
-        sample 0.
+        sample 0. Of a field of two axes that is a plane in space (3, 3): with a row for z.
     coordinates : sequence of n arrays, or None
         Instead of a matrix: an array of one axis for each axis of the field, in the field's order (in the plane x runs
         along axis 1, in space x, y, z along the axes 0, 1, 2); or x, y (, z) as arrays of n axes that broadcast to the
         shape of the field. Those of a decoded file include the plane that closes a periodic axis.
     crs : str or None
-        Reference system of the coordinates, as ``EPSG:32631``.
+        Reference system of the coordinates, as ``EPSG:32631``; of a body ``"right-anterior-superior"`` or
+        ``"left-posterior-superior"``, the sides that x, y, z run to.
     periodic : tuple of int
         Axes along which the first sample follows on the last one. One number may be given.
     periods : tuple of float
@@ -127,6 +133,11 @@ class Placement:
         return found[1] if found and self.placed else None
 
     @property
+    def space(self) -> str | None:
+        """The reference system in short, ``"RAS"`` or ``"LPS"``, if the samples lie in a body; else None."""
+        return SPACES.get(self.crs or "") if self.placed else None
+
+    @property
     def grid(self) -> tuple[int, ...]:
         """Samples along each axis, of coordinates; empty of a matrix."""
         if self.coordinates is None:
@@ -146,11 +157,51 @@ class Placement:
             self.coordinates, self.grid
         )
 
+    @property
+    def in_space(self) -> bool:
+        """Whether this places a field of two axes on a plane in space, with three coordinates."""
+        return self.matrix is not None and self.matrix.shape == (_AXES, _AXES)
+
+    @property
+    def flat(self) -> Placement:
+        """Coordinates within the plane of a plane in space, all distances kept; of others the placement itself.
+
+        Space is turned by the least angle that brings the plane at right angles to an axis, to that which it leans
+        towards least from, and the coordinate along this axis is left out: a plane z = 7 keeps x and y as they are.
+        """
+        if self.matrix is None or not self.in_space:
+            return self
+        normal = np.cross(*(column / np.linalg.norm(column) for column in self.matrix[:, :2].T))
+        normal /= np.linalg.norm(normal)
+        # of several that are equally near the last, but for rounding
+        axis = int(np.flatnonzero(abs(normal) > abs(normal).max() - 1e-9)[-1])
+        normal *= np.copysign(1.0, normal[axis])
+        up = np.eye(_AXES)[axis]
+        x, y, z = np.cross(normal, up)
+        turn = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        turned = (np.eye(_AXES) + turn + turn @ turn / (1 + normal[axis])) @ self.matrix
+        same = axis == _AXES - 1 and not turn.any()
+        return replace(self, matrix=np.delete(turned, axis, axis=0), crs=self.crs if same else None)
+
+    def lifted(self, points: Array) -> Array:
+        """Places (P, 3) of points of a plane in space whose coordinates are those of `flat`, (P, 2) float64."""
+        flat = self.flat.matrix
+        assert flat is not None
+        return self.place(np.asarray(np.linalg.solve(flat[:, :2], (points - flat[:, 2]).T).T, np.float64))
+
     def with_nodes(self, shape: Sequence[int]) -> Placement:
-        """Replace the matrix by coordinates, for a field of that shape."""
+        """Replace the matrix by coordinates, for a field of that shape.
+
+        Raises
+        ------
+        OptionError
+            If it is that of a plane in space.
+        """
         if self.matrix is None:
             return self
         n = len(shape)
+        if self.in_space:
+            raise OptionError("a plane in space has no periodic axes", code="periodic")
         matrix = matrix_of(self.matrix, n)
         steps = [np.arange(size).reshape([-1 if a == axis else 1 for a in range(n)]) for axis, size in enumerate(shape)]
         out = []
@@ -160,7 +211,10 @@ class Placement:
         return replace(self, matrix=None, coordinates=tuple(out))
 
     def place(self, points: Array) -> Array:
-        """Coordinates x, y (, z) of points in index coordinates within the box, (P, n) float64 both."""
+        """Coordinates x, y (, z) of points (P, n) in index coordinates within the box, (P, n) float64.
+
+        On a plane in space they are three, (P, 3).
+        """
         if isinstance(self.coordinates, Mapped):
             return self.coordinates.place(points)
         if self.coordinates is not None:
@@ -183,7 +237,7 @@ class Placement:
         return out
 
     def frame(self, at: Array | None = None) -> Array | None:
-        """Steps along each axis in x, y (, z), (n, n) float64.
+        """Steps along each axis in x, y (, z), (n, n) float64; on a plane in space (3, 2).
 
         Where samples have coordinates it is that of the unit cell around a point ``at`` (n,) in index coordinates, the
         first one if not given. None if the samples lie nowhere in the world.
@@ -198,7 +252,7 @@ class Placement:
 
     def mirrored(self, at: Array | None = None) -> bool:
         """Whether the way from index coordinates to the world turns left into right, in the cell of `frame`."""
-        frame = self.frame(at)
+        frame = self.flat.frame(at)
         return frame is not None and bool(np.linalg.det(frame) < 0)
 
     @property
@@ -318,7 +372,8 @@ def placement_of(given: Placement | ArrayLike | None, n: int) -> Placement | Non
     Parameters
     ----------
     given : Placement, or (n,), (n, n + 1) or (n + 1, n + 1) array_like
-        Numbers as `matrix_of` takes them; of a Placement the matrix is checked in the same way.
+        Numbers as `matrix_of` takes them; of a Placement the matrix is checked in the same way, and one of shape (3, 3)
+        is that of a plane in space, with a row for z.
     n : int
 
     Returns
@@ -335,10 +390,10 @@ def placement_of(given: Placement | ArrayLike | None, n: int) -> Placement | Non
         return None
     if not isinstance(given, Placement):
         return Placement(matrix_of(given, n))
-    return given if given.matrix is None else replace(given, matrix=matrix_of(given.matrix, n))
+    return given if given.matrix is None else replace(given, matrix=matrix_of(given.matrix, n, in_space=True))
 
 
-def matrix_of(given: ArrayLike, n: int) -> Array:
+def matrix_of(given: ArrayLike, n: int, *, in_space: bool = False) -> Array:
     """The matrix of a placement from what a user gives.
 
     Parameters
@@ -348,10 +403,12 @@ def matrix_of(given: ArrayLike, n: int) -> Array:
         step along each axis adds to it, and its value at sample 0. A last row of 0 .. 0 1 may follow.
     n : int
         Axes of the field.
+    in_space : bool
+        Whether a matrix (3, 3) for two axes is that of a plane in space, instead of one with a last row.
 
     Returns
     -------
-    (n, n + 1) float64
+    (n, n + 1) float64; (3, 3) of a plane in space
 
     Raises
     ------
@@ -370,12 +427,14 @@ def matrix_of(given: ArrayLike, n: int) -> Array:
         matrix = unplaced(n)
         coordinate, axis = matrix.nonzero()
         matrix[coordinate, axis] = distances[axis]
-    if matrix.shape == (n + 1, n + 1) and (matrix[n] == np.eye(n + 1)[n]).all():
+    plane = in_space and n == _AXES - 1 and matrix.shape == (_AXES, _AXES)
+    if not plane and matrix.shape == (n + 1, n + 1) and (matrix[n] == np.eye(n + 1)[n]).all():
         matrix = matrix[:n]
-    if matrix.shape != (n, n + 1):
+    if not plane and matrix.shape != (n, n + 1):
         raise OptionError(
-            f"the placement has shape {matrix.shape}, but the field has {n} axes", code="placement",
-            remedy=f"give an array of shape {(n,)} or {(n, n + 1)}",
+            f"a placement of shape {matrix.shape}, but the field has {n} axes", code="placement",
+            remedy=f"give an array of shape {(n,)} or {(n, n + 1)}"
+            + ", or Placement(matrix) for a plane in space" * (matrix.shape == (_AXES, _AXES)),
         )
     size = np.abs(matrix[matrix != 0])
     if not ((size >= LEAST) & (size <= MOST)).all():
@@ -383,8 +442,9 @@ def matrix_of(given: ArrayLike, n: int) -> Array:
             f"the placement has numbers that are neither 0 nor between {LEAST:g} and {MOST:g}", code="placement",
             remedy="choose another unit",
         )
-    if _determinant([[Fraction(number) for number in row[:n]] for row in matrix.tolist()]) == 0:
-        raise OptionError("the placement maps different samples to one point", code="placement")
+    rows = [[Fraction(number) for number in row[:n]] for row in matrix.tolist()]
+    if all(_determinant([*some]) == 0 for some in combinations(rows, n)):
+        raise OptionError("the placement lays different samples on one point", code="placement")
     return matrix
 
 
@@ -403,12 +463,12 @@ def write_placement(matrix: Array) -> str:
 
 def read_placement(metadata: Mapping[str, str], n: int) -> Placement | None:
     """The placement in the notes of a file; None where a file has no such note, or a malformed one."""
-    count = n * (n + 1)
-    numbers = metadata.get(PLACEMENT, "").split(" ", count)
-    if len(numbers) != count or not all(map(_NUMBER.fullmatch, numbers)):
+    numbers = metadata.get(PLACEMENT, "").split(" ", _AXES * (n + 1))
+    # in the plane x and y, or x, y and z of a plane in space
+    if len(numbers) not in (n * (n + 1), _AXES * (n + 1)) or not all(map(_NUMBER.fullmatch, numbers)):
         return None
     try:
-        matrix = matrix_of(np.array(numbers, np.float64).reshape(n, n + 1), n)
+        matrix = matrix_of(np.array(numbers, np.float64).reshape(-1, n + 1), n, in_space=True)
     except OptionError:
         return None
     return Placement(matrix, crs=metadata.get(CRS))

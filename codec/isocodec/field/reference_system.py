@@ -24,7 +24,7 @@ def epsg_of(placement: Placement | None) -> str | None:
 def to_degrees(placement: Placement | None) -> Transform:
     """Make a function from coordinates (P, 2) to longitudes and latitudes on WGS 84.
 
-    Coordinates without a reference system are returned unchanged.
+    Coordinates without a reference system stay as they are, as do the heights of a plane in space.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def to_degrees(placement: Placement | None) -> Transform:
     def degrees(points: NDArray[np.float64]) -> NDArray[np.float64]:
         if not len(points):
             return points
-        out = np.stack(transformer.transform(points[:, 0], points[:, 1]), axis=1)
+        out = np.column_stack([*transformer.transform(points[:, 0], points[:, 1]), points[:, 2:]])
         if not np.isfinite(out).all():
             raise OptionError(
                 f"coordinates lie outside the area of EPSG:{number}, and have no longitude and latitude", code="crs",

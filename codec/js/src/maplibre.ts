@@ -44,7 +44,7 @@ export function features(decoder: Decoder, options: TileOptions = {}): LineFeatu
   return (frames[frame] ?? []).map(({ isovalue }, index) => {
     const feature = toGeoJSON(draw(decoder, index, frame), where, { isovalue, index, frame, ...options.properties?.(isovalue, index) });
     const { geometry } = feature;
-    geometry.coordinates = geometry.coordinates.map((line) => line.map(([x, y]) => toLonLat(x, y)));
+    geometry.coordinates = geometry.coordinates.map((line) => line.map(([x, y]) => toLonLat(x!, y!)));
     return feature;
   });
 }

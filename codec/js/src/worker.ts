@@ -172,12 +172,12 @@ class Job {
 
 /** Points of the grid, at its corners and some between; of an explicit domain those of the drawing. */
 function boxOf({ header }: Decoder, drawing: Drawing, where: Where | undefined): Float64Array<ArrayBuffer> {
-  const { n, d } = drawing, shape = header!.shape, steps = where ? 8 : 1, points: number[] = [];
+  const { n } = drawing, shape = header!.shape, steps = where ? 8 : 1, points: number[] = [];
   if (header!.explicit) return Float64Array.from(drawing.points);
   for (let i = 0; i < (steps + 1) ** n; i++)
     for (let a = 0, rest = i; a < n; a++, rest = Math.floor(rest / (steps + 1)))
       points.push(((shape[a]! - 1) * (rest % (steps + 1))) / steps);
-  const box: Drawing = { n, d, points: Float64Array.from(points), cells: new Uint32Array(0), full: false };
+  const box: Drawing = { n, d: n, points: Float64Array.from(points), cells: new Uint32Array(0), full: false };
   return Float64Array.from((where ? place(box, where) : box).points);
 }
 

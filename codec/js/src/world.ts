@@ -10,20 +10,26 @@ export type { Coordinate, Coordinates } from "./coordinates.js";
 /** The rows of a placement (3.7.2(2)), or the coordinates of a mapped grid (3.7.4). */
 export type Where = number[][] | Coordinates;
 
-/** The placement as rows of a matrix, undefined if there is none that can be used (3.7.2(2)). */
+/** The placement as rows of a matrix, three of a plane in space; undefined if there is none that can be used (3.7.2(2)). */
 export function placement(metadata: Metadata, n: number): number[][] | undefined {
   const words = metadata["placement"]?.split(" ") ?? [];
-  if (words.length !== n * (n + 1) || !words.every((w) => /^-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$/.test(w)))
+  if ((words.length !== n * (n + 1) && words.length !== 3 * (n + 1)) || !words.every((w) => /^-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$/.test(w)))
     return undefined;
   const numbers = words.map(Number);
   if (!numbers.every((x) => x === 0 || (Math.abs(x) >= 1e-30 && Math.abs(x) <= 1e30))) return undefined;
-  const rows = Array.from({ length: n }, (_, r) => numbers.slice(r * (n + 1), (r + 1) * (n + 1)));
-  // numbers of at least 1e-30 are whole multiples of 2**-153: the determinant is exact
+  const rows = Array.from({ length: words.length / (n + 1) }, (_, r) => numbers.slice(r * (n + 1), (r + 1) * (n + 1)));
+  // numbers of at least 1e-30 are whole multiples of 2**-153: determinants are exact
   const m = rows.map((row) => row.map((x) => BigInt(x * 2 ** 153)));
-  const minor = (a: number, b: number): bigint => m[1]![a]! * (m[2]?.[b] ?? 1n) - m[1]![b]! * (m[2]?.[a] ?? 1n);
-  const [a, b, c] = m[0]!;
-  const determinant = n === 2 ? a! * m[1]![1]! - b! * m[1]![0]! : a! * minor(1, 2) - b! * minor(0, 2) + c! * minor(0, 1);
-  return determinant === 0n ? undefined : rows;
+  const minor = (r: number, s: number, a: number, b: number): bigint => m[r]![a]! * m[s]![b]! - m[r]![b]! * m[s]![a]!;
+  const zero = n === 2
+    ? pairs(rows).every(([r, s]) => minor(r, s, 0, 1) === 0n)
+    : m[0]![0]! * minor(1, 2, 1, 2) - m[0]![1]! * minor(1, 2, 0, 2) + m[0]![2]! * minor(1, 2, 0, 1) === 0n;
+  return zero ? undefined : rows;
+}
+
+/** Two of the coordinates of a plane: x and y; of one in space also x and z, y and z. */
+function pairs(rows: unknown[]): [number, number][] {
+  return rows.length < 3 ? [[0, 1]] : [[0, 1], [0, 2], [1, 2]];
 }
 
 /** The place in the world of a point in samples, `n` numbers from `at` on. */
@@ -77,6 +83,11 @@ function directions(where: Where, n: number): number[][] {
 
 function mirrors(where: Where, n: number): boolean {
   const [u, v, w] = directions(where, n) as [number[], number[], number[]];
+  if (n === 2 && Array.isArray(where)) {
+    // a plane in space is seen from the axis that it leans towards least
+    const turns = pairs(where).map(([r, s]) => where[r]![0]! * where[s]![1]! - where[r]![1]! * where[s]![0]!);
+    return turns.reduce((most, turn) => (Math.abs(turn) > Math.abs(most) ? turn : most)) < 0;
+  }
   const turn = n === 2 ? u[0]! * v[1]! - u[1]! * v[0]! : u[0]! * (v[1]! * w[2]! - v[2]! * w[1]!) -
     u[1]! * (v[0]! * w[2]! - v[2]! * w[0]!) + u[2]! * (v[0]! * w[1]! - v[1]! * w[0]!);
   return turn < 0;
@@ -87,10 +98,11 @@ function mirrors(where: Where, n: number): boolean {
  * Where a periodic axis closes, points that come to the same place are one.
  */
 export function place(drawing: Drawing, where: Where): Drawing {
-  const { n, seam } = drawing, points = new Float64Array(drawing.points.length), cells = drawing.cells.slice();
-  const mapped = Array.isArray(where) ? undefined : where;
+  const { n, seam } = drawing, cells = drawing.cells.slice();
+  const mapped = Array.isArray(where) ? undefined : where, d = mapped ? n : (where as number[][]).length;
+  const points = new Float64Array((d * drawing.points.length) / n);
   const locate = mapped ? byNodes(mapped) : byRows(where as number[][], n);
-  for (let i = 0; i < points.length; i += n) points.set(locate(drawing.points, i), i);
+  for (let i = 0; d * i < points.length; i++) points.set(locate(drawing.points, n * i), d * i);
   if (mirrors(where, n)) {
     for (let c = 0; c < cells.length; c += n) {
       const last = cells[c + n - 1]!;
@@ -98,7 +110,7 @@ export function place(drawing: Drawing, where: Where): Drawing {
       cells[c + n - 2] = last;
     }
   }
-  const placed: Drawing = { ...drawing, points, cells };
+  const placed: Drawing = { ...drawing, d, points, cells };
   if (!mapped) return placed;
   placed.periods = mapped.coordinates.map((c) => c.unit * c.period);
   if (!seam?.length) return placed;
@@ -118,7 +130,7 @@ export function place(drawing: Drawing, where: Where): Drawing {
  * mapped grid they go on where a periodic axis closes; the point there is listed once.
  */
 export function lines(drawing: Drawing): number[][] {
-  const { cells, points, periods, seam } = drawing, count = points.length / 2;
+  const { cells, points, periods, seam } = drawing, count = points.length / drawing.d;
   const next = new Int32Array(count).fill(-1), enters = new Uint8Array(count);
   for (let c = 0; c < cells.length; c += 2) {
     next[cells[c]!] = cells[c + 1]!;
@@ -149,7 +161,8 @@ export function lines(drawing: Drawing): number[][] {
 export interface LineFeature {
   type: "Feature";
   properties: Record<string, unknown>;
-  geometry: { type: "MultiLineString"; coordinates: [number, number][][] };
+  /** Points of a plane in space have three coordinates. */
+  geometry: { type: "MultiLineString"; coordinates: number[][][] };
 }
 
 /**
@@ -159,15 +172,15 @@ export interface LineFeature {
  */
 export function toGeoJSON(drawing: Drawing, where?: Where, properties: Record<string, unknown> = {}): LineFeature {
   if (drawing.n !== 2) throw new TypeError("GeoJSON has curves only: the drawing is a surface");
-  const placed = place(drawing, where ?? [[0, 1, 0], [1, 0, 0]]), { points, periods = [0, 0] } = placed;
+  const placed = place(drawing, where ?? [[0, 1, 0], [1, 0, 0]]), { d, points, periods = Array.from({ length: d }, () => 0) } = placed;
   const coordinates = lines(placed).map((line) => {
     let last: number[] | undefined;
-    return line.map((i): [number, number] => {
+    return line.map((i): number[] => {
       last = periods.map((W, r) => {
-        const x = points[2 * i + r]!;
+        const x = points[d * i + r]!;
         return W && last ? x - W * Math.round((x - last[r]!) / W) : x;
       });
-      return last as [number, number];
+      return last;
     });
   });
   return { type: "Feature", properties, geometry: { type: "MultiLineString", coordinates } };

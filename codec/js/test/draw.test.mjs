@@ -90,6 +90,14 @@ test("curves, GeoJSON and placements", () => {
   const rows = placement({ placement: "2 0 10 0 -3 20" }, 2);
   assert.deepEqual(rows, [[2, 0, 10], [0, -3, 20]]);
   assert.equal(place(drawing, rows).points[0], 10 + 2 * drawing.points[0]);
+  const tilted = placement({ placement: "1 0 10 0 0.6 20 0 0.8 30" }, 2), inSpace = place(drawing, tilted);
+  assert.deepEqual(tilted, [[1, 0, 10], [0, 0.6, 20], [0, 0.8, 30]]);
+  assert.equal(inSpace.d, 3);
+  assert.deepEqual(Array.from(inSpace.points.subarray(3, 6)), [
+    10 + drawing.points[2], 20 + 0.6 * drawing.points[3], 30 + 0.8 * drawing.points[3],
+  ]);
+  assert.equal(toGeoJSON(drawing, tilted).geometry.coordinates[0][0].length, 3);
+  assert.equal(placement({ placement: "1 2 0 2 4 0 3 6 0" }, 2), undefined);
   for (const text of ["1 2 3", "1 0 0 0 0 0", "1 0 0 0 01 0", "1 0 0 0 1e-31 0", "1 2 0 2 4 0"])
     assert.equal(placement({ placement: text }, 2), undefined, text);
 });

@@ -106,6 +106,7 @@ def map_picture(
     MissingExtraError
         If matplotlib is missing, or if the contours name a reference system and pyproj is missing.
     """
+    contours = [contour.flat for contour in contours]
     first = contours[0]
     if len(first.shape) != 2:
         raise OptionError("a map needs a field with two axes", code="dimension", remedy="isocodec plot draws surfaces")

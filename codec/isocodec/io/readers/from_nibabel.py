@@ -14,7 +14,7 @@ from ...errors import InputError
 from ...extras import optional
 from ...field.placement import Placement
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
-from .place_of_samples import SLICE, placed
+from .place_of_samples import placed_volume
 from .reading import check_frame, reading
 from .slices import Slices
 from .source import InputFile
@@ -50,9 +50,7 @@ class _Nifti(Opened):
             return single(np.asarray(stored) if volume is None else volume, frame)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        if n != 3:
-            return Placement(remark=SLICE)
-        place = placed(self._image.affine, n)
+        place = placed_volume(self._image.affine, self._stored.shape, n)
         unit = self._image.header.get_xyzt_units()[0]
         if place.placed and unit not in ("unknown", "mm"):
             return replace(place, remark=f"the unit of its coordinates, {unit}, is ignored")
@@ -120,7 +118,7 @@ class OpenedNibabel(Opened):
             return single(np.asarray(stored) if values is None else values, frame)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        return placed(self._image.affine, 3) if n == 3 else Placement(remark=SLICE)
+        return placed_volume(self._image.affine, self._image.shape, n)
 
     def _series(self) -> Slices | None:
         shape = tuple(map(int, self._image.shape))

@@ -17,10 +17,10 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from ...errors import InputError, OptionError, plain
-from ...field.placement import Placement
+from ...field.placement import CRS, PLACEMENT, Placement
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import DEFAULT_KEY, Choice, Format, Opened, numbers
-from .place_of_samples import open_grid, placed_grid
+from .place_of_samples import open_grid, placed, placed_grid
 from .reading import pick_frame, reading
 from .source import InputFile
 from .windows import Windows
@@ -34,6 +34,8 @@ _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _LISTED = 20
 _PAIRS = (("lon", "lat"), ("longitude", "latitude"), ("rlon", "rlat"), ("nav_lon", "nav_lat"), ("x", "y"))
 """Names of coordinates x and y in .npz files."""
+_OF_PLACE = (PLACEMENT, CRS)
+"""Names of arrays that place the others: a matrix with a row for each coordinate, and a text."""
 _OF_MESHES = ("points", "cells")
 """Names of arrays that make an .npz file a mesh."""
 _ACROSS = ("x", "lon", "longitude", "easting")
@@ -113,8 +115,8 @@ def _member(archive: zipfile.ZipFile, key: str | None) -> zipfile.ZipInfo:
     """The array that a key names, or the only one, or the one of the usual name."""
     members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
     if key is None:
-        if len(members) == 1:
-            (key,) = members
+        if len(fields := members.keys() - set(_OF_PLACE)) == 1:
+            (key,) = fields
         elif DEFAULT_KEY in members:
             key = DEFAULT_KEY
         elif not members:
@@ -138,6 +140,15 @@ def _member_array(source: InputFile, archive: zipfile.ZipFile, info: zipfile.Zip
         return _array(source, member, info.file_size)
 
 
+def _text(archive: zipfile.ZipFile, info: zipfile.ZipInfo | None) -> str | None:
+    """A text of an archive; None if it is none, or empty."""
+    if info is None or info.file_size > _HEADER:
+        return None
+    with _opened(archive, info) as member:
+        text = npy.read_array(io.BytesIO(member.read(_HEADER)), allow_pickle=False)
+    return str(text) or None if text.dtype.kind == "U" and text.ndim == 0 else None
+
+
 def _opened(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> IO[bytes]:
     if info.compress_type not in _PACKED:
         raise InputError("is packed in a way that NumPy does not write", code="unreadable", remedy="use np.savez")
@@ -158,13 +169,18 @@ def _listing(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]) -> s
 
 
 def _beside(source: InputFile, archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Placement | None:
-    """Coordinates of a field of two axes beside it, under the usual names: along the axes, or for each sample.
+    """Coordinates of a field beside it: a matrix ``placement`` with a text ``crs``, or of a field of two axes
+    under the usual names: along the axes, or for each sample.
 
     Those of other sizes are not of this field.
     """
+    members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+    if PLACEMENT in members:
+        with reading("NumPy file"):
+            matrix, crs = _member_array(source, archive, members[PLACEMENT]), _text(archive, members.get(CRS))
+        return placed(matrix, len(shape), crs)
     if len(shape) != 2:
         return None
-    members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
     for pair in _PAIRS:
         if members.keys() >= set(pair):
             with reading("NumPy file"):

@@ -20,7 +20,7 @@ from ...errors import InputError, LimitError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement
 from .opened import Choice, Format, Opened, numbers
-from .place_of_samples import EVEN, SLICE, placed, to_right_front_up
+from .place_of_samples import EVEN, SLICE, placed, placed_volume, to_right_front_up
 from .reading import channel_of, check_frame, named, reading
 from .slices import Slices
 from .source import InputFile, is_dicom
@@ -239,8 +239,10 @@ class _Dicom(Opened):
         labels[inside] = number
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        if n == 3 and self._matrix is not None:
-            return placed(to_right_front_up(self._matrix), n)
+        if self._matrix is not None:
+            whole = placed_volume(to_right_front_up(self._matrix), self._whole, n)
+            if whole.placed or n == 3:
+                return whole
         between, remark = self._first.get(*_SPACINGS), SLICE if self._first.corner is not None else ""
         if n != 2 or between is None:
             return Placement(remark=remark or "the positions of its slices are unknown" * (n == 3))

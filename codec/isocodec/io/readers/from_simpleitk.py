@@ -15,13 +15,14 @@ from ...extras import optional
 from ...field.placement import Placement
 from .detached import listed, meta_files, nrrd_files
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
-from .place_of_samples import SLICE, placed, to_right_front_up
+from .place_of_samples import placed, placed_volume, to_right_front_up
 from .reading import channel_of, named, reading
 from .slices import Slices
 from .source import InputFile
 from .volumes import is_series_of_volumes, single, squeezed
 
 Array = NDArray[Any]
+_NRRD_IO = "NrrdImageIO"
 _META, _NRRD = (".mha", ".mhd"), (".nrrd", ".nhdr")
 
 
@@ -116,15 +117,20 @@ def _dtype_of(pixels: int) -> np.dtype[Any]:
 
 
 def _of_image(reader: Any, n: int) -> Placement:
-    """Placement by ITK of a volume, or of each of a series, whose x runs to the left and y to the back."""
+    """Placement by ITK of a volume, or of each of a series, whose x runs to the left and y to the back.
+
+    ITK takes an NRRD that names no space for one of that kind. An image of two axes lies nowhere in a body: x runs
+    along the first of its axes.
+    """
     size = reader.GetDimension()
-    if n != 3 or size < 3:
-        return Placement(remark=SLICE)
     directions = (np.reshape(reader.GetDirection(), (size, size)) * reader.GetSpacing())[:3, :3]
     matrix = np.column_stack([directions, reader.GetOrigin()[:3]])
-    if np.array_equal(matrix, np.eye(3, 4)):  # what ITK has where a file states nothing
-        return Placement()
-    return placed(to_right_front_up(matrix), n)
+    if size < 3:
+        return placed(matrix, n)
+    stated = {key: reader.GetMetaData(key) for key in reader.GetMetaDataKeys()}
+    if stated.get("ITK_InputFilterName") == _NRRD_IO and "NRRD_space" not in stated and (matrix == np.eye(3, 4)).all():
+        return Placement()  # what ITK has where a file states nothing
+    return placed_volume(to_right_front_up(matrix), reader.GetSize(), n)
 
 
 def _header_of(source: InputFile, folder: Path) -> Any:
@@ -137,7 +143,7 @@ def _header_of(source: InputFile, folder: Path) -> Any:
         path.write_bytes(header)
     reader = sitk.ImageFileReader()
     # left to itself it tries all formats that it knows, and some of these name files, too
-    reader.SetImageIO("MetaImageIO" if of_meta else "NrrdImageIO")
+    reader.SetImageIO("MetaImageIO" if of_meta else _NRRD_IO)
     reader.SetFileName(str(path))
     reader.ReadImageInformation()
     count = source.check_count(math.prod(reader.GetSize()) * reader.GetNumberOfComponents())

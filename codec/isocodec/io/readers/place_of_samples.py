@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError
-from ...field.placement import TURN, Placement, matrix_of
+from ...field.placement import RAS, TURN, Placement, placement_of
+from .volumes import kept_axes
 
 EVEN = 0.01
 """Largest distance of coordinates from even steps, in steps: files often keep them in single precision."""
@@ -50,9 +51,29 @@ def _goes_round(longitude: Array, axis: int, size: int) -> bool:
 def placed(numbers: Any, n: int, crs: str | None = None) -> Placement:
     """Place samples by a matrix of n axes; only a remark if it cannot be that of a placement."""
     try:
-        return Placement(matrix_of(numbers, n), crs=crs)
+        place = placement_of(Placement(numbers, crs=crs), n)
     except OptionError as error:
         return Placement(remark=f"its coordinates are ignored: {error.message}")
+    assert place is not None
+    return place
+
+
+def placed_volume(matrix: Array, shape: Sequence[int], n: int, crs: str | None = RAS) -> Placement:
+    """Place the samples of a volume of that shape, or of a plane in space if it has one sample along an axis.
+
+    Parameters
+    ----------
+    matrix : (3, 4) float64
+        A row for each coordinate, columns for each of three axes, and the place of sample 0.
+    shape : tuple of int
+        Of the volume, or of a series of volumes.
+    n : int
+        Axes of the field: with fewer than the volume has it is one of several slices.
+    crs : str, optional
+        As of `Placement`.
+    """
+    axes = kept_axes(shape[:3])
+    return placed(matrix[:3, [*axes, 3]], n, crs) if len(axes) == n else Placement(remark=SLICE)
 
 
 def in_steps(steps: Sequence[tuple[float, float]]) -> Placement:

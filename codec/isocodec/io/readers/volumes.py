@@ -15,7 +15,7 @@ Array = NDArray[Any]
 
 
 def single(volume: Array, frame: int | None) -> Array:
-    """Headers have at least three axes; a picture, or one volume of a series, ends in axes of length 1."""
+    """Headers have at least three axes; a picture, or a slice of a volume, has axes of length 1."""
     volume = _without_ones(volume)
     if frame is not None:
         check_frame(frame, volume.shape[-1] if volume.ndim > 3 else 0)
@@ -39,17 +39,12 @@ def is_series_of_volumes(shape: Sequence[int]) -> bool:
 
 
 def _without_ones(volume: Array) -> Array:
-    while volume.ndim > 2 and volume.shape[-1] == 1:
-        volume = volume[..., 0]
-    return volume
+    return volume.reshape(squeezed(volume.shape))
 
 
 def squeezed(shape: Sequence[int]) -> tuple[int, ...]:
-    """A shape without axes of length 1 at its end, but at least two axes."""
-    kept = tuple(map(int, shape))
-    while len(kept) > 2 and kept[-1] == 1:
-        kept = kept[:-1]
-    return kept
+    """A shape without the axes of one sample that `kept_axes` leaves out."""
+    return tuple(int(shape[axis]) for axis in kept_axes(shape))
 
 
 def scaled(raw: Array, slope: float, inter: float) -> Array | None:
@@ -67,3 +62,14 @@ def scaled(raw: Array, slope: float, inter: float) -> Array | None:
             scaled += int(inter)
             return scaled
     return None
+
+
+def kept_axes(shape: Sequence[int]) -> list[int]:
+    """Axes of a volume without those of one sample: at its end, and if it has three axes anywhere; at least two."""
+    axes = list(range(len(shape)))
+    while len(axes) > 3 and shape[axes[-1]] == 1:
+        axes.pop()
+    for axis in reversed(axes if len(axes) == 3 else []):
+        if len(axes) > 2 and shape[axis] == 1:
+            axes = [each for each in axes if each != axis]
+    return axes

@@ -6,14 +6,26 @@ import os
 from pathlib import Path
 
 from ...errors import OptionError
-from . import to_ezdxf, to_json, to_meshio, to_nibabel, to_numpy, to_pictures, to_pmtiles, to_pyogrio, to_trimesh
+from . import (
+    to_ezdxf,
+    to_json,
+    to_meshio,
+    to_nibabel,
+    to_numpy,
+    to_pictures,
+    to_pmtiles,
+    to_pyogrio,
+    to_simpleitk,
+    to_trimesh,
+)
 from .output_formats import Kind, Output
 from .things import Thing
 
 OUTPUTS: tuple[Output, ...] = tuple(
     output
     for module in (
-        to_numpy, to_pictures, to_json, to_pyogrio, to_pmtiles, to_ezdxf, to_meshio, to_trimesh, to_nibabel
+        to_numpy, to_pictures, to_json, to_pyogrio, to_pmtiles, to_ezdxf, to_meshio, to_trimesh, to_nibabel,
+        to_simpleitk,
     )
     for output in module.OUTPUTS
 )

@@ -13,7 +13,7 @@ from ...drawing.contour import Contour
 from ...drawing.rows import MaskRows
 from ...drawing.tessellation import Tessellation
 from ...errors import OptionError
-from ...field.placement import CRS, Placement, read_placement, unplaced
+from ...field.placement import CRS, LPS, Placement, read_placement, unplaced
 from ...tin.tin import Tin
 from .output_formats import Kind
 
@@ -191,6 +191,26 @@ def _of_contours(contours: Collection[Any]) -> Thing:
     return Thing("contour", n, len(contours) > 1, sampled)
 
 
+def space_of(placement: Placement | None) -> str:
+    """The words by which programs for volumes (3D Slicer) know where x, y, z run: ``SPACE=RAS``; empty if unknown."""
+    return "" if placement is None or placement.space is None else f"SPACE={placement.space}"
+
+
+def volume_matrix(placement: Placement | None) -> NDArray[np.float64] | None:
+    """Matrix (3, 4) of a volume in coordinates right, front and up, as far as it is known where they run.
+
+    A field of two axes has a third of one sample, a unit long, at right angles to the others.
+    """
+    if placement is None or placement.matrix is None:
+        return None
+    matrix = placement.matrix
+    if matrix.shape[1] == 3:
+        rows = np.pad(matrix, ((0, 3 - len(matrix)), (0, 0)))
+        across = np.cross(rows[:, 0], rows[:, 1])
+        matrix = np.insert(rows, 2, across / np.linalg.norm(across), axis=1)
+    return np.diag([-1.0, -1.0, 1.0]) @ matrix if placement.crs == LPS else matrix
+
+
 class Each(Collection[Contour]):
     """Contours, each changed and examined when it is needed, so that it can be drawn then and released afterwards."""
 
@@ -218,7 +238,9 @@ def in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]
     none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
     about = Contour(*none, mesh.isovalue, mesh.shape, placement=mesh.placement)
     points = about.place(mesh.points.astype(np.float64))
-    corners = points[mesh.cells[:1]]
+    first = mesh.cells[:1]
+    corners = about.flat.place(mesh.points[first.ravel()].astype(np.float64))
+    corners = corners.reshape(*first.shape, mesh.points.shape[1])
     spanned = np.linalg.det(corners[:, 1:] - corners[:, :1])
     cells = mesh.cells
     if (spanned < 0).any():
@@ -251,6 +273,7 @@ class PlacedTin:
     def of(cls, tin: Tin, in_samples: bool = False) -> PlacedTin:
         """Place a surface according to its notes."""
         found = None if in_samples else read_placement(tin.metadata, 2)
+        found = None if found is None else found.flat
         if found is None or found.matrix is None:
             crs = None if in_samples else tin.metadata.get(CRS)
             found = Placement(np.eye(2, 3) if tin.shape is None else unplaced(2), crs=crs)

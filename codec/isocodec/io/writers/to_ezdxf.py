@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
-    """Make a drawing (R2010). Polylines of curves have their isovalue as height; x and y are those of `placed`."""
+    """A drawing (R2010). Polylines of curves lie at the height of their isovalue; x and y are those of `placed`.
+
+    Those of a plane in space lie there.
+    """
     library: Any = optional("ezdxf", extra="cad", purpose=f"writing {suffix}")
     before = library.options.write_fixed_meta_data_for_testing
     # without the time and a unique identifier, so that equal input gives equal bytes
@@ -34,6 +37,9 @@ def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
                     places = whole.along(walk)
                     closed = len(walk) > 2 and bool((places[0] == places[-1]).all())
                     points = places[: -1 if closed else None].tolist()
+                    if places.shape[1] > 2:  # on a plane in space
+                        space.add_polyline3d(points, close=closed, dxfattribs={"layer": name})
+                        continue
                     attributes = {"layer": name, "elevation": float(contour.isovalue)}
                     space.add_lwpolyline(points, format="xy", close=closed, dxfattribs=attributes)
             elif len(contour.cells):

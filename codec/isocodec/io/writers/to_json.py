@@ -37,7 +37,8 @@ def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
         if keep:
             return geometry
         shapely = polygons()
-        shape = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour.placement))
+        flat = contour.placement is None or not contour.placement.in_space
+        shape = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour.placement), include_z=not flat)
         parts = [shapely.geometry.polygon.orient(part) for part in shape.geoms]
         return dict(shapely.geometry.mapping(shapely.MultiPolygon(parts)))
 
@@ -53,13 +54,14 @@ def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
                "geometry": moved(whole[0], band.geometry)})
         for band in bands(whole, valid=what.valid)
     ]
-    return _collection(texts, named(whole[0].placement) if keep else None)
+    return _collection(texts, _about(whole[0], keep))
 
 
 def _mesh(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
     """Write a polygon for each triangle, with its level and the signs of its corners."""
     points, cells = in_space(mesh)
-    points = to_degrees(mesh.placement)(points[:, :2])
+    flat = mesh.placement is None or not mesh.placement.in_space
+    points = to_degrees(mesh.placement)(points[:, :2] if flat else points)
     features = [
         {
             "type": "Feature",
@@ -107,8 +109,8 @@ def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes], 
     texts, name = [], None
     for contour in contours:
         texts.append(feature(contour))
-        name = named(contour.placement) if keep else None
-        # only the text of each contour is kept
+        name = _about(contour, keep)
+        # of a contour no more is kept than its text
         del contour
     if len(texts) == 1:
         return b"".join([texts[0][:-1], _member(name), b"}\n"])
@@ -127,6 +129,13 @@ def named(placement: Placement | None) -> dict[str, Any]:
     if number in (None, DEGREES):
         return {}
     return {"crs": {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{number}"}}}
+
+
+def _about(contour: Contour, keep: bool) -> dict[str, Any]:
+    """Members of a file about its coordinates: the system, if it is kept, and that of a body."""
+    placement = contour.placement
+    body = {} if placement is None or placement.space is None else {"space": placement.crs}
+    return (named(placement) if keep else {}) | body
 
 
 def _member(system: dict[str, Any] | None) -> bytes:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
-from .things import ABOVE, LEVEL, PlacedTin, in_space
+from .things import ABOVE, LEVEL, PlacedTin, in_space, space_of
 
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
@@ -22,15 +22,18 @@ _TYPES = {"f8": "Float64", "f4": "Float32", "i8": "Int64"}
 
 
 def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
-    """Write all isovalues to one file, in double precision; cells have ``isovalue``, points of surfaces normals."""
+    """All isovalues in one file, in double precision; cells have the value ``isovalue``, points of surfaces normals.
+
+    A field ``SPACE`` states where x, y, z run in a body.
+    """
     points: list[NDArray[np.float64]] = []
     normals: list[NDArray[np.float64]] = []
     cells: list[NDArray[np.int64]] = []
     sizes: list[NDArray[np.int64]] = []
     values: list[NDArray[np.float64]] = []
-    start, plane = 0, True
+    start, plane, text = 0, True, ""
     for contour in contours:
-        plane = contour.n == 2
+        plane, text = contour.n == 2, space_of(contour.placement)
         contour = contour.joined
         placed = contour.placed
         points.append(np.pad(placed, ((0, 0), (0, 3 - placed.shape[1]))))
@@ -60,12 +63,21 @@ def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
     head = (
         '<?xml version="1.0"?>\n'
         '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
-        f'<PolyData><Piece NumberOfPoints="{start}" NumberOfVerts="0" NumberOfLines="{lines}" NumberOfStrips="0" '
-        f'NumberOfPolys="{polygons}">\n'
+        f'<PolyData>{_field(text)}<Piece NumberOfPoints="{start}" NumberOfVerts="0" NumberOfLines="{lines}" '
+        f'NumberOfStrips="0" NumberOfPolys="{polygons}">\n'
     )
     tail = '</Piece></PolyData>\n<AppendedData encoding="raw">\n_'
     text = head + "\n".join(parts) + tail
     return b"".join([text.encode(), *body, b"\n</AppendedData>\n</VTKFile>\n"])
+
+
+def _field(text: str) -> str:
+    """A text ``NAME=value`` as an element of VTK, its characters as numbers."""
+    name, _, value = text.partition("=")
+    codes = " ".join(str(code) for code in [*value.encode(), 0])
+    return "" if not text else (
+        f'<FieldData><Array type="String" Name="{name}" NumberOfTuples="1" format="ascii">{codes}</Array></FieldData>'
+    )
 
 
 def _array(name: str, array: NDArray[Any], body: list[bytes]) -> str:

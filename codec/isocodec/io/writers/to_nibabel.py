@@ -11,18 +11,19 @@ import numpy as np
 
 from ...extras import optional
 from .output_formats import Output, OutputOptions
-from .things import SampleMask
+from .things import SampleMask, volume_matrix
 
 
 def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
     """1 above, or labels, in the coordinates of the placement; without one in none."""
     nibabel = optional("nibabel", extra="nifti", purpose="writing NIfTI")
-    matrix = None if mask.placement is None else mask.placement.matrix
+    matrix = volume_matrix(mask.placement)
     affine = None if matrix is None else np.vstack([matrix, [0, 0, 0, 1]])
     shape, rows = mask.taken(transposed=True)
     # the library sees an array of this shape that takes no memory; its samples follow the header
     dtype = np.dtype({"b": "u1", "f": "f4" if mask.dtype.itemsize <= 4 else "f8"}.get(mask.dtype.kind, mask.dtype))
-    image = nibabel.Nifti1Image(np.broadcast_to(np.zeros((), dtype), shape[::-1]), affine, dtype=dtype)
+    size = (*shape[::-1], *(1,) * (3 - len(shape)))
+    image = nibabel.Nifti1Image(np.broadcast_to(np.zeros((), dtype), size), affine, dtype=dtype)
     if affine is not None:
         # for programs that only read quaternions, which cannot express sheared axes
         with suppress(nibabel.spatialimages.HeaderDataError):
@@ -49,7 +50,7 @@ def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[b
 
 
 OUTPUTS = tuple(
-    Output(kind, (suffix,), title, render, (3,), extra="nifti", libraries=("nibabel",))
+    Output(kind, (suffix,), title, render, (2, 3), extra="nifti", libraries=("nibabel",))
     for kind in ("mask", "labels")
     for suffix, title, render in ((".nii", "NIfTI", _nii), (".nii.gz", "NIfTI, compressed", _nii_gz))
 )

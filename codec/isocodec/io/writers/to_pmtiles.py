@@ -82,14 +82,16 @@ def _render_pyramid(pyramid: Pyramid, suffix: str, _: OutputOptions) -> bytes:
 def zoom_of(contour: Contour) -> int:
     """Find the lowest zoom level at which a pixel is no wider than the sample spacing in the middle of a field."""
     middle = (np.array(contour.shape) - 1) / 2
-    ends = _mercator(to_degrees(_placed(contour).placement)(contour.place(np.array([middle, *(middle + np.eye(2))]))))
+    contour = _placed(contour)
+    ends = _mercator(to_degrees(contour.placement)(contour.place(np.array([middle, *(middle + np.eye(2))]))))
     step = float(np.linalg.norm(ends[1:] - ends[0], axis=1).min())
     return min(max(math.ceil(-math.log2(PIXELS * step) - 1e-6), 0), MOST_ZOOM) if step else MOST_ZOOM
 
 
 def mercator_lines(contour: Contour) -> list[NDArray[np.float64]]:
-    """Project the lines of a contour to Web Mercator, (K, 2) each, 0 to 1 eastwards and southwards, or beyond."""
-    move, whole = to_degrees(_placed(contour).placement), contour.joined
+    """Lines of a contour in Web Mercator, (K, 2) each, 0 to 1 eastwards and southwards, and beyond where they go on."""
+    contour = _placed(contour)
+    move, whole = to_degrees(contour.placement), contour.joined
     out = []
     for walk in whole.walks:
         degrees = move(whole.along(walk))
@@ -99,6 +101,7 @@ def mercator_lines(contour: Contour) -> list[NDArray[np.float64]]:
 
 
 def _placed(contour: Contour) -> Contour:
+    contour = contour.flat
     if epsg_of(contour.placement) is None:
         raise OptionError(
             "vector tiles need to know where the curve lies, but the file has no placement or names no reference "

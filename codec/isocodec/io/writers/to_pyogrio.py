@@ -46,6 +46,8 @@ def _file(table: Any, suffix: str, shape: str, layer: str) -> bytes:
     options = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == SHAPEFILE else {}
     if _DRIVERS[suffix] == "FlatGeobuf" and table.geometry.is_empty.any():
         options = {"SPATIAL_INDEX": "NO"}  # it cannot have one of what lies nowhere
+    # on a plane in space
+    shape += " Z" * bool(table.geometry.has_z.any())
     before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
     try:

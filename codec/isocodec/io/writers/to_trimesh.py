@@ -1,6 +1,7 @@
 """Surfaces in the formats of trimesh: PLY, STL, OBJ, OFF, GLB, 3MF; meshes and triangulated surfaces as PLY.
 
-Triangles of surfaces are counter-clockwise as seen from the side of lower values, even if the placement mirrors.
+PLY, STL, OBJ and GLB state where x, y, z run in a body. Triangles of surfaces are seen counter-clockwise from the side
+of lower values, whatever the placement does.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ from numpy.typing import NDArray
 from ...errors import OptionError
 from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
-from .things import ABOVE, LEVEL, PlacedTin, in_space
+from .things import ABOVE, LEVEL, PlacedTin, in_space, space_of
 
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
     from ...drawing.tessellation import Tessellation
 
 _UUID = re.compile(rb'"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}"')
+_STL_HEADER = 80
 _THE_DAY = (1980, 1, 1, 0, 0, 0)
 
 
@@ -50,7 +52,11 @@ def _single(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
     if suffix == ".off" and len(contour.cells) == 0:
         return b"OFF\n0 0 0\n"
     places = {"digits": _digits(contour)} if suffix == ".off" else {}
-    return _bytes(mesh_of(contour, suffix).export(file_type=suffix[1:], **places))
+    data = _bytes(mesh_of(contour, suffix).export(file_type=suffix[1:], **places))
+    text = space_of(contour.placement)
+    if suffix == ".stl":
+        return text.encode().ljust(_STL_HEADER, b"\0") + data[_STL_HEADER:]
+    return _with_comment(data, text) if suffix == _PLY else data
 
 
 def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
@@ -61,7 +67,7 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
     """
     trimesh = trimesh_for(suffix)
     scene = trimesh.Scene()
-    digits = 8
+    digits, text = 8, ""
     for contour in contours:
         if len(contour.cells):
             mesh = mesh_of(contour, suffix)
@@ -73,6 +79,7 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
                 mesh.vertices = mesh.vertices - middle  # in place it would move the contour, which has them, too
             name = f"isovalue {contour.isovalue:.12g}"
             scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
+            text = space_of(contour.placement)
         del contour
     if not scene.geometry:
         # the library would write keywords without numbers, or none at all, which no reader accepts
@@ -80,9 +87,18 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
             return b"# empty isosurface\n"
         raise OptionError(f"the surface is empty, and {suffix} cannot hold that", code="empty")
     if suffix == ".obj":
-        return _bytes(scene.export(file_type="obj", digits=digits, header=None))
+        return _bytes(scene.export(file_type="obj", digits=digits, header=text or None))
+    if text and suffix == ".glb":
+        scene.metadata.update([text.split("=")])
     data = _bytes(scene.export(file_type=suffix[1:]))
     return _repacked(data) if suffix == ".3mf" else data
+
+
+def _with_comment(data: bytes, text: str) -> bytes:
+    """A PLY file with another comment than that of the library, before its elements."""
+    head, elements, rest = data.partition(b"element ")
+    lines = [line for line in head.splitlines() if not line.startswith(b"comment ")]
+    return b"\n".join([*lines, *([b"comment " + text.encode()] if text else []), b""]) + elements + rest
 
 
 def _digits(contour: Contour) -> int:
@@ -122,7 +138,8 @@ def _mesh_ply(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
         first = np.unique(np.sort(sides[finest], axis=1), axis=0, return_index=True)[1]
         kept = np.sort(finest[first])
         cells, levels = sides[kept], np.tile(levels, 4)[kept]
-    return _binary_ply(points, cells, {ABOVE: mesh.above}, {LEVEL: levels})
+    made = _binary_ply(points, cells, {ABOVE: mesh.above}, {LEVEL: levels})
+    return _with_comment(made, space_of(mesh.placement))
 
 
 def _tin_ply(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
