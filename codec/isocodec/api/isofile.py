@@ -19,6 +19,7 @@ from ..format.chunks import whole_bytes
 from ..limits import Limits
 from ..storage.content import Readable, content
 from ..stream.inspect import FileInfo
+from ..stream.promises import promise_of
 from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
@@ -77,12 +78,11 @@ class IsoFile:
             contours = [self.contour(value) for value in self.isovalues[:_DRAWN]]
         except IsoError:
             contours = []
-        within = [f"{layer.within:g}" for layer in info.layers if layer.within]
         facts = {
             "kind": self.kind, "bytes": f"{self.size:,}", "layers": f"{len(info.layers):,}", "profile": info.profile,
             "samples": " x ".join(map(str, self.shape)), "frames": f"{self.frames:,}" if self.frames > 1 else "",
             "isovalues": ", ".join(f"{value:g}" for value in self.isovalues),
-            "promises": ", ".join(within) + " cells" if within else "", **self.metadata,
+            "promise": self.promise or "", **self.metadata,
         }
         return page_of(contours, {name: fact for name, fact in facts.items() if fact})
 
@@ -105,6 +105,14 @@ class IsoFile:
     def info(self) -> FileInfo:
         """Layers, chunks, offsets, promises, without decoding."""
         return self.held.info
+
+    @property
+    def promise(self) -> str | None:
+        """Precision that the complete file promises, in words: ``within 1m (0.034 cells)``; None if it is none.
+
+        Distances are in the unit that was asked for. It is without what bytes that are missing would change.
+        """
+        return promise_of(self.info)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -297,7 +305,9 @@ class IsoFile:
         """Decode the file and count its bits by layer and by isovalue."""
         return self.held.statistics()
 
-    def verify(self, field: Any, *, frame: int | None = None, within: float | None = None) -> list[Verified]:
+    def verify(
+        self, field: Any, *, frame: int | None = None, within: float | str | None = None
+    ) -> list[Verified]:
         """Measure the file against the field that it was made from.
 
         Parameters
@@ -306,18 +316,22 @@ class IsoFile:
             What was encoded; of a series one frame.
         frame : int, optional
             Number of the field in a series, from 0.
-        within : float, optional
-            Distance to check, instead of the one that the file promises.
+        within : float or str, optional
+            Distance to check, instead of what the file promises: in cells, on a mesh in the unit of its points, of a
+            surface that of its values; or with a unit, "0.2mm".
 
         Returns
         -------
         list of Verified
-            One for each isovalue, in the order of the file; of a surface a single one, with distances of values.
+            One for each isovalue, in the order of the file; of a surface a single one, with distances of values, unless
+            it was made for contours.
 
         Raises
         ------
         InputError
             If the field has another shape than the file's, or other samples are missing.
+        OptionError
+            If the distance has a unit, and that of the coordinates is not known.
         """
         return verified(self.held, field, frame, within)
 
@@ -341,8 +355,8 @@ class IsoFile:
         profile : str, optional
             ``main`` or ``baseline``.
         precision : optional
-            ``"signs"``, or a tolerance in cells from the curve that this file decodes to; what that curve is off comes
-            on top.
+            ``"signs"``, or a tolerance from the curve that this file decodes to, in cells or with a unit. What the file
+            promises of that curve comes on top; if that is nothing, nothing is promised.
         keep_topology : bool
             With a precision: every layer has the components of the curve, nested alike.
 

@@ -14,7 +14,10 @@ from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
 from ..errors import InputError, OptionError
 from ..field.meshed import Mesh
+from ..field.placement import COORDINATE_UNIT, CRS
 from ..field.samples import Samples, isovalue_of
+from ..field.stretch import in_unit
+from ..field.units import distance_of
 from ..format.chunks import write_chunk, write_further
 from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, write_domain, write_mesh_layer
 from ..format.frames import as_last, write_frame, write_interval
@@ -28,7 +31,7 @@ from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
 from .container import ContainerEncoder, beginning
 from .mesh_contents import coordinates_of
-from .options import Options
+from .options import PROMISE, Options
 from .series import Series
 
 FINER = 3
@@ -65,6 +68,8 @@ class MeshFrames:
 
     def __init__(self, mesh: Mesh, series: Series, options: Options) -> None:
         _check_options(options)
+        self._asked = options.precision.text if options.precision.world else ""
+        options = _in_unit(options, mesh)
         self.options, self.series = options, series
         stored = mesh.stored or ("delaunay" if mesh.cells is None else "known")
         if stored not in KINDS:
@@ -90,6 +95,7 @@ class MeshFrames:
             self.options.check_data(self._fields(each)[0].integer)
         self._edge = self._median_edge()
         self._rounded: NDArray[np.float64] | None = None
+        self._off = 0.0
         self._domain_chunk = self._known() if stored == "known" else self._coded(stored, mesh.error, first)
         self._step = self._offset_step()
         progressive = mesh.progressive
@@ -99,6 +105,8 @@ class MeshFrames:
         step = options.precision.step
         self.header = Header((), self._fields(first[0])[0].isovalue, step, Profile.MAIN, cells=self.domain.n)
         self._metadata = {**mesh.metadata, **options.metadata}
+        if options.precision.tolerance is not None:
+            self._metadata[PROMISE] = self._promise(options.precision.tolerance)
         self._strands: list[MeshIsovalue] = []
 
     def chunks(self, values: ArrayLike) -> list[bytes]:
@@ -184,7 +192,7 @@ class MeshFrames:
         """Payload of the chunk of a mesh in the file; from now on the domain is what decoders have."""
         if error is not None and not (math.isfinite(error) and error > 0):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
-        error = error or MESH_SHARE * self._edge
+        error = self._off = error or MESH_SHARE * self._edge
         if stored == "delaunay":
             places = rounded_apart(self._points, error)
             run, self.domain, self._source = encoded_points(places.position, places.extent, places.unit)
@@ -225,6 +233,14 @@ class MeshFrames:
             return 0
         tolerance = precision.tolerance or EDGE_SHARE * self._edge
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
+
+    def _promise(self, tolerance: float) -> str:
+        """The note of a promise: points are within the tolerance, and a mesh in the file may be off, too."""
+        off = max(self._off + tolerance, self._off + self._step * self.domain.unit / STEPS / 2)
+        if not self._asked:
+            return f"{off:.12g}"
+        number, unit = distance_of(self._asked)
+        return f"{number * off / tolerance:.12g}{unit}"
 
     def _layers(self, strand: MeshIsovalue, field: Samples) -> Iterator[bytes]:
         """Chunks of the layers of an isovalue."""
@@ -323,13 +339,23 @@ def _check_options(options: Options) -> None:
     for name, given in (
         ("keep_topology", options.keep_topology), ("layers", not options.layers.default),
         ("profile", options.entropy != Profile.MAIN),
-        (f"precision {precision.text!r}", precision.steps is not None or bool(precision.world)),
+        (f"precision {precision.text!r}", precision.steps is not None or "," in precision.world),
     ):
         if given:
             raise OptionError(f"{name} does not apply to meshes", code=name.split()[0], remedy="leave it out")
     tolerance = precision.tolerance
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
         raise OptionError(f"the precision is {tolerance}; it must be greater than 0", code="tolerance")
+
+
+def _in_unit(options: Options, mesh: Mesh) -> Options:
+    """The options with a distance in the unit of the points of a mesh."""
+    text = options.precision.world
+    if not text:
+        return options
+    notes = {**mesh.metadata, **options.metadata}
+    number = in_unit(text, np.asarray(mesh.points), notes.get(COORDINATE_UNIT), notes.get(CRS))
+    return replace(options, precision=options.precision.in_cells(lambda _: number))
 
 
 def _frames_of(values: ArrayLike) -> NDArray[Any]:

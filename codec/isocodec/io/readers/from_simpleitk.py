@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from .volumes import is_series_of_volumes, single, squeezed
 Array = NDArray[Any]
 _META, _NRRD = (".mha", ".mhd"), (".nrrd", ".nhdr")
 _LISTED = 20
+_HEADER = 1 << 16
 
 
 class _Volume(Opened):
@@ -46,7 +48,7 @@ class _Volume(Opened):
             return single(self._whole(), frame)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        return _of_image(self._reader, n)
+        return _of_image(self._reader, n, _nrrd_unit(self._source) if self._source.named(*_NRRD) else "mm")
 
     def _series(self) -> Slices | None:
         with reading("volume"):
@@ -82,7 +84,7 @@ class _Dicom(Opened):
             return single(values, frame)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        return placed(to_right_front_up(self._matrix), n) if n == 3 else Placement(remark=SLICE)
+        return placed(to_right_front_up(self._matrix), n, unit="mm") if n == 3 else Placement(remark=SLICE)
 
 
 class OpenedItk(Opened):
@@ -136,7 +138,14 @@ def _volumes(whole: Array) -> Slices:
     return Slices(whole.shape, 3, lambda number: numbers(single(whole, number)), squeezed(whole.shape[:3]))
 
 
-def _of_image(reader: Any, n: int) -> Placement:
+def _nrrd_unit(source: InputFile) -> str:
+    """Unit of the coordinates of an NRRD, which ITK does not give; without one they are millimetres by custom."""
+    with source.path.open("rb") as file:
+        found = re.search(r"^space units:(.*)$", file.read(_HEADER).decode("latin-1"), re.M | re.I)
+    return " ".join(dict.fromkeys(found[1].replace('"', " ").split())) if found else "mm"
+
+
+def _of_image(reader: Any, n: int, unit: str = "mm") -> Placement:
     """Placement by ITK of a volume, or of each of a series, whose x runs to the left and y to the back."""
     size = reader.GetDimension()
     if n != 3 or size < 3:
@@ -145,7 +154,7 @@ def _of_image(reader: Any, n: int) -> Placement:
     matrix = np.column_stack([directions, reader.GetOrigin()[:3]])
     if np.array_equal(matrix, np.eye(3, 4)):  # what ITK has where a file states nothing
         return Placement()
-    return placed(to_right_front_up(matrix), n)
+    return placed(to_right_front_up(matrix), n, unit=unit)
 
 
 def _header_of(source: InputFile) -> Any:

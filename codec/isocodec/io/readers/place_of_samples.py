@@ -47,21 +47,21 @@ def _goes_round(longitude: Array, axis: int, size: int) -> bool:
     return bool(np.count_nonzero(round_it & closes) * 2 > round_it.size)
 
 
-def placed(numbers: Any, n: int, crs: str | None = None) -> Placement:
+def placed(numbers: Any, n: int, crs: str | None = None, unit: str | None = None) -> Placement:
     """Place samples by a matrix of n axes; only a remark if it cannot be that of a placement."""
     try:
-        return Placement(matrix_of(numbers, n), crs=crs)
+        return Placement(matrix_of(numbers, n), crs=crs, unit=unit)
     except OptionError as error:
         return Placement(remark=f"its coordinates are ignored: {error.message}")
 
 
-def in_steps(steps: Sequence[tuple[float, float]]) -> Placement:
+def in_steps(steps: Sequence[tuple[float, float]], unit: str | None = None) -> Placement:
     """Place samples by the step and the start along each axis: x runs along the last axis, y along the one before."""
     n = len(steps)
     matrix = np.zeros((n, n + 1))
     for axis, step in enumerate(steps):
         matrix[n - 1 - axis, [axis, n]] = step
-    return placed(matrix, n)
+    return placed(matrix, n, unit=unit)
 
 
 def to_right_front_up(matrix: Array) -> Array:
