@@ -30,6 +30,8 @@ ROUNDING = 1e-6
 """Cells that the measured distance, which is an upper bound, and points in double precision may be off."""
 MEASURED = 0.001
 """Cells by which the distance is measured too large at most."""
+SHARE = 0.02
+"""The same as a share of what is promised."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class Verified:
 
 @dataclass(frozen=True)
 class _Promise:
-    """What holds for an isovalue: a distance in cells, or of all signs or values beside the curve.
+    """A promise about an isovalue: a distance in cells, or all signs or values beside the curve.
 
     Attributes
     ----------
@@ -132,7 +134,10 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
         raise InputError(f"{others:,} samples are missing in the field or in the file, but not in both", code="missing")
     out = []
     for number, contour in enumerate(contours):
-        promise = _of_layers(info, frame or 0, number) if within is None else _given(within, placement, info.shape)
+        if within is None:
+            promise = _of_layers(info, placement, frame or 0, number)
+        else:
+            promise = _given(within, placement, info.shape)
         out.append(_of_grid(held, contour, frame, values, gone, promise))
     return out
 
@@ -164,14 +169,17 @@ def _of_note(held: TileFile, within: float | str | None, placement: Placement) -
     return _Promise() if distance is None else _given(distance, placement, held.info.shape)
 
 
-def _of_layers(info: FileInfo, frame: int, number: int) -> _Promise:
+def _of_layers(info: FileInfo, placement: Placement, frame: int, number: int) -> _Promise:
     """The promise of the last layer of an isovalue of a frame, or what all its layers state of samples."""
     own = [layer for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number)]
     within = own[-1].within if own else None
     samples = of_samples(info)
     if within:
         text = asked(info, within, frame, number)
-        return _Promise(within, f"within {text} ({within:g} cells)" if text else f"within {within:g} cells", text)
+        # the chunk has whole thousandths; and coordinates in the file, which may be off, take a part of a distance
+        exact = within if not text else min(within, placement.cells_of(text, tuple(info.shape)))
+        unit = bool(text) and bool(distance_of(text)[1])
+        return _Promise(exact, f"within {text} ({exact:.3g} cells)" if unit else f"within {exact:g} cells", text * unit)
     step = info.scale if samples not in (None, EXACT, SIGNS) else None
     return _Promise(0.0 if within == 0 else None, samples, step=step)
 
@@ -223,11 +231,13 @@ def _compared(
     """Measure how far two contours lie from each other, in cells of a ``size``; and from one of values in steps."""
     from ..search.proof import hausdorff
 
+    measured = min(MEASURED, promise.within / size * SHARE) if promise.within else MEASURED
+    limit = measured + ROUNDING
+
     def far(other: Contour) -> tuple[float, float]:
-        return hausdorff(contour.points / size, contour.cells, other.points / size, other.cells, MEASURED)
+        return hausdorff(contour.points / size, contour.cells, other.points / size, other.cells, measured)
 
     there, back = far(first)
-    limit = MEASURED + ROUNDING
     broken = promise.within is not None and max(there, back) > promise.within / size + limit
     broken |= in_steps is not None and max(far(in_steps)) > limit
     kept = None if promise.text is None and not wrong else not (wrong or broken)

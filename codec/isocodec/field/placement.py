@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from numbers import Real
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, OptionError
 from .coordinates import arrays_of, whole_cells
 from .mapped import Mapped, between
-from .stretch import SAMPLED, Ground, ground_of, is_geographic, largest_step
+from .stretch import SAMPLED, GroundScale, ground_of, is_geographic, largest_step
 from .units import DEGREE, METRES, distance_of, units_of
 
 PLACEMENT = "placement"
@@ -40,6 +40,13 @@ _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
 _EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
 
 Array = NDArray[np.float64]
+
+
+class _More(TypedDict, total=False):
+    """Attributes of `Placement` that are given by name."""
+
+    inferred: bool
+    unit: str | None
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -95,7 +102,7 @@ class Placement:
     def __init__(
         self, matrix: ArrayLike | None = None, coordinates: Sequence[ArrayLike] | None = None, crs: str | None = None,
         periodic: int | Sequence[int] | None = None, periods: float | Sequence[float] | None = None,
-        error: float | None = None, remark: str = "", inferred: bool = False, *, unit: str | None = None,
+        error: float | None = None, remark: str = "", **more: Unpack[_More],
     ) -> None:
         axes, turns = _axes_of(periodic), _periods_of(periods)
         if error is not None and not (isinstance(error, Real) and 0 < float(error) <= MOST_ERROR):
@@ -111,9 +118,11 @@ class Placement:
                               remedy="give coordinates")
         given: dict[str, Any] = {
             "matrix": None if matrix is None else np.asarray(matrix), "coordinates": _arrays(coordinates), "crs": crs,
-            "periodic": axes, "periods": turns, "error": error, "remark": remark, "inferred": inferred,
-            "unit": unit,
+            "periodic": axes, "periods": turns, "error": error, "remark": remark, "inferred": False, "unit": None,
         }
+        if unknown := more.keys() - given.keys():
+            raise TypeError(f"a placement has no {', '.join(unknown)}")
+        given.update(more)
         for attribute, value in given.items():
             object.__setattr__(self, attribute, value)
 
@@ -288,17 +297,18 @@ class Placement:
         if not step > 0:
             raise OptionError(f"a distance of {distance} needs samples that are not missing", code="tolerance",
                               remedy="give a number of cells")
-        return number * (METRES[unit] if unit != DEGREE else 1.0) / step
+        # 200um and 0.2mm are the same, whatever the last digits are
+        return float(f"{number * METRES.get(unit, 1.0) / step:.12g}")
 
-    def _ground(self, unit: str, distance: str, shape: tuple[int, ...]) -> Ground:
-        """What coordinates are on the ground, or in degrees if that is asked for."""
+    def _ground(self, unit: str, distance: str, shape: tuple[int, ...]) -> GroundScale:
+        """Scale of the coordinates on the ground, or in degrees if that is asked for."""
         n = len(shape)
         turns = bool(self.periods) and self.periods_of(n)[0] == TURN
         if unit == DEGREE:
             if not (turns or units_of(self.unit, n)[:2] == [DEGREE] * 2 or is_geographic(self.crs)) or n > 2:
                 raise OptionError(f"a distance of {distance} needs a field of longitudes and latitudes", code="unit",
                                   remedy="give a number of cells, or a distance in metres")
-            return Ground((1.0,) * n)
+            return GroundScale((1.0,) * n)
 
         def some() -> Array:
             lattice = np.meshgrid(*(np.linspace(0, size - 1, SAMPLED) for size in shape[-2:]), indexing="ij")

@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Ground:
-    """How far apart coordinates are on the ground.
+class GroundScale:
+    """Scale of coordinates on the ground.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ def radii(near: Any, far: Any, axes: tuple[float, float]) -> tuple[Any, Any]:
 
 
 def largest_step(
-    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], ground: Ground
+    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], ground: GroundScale
 ) -> float:
     """The farthest that a step of a cell leads in the world, in metres, over all whole cells and directions.
 
@@ -89,7 +89,7 @@ def largest_step(
         Of each; 0 if it is not periodic.
     whole : (s0 - 1, .., sn-1 - 1) bool
         Which unit cells count.
-    ground : Ground
+    ground : GroundScale
 
     Returns
     -------
@@ -139,8 +139,8 @@ def _largest(gram: list[list[Any]], whole: NDArray[np.bool_], most: float) -> fl
 
 def ground_of(
     unit: str | None, crs: str | None, degrees: bool, n: int, some: Callable[[], Array], distance: str
-) -> Ground:
-    """How far apart n coordinates are on the ground.
+) -> GroundScale:
+    """Find the scale of n coordinates on the ground.
 
     Parameters
     ----------
@@ -166,18 +166,18 @@ def ground_of(
     if crs and (found := _by_system(crs, n, some, distance)) is not None:
         rest = [METRES.get(one or "") for one in units[2:]]
         if None not in rest:
-            return Ground((*found.metres, *(one for one in rest if one is not None)), found.axes)
+            return GroundScale((*found.metres, *(one for one in rest if one is not None)), found.axes)
         units = [DEGREE, DEGREE, None]
     if degrees:
         units[:2] = [DEGREE] * 2
     if units[:2] == [DEGREE] * 2 and all(one in METRES for one in units[2:]):
-        return Ground((np.pi / 180,) * 2 + tuple(METRES[str(one)] for one in units[2:]), UNSTATED)
+        return GroundScale((np.pi / 180,) * 2 + tuple(METRES[str(one)] for one in units[2:]), UNSTATED)
     if not all(one in METRES for one in units):
         remedy = "give a number of cells, or the unit as the note coordinate_unit: mm, or degree degree m"
         why = "is unknown" if None in units else f"is {', '.join(str(one) for one in units)}"
         raise OptionError(f"a distance of {distance} needs the unit of the coordinates, which {why}", code="unit",
                           remedy=remedy)
-    return Ground(tuple(METRES[str(one)] for one in units))
+    return GroundScale(tuple(METRES[str(one)] for one in units))
 
 
 def in_unit(distance: str, points: Array, unit: str | None, crs: str | None) -> float:
@@ -206,7 +206,8 @@ def in_unit(distance: str, points: Array, unit: str | None, crs: str | None) -> 
         return number
     ground = ground_of(unit, crs, False, n, lambda: points[:: max(len(points) // SAMPLED**2, 1)], distance)
     latitude = None if ground.axes is None else np.array([points[:, 1].min(), points[:, 1].max()])
-    return number * METRES[given] / max(float(np.max(factor)) for factor in ground.factors(latitude))
+    metres = max(float(np.max(factor)) for factor in ground.factors(latitude))
+    return float(f"{number * METRES[given] / metres:.12g}")
 
 
 def is_geographic(crs: str | None) -> bool:
@@ -220,10 +221,10 @@ def is_geographic(crs: str | None) -> bool:
         return False
 
 
-def _by_system(crs: str, n: int, some: Callable[[], Array], distance: str) -> Ground | None:
+def _by_system(crs: str, n: int, some: Callable[[], Array], distance: str) -> GroundScale | None:
     """The first two coordinates by their reference system; None if nobody knows it."""
     if _WGS84.fullmatch(crs.strip()):
-        return Ground((np.pi / 180,) * 2, WGS84)
+        return GroundScale((np.pi / 180,) * 2, WGS84)
     pyproj = optional("pyproj", extra="geo", purpose=f"a distance of {distance} in the system {crs[:40]}")
     try:
         system = pyproj.CRS.from_user_input(crs)
@@ -237,9 +238,9 @@ def _by_system(crs: str, n: int, some: Callable[[], Array], distance: str) -> Gr
     if system.is_geographic:
         axes = system.ellipsoid.semi_major_metre, system.ellipsoid.semi_minor_metre
         # with a pole of its own, latitudes are others than those that radii depend on
-        return Ground((unit,) * 2, (axes[0] ** 2 / axes[1],) * 2 if system.is_derived else axes)
+        return GroundScale((unit,) * 2, (axes[0] ** 2 / axes[1],) * 2 if system.is_derived else axes)
     scale = _scale_of(pyproj, system, some()[:, :2]) if system.is_projected else None
-    return Ground(((unit if scale is None else scale),) * 2)
+    return GroundScale(((unit if scale is None else scale),) * 2)
 
 
 def _scale_of(pyproj: Any, system: Any, points: Array) -> float | None:

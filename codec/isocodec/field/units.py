@@ -51,7 +51,7 @@ def units_of(text: str | None, n: int) -> list[str | None]:
 
 
 def distance_of(text: str) -> tuple[float, str]:
-    """Number and unit of a distance; without a unit it counts cells.
+    """Split a distance into number and unit; without a unit it counts cells.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def distance_of(text: str) -> tuple[float, str]:
     Returns
     -------
     tuple of float and str
-        The number, and the name of the unit as `unit_of` gives it; empty if there is none.
+        The number, and the name of the unit as `unit_of` gives it; empty without one.
 
     Raises
     ------

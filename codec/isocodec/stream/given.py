@@ -65,9 +65,10 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
         field.labels is not None or (isovalue is None and np.asarray(field.values).dtype.kind == "b")
     ):
         precision = Precision(signs=True)
+    if precision.rounded:
+        notes[PROMISE] = precision.text
     if precision.world:
         gone = missing_of(field.values, field.mask)
-        notes[PROMISE] = precision.world
         precision = in_cells(precision, field.placement, notes, options.metadata, field.shape, gone)
     if field.labels is not None:
         options = _of_labels(field, replace(options, precision=precision))

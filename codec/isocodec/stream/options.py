@@ -125,7 +125,7 @@ class Precision:
                                    for part, (number, _) in zip(parts, found, strict=True)))
 
     def in_cells(self, cells_of: Callable[[str], float], error: float = 0.0) -> Precision:
-        """The same with distances in cells instead of in the world.
+        """Convert distances in the world to cells.
 
         Parameters
         ----------
@@ -146,6 +146,12 @@ class Precision:
             raise OptionError(f"the coordinates may be off by more than {self.world}", code="coordinates",
                               remedy="give a smaller error of coordinates")
         return replace(self, world="", tolerance=tolerance, error=error)
+
+    @property
+    def rounded(self) -> bool:
+        """Whether a distance is in the world, or not in whole thousandths of a cell, which chunks of promises have."""
+        distances = [self.tolerance, *(self.steps or ())]
+        return bool(self.world) or any(each and abs(each * 1000 - round(each * 1000)) > 1e-6 for each in distances)
 
     @property
     def default(self) -> bool:

@@ -32,13 +32,14 @@ def noted(metadata: dict[str, str]) -> tuple[list[str], list[float]]:
 
 
 def asked(info: FileInfo, within: float | None, frame: int = 0, number: int = 0) -> str:
-    """Find the text that asked for a distance in cells that a file promises, if that was in the world; else nothing."""
+    """Find the text that asked for a distance in cells that a file promises, if that was in the world, or not in whole
+    thousandths, to which a chunk rounds up; else nothing.
+    """
     parts, _ = noted(info.metadata)
     own = [layer.within for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number) and layer.within]
     if within is None or within not in own or own.index(within) >= len(parts):
         return ""
-    part = parts[own.index(within)]
-    return part if distance_of(part)[1] else ""
+    return parts[own.index(within)]
 
 
 def promised_at_last(info: FileInfo, number: int) -> float | None:
@@ -93,6 +94,7 @@ def promise_of(info: FileInfo) -> str | None:
     texts = []
     for within in steps.pop():
         text = asked(info, within)
-        texts.append(f"{text} ({within:g} cells)" if text else f"{within:g} cells")
+        in_world = text and distance_of(text)[1]
+        texts.append(f"{text} ({within:g} cells)" if in_world else f"{text or f'{within:g}'} cells")
     found = f"within {', '.join(texts)}" if texts else ""
     return ", then ".join(filter(None, [found, samples])) or None
