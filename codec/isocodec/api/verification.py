@@ -19,7 +19,7 @@ from ..field.samples import Samples, check_field, interval_value, without_holes
 from ..field.stretch import in_unit
 from ..field.units import converted, distance_of, unit_of
 from ..stream.inspect import FileInfo, inspect
-from ..stream.promises import EXACT, SIGNS, asked, noted, of_samples
+from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, of_samples, of_tiles
 from .files import TileFile, Viewed, WholeFile
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if isinstance(held, TileFile):
         _check_shape(values.shape, held.info.shape)
         promise = _of_note(held, within, placement)
-        return [_measured(one, check_field(values, one.isovalue, gone=gone), promise, None) for one in contours]
+        return [_of_grid(held, one, None, values, gone, promise) for one in contours]
     info = held.info
     if any(chunk.type == "cut_layers" for chunk in info.chunks):
         info = inspect(held.data, symbols=True, limits=held.limits)
@@ -156,15 +156,18 @@ def _given(within: float | str, placement: Placement, shape: Sequence[int]) -> _
     """The promise of a caller: a distance in cells, or with a unit."""
     number, unit = distance_of(str(within))
     if not unit:
-        return _Promise(number, f"within {number:g} cells")
+        return _Promise(number, f"within {cells_in_words(number)}")
     text = str(within).replace(" ", "")
-    cells = placement.cells_of(text, tuple(shape))
-    return _Promise(cells, f"within {text} ({cells:.3g} cells)", text)
+    found = placement.cells_of(text, tuple(shape))
+    return _Promise(found, f"within {text} ({cells_in_words(found)})", text)
 
 
 def _of_note(held: TileFile, within: float | str | None, placement: Placement) -> _Promise:
     """The promise of a file in tiles, whose note is about all of its stages."""
     parts, _ = noted(held.info.metadata)
+    if within is None and (samples := of_tiles(held.info.metadata)):
+        step = held.info.scale if samples not in (EXACT, SIGNS) else None
+        return _Promise(0.0 if samples == EXACT else None, samples, step=step)
     distance = within if within is not None else parts[-1] if parts else None
     return _Promise() if distance is None else _given(distance, placement, held.info.shape)
 
@@ -178,8 +181,9 @@ def _of_layers(info: FileInfo, placement: Placement, frame: int, number: int) ->
         text = asked(info, within, frame, number)
         # the chunk has whole thousandths; and coordinates in the file, which may be off, take a part of a distance
         exact = within if not text else min(within, placement.cells_of(text, tuple(info.shape)))
+        words = cells_in_words(exact)
         unit = bool(text) and bool(distance_of(text)[1])
-        return _Promise(exact, f"within {text} ({exact:.3g} cells)" if unit else f"within {exact:g} cells", text * unit)
+        return _Promise(exact, f"within {text} ({words})" if unit else f"within {words}", text * unit)
     step = info.scale if samples not in (None, EXACT, SIGNS) else None
     return _Promise(0.0 if within == 0 else None, samples, step=step)
 
@@ -192,14 +196,17 @@ def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = 
 
 
 def _of_grid(
-    held: WholeFile, contour: Contour, frame: int | None, values: NDArray[Any], gone: NDArray[np.bool_] | None,
-    promise: _Promise,
+    held: WholeFile | TileFile, contour: Contour, frame: int | None, values: NDArray[Any],
+    gone: NDArray[np.bool_] | None, promise: _Promise,
 ) -> Verified:
     """Verify one isovalue of a grid."""
     if LABELS in held.info.metadata:
         sampled = check_field(values == contour.isovalue, 0.5, gone=gone)
     else:
         sampled = check_field(values, contour.isovalue, gone=gone)
+    if isinstance(held, TileFile) and promise.text not in (SIGNS, EXACT):
+        # in one piece it may take more memory than the field
+        return _measured(contour, sampled, promise, None)
     wrong: int | None
     try:
         differ = held.above(contour.isovalue, Viewed(frame=frame)) != sampled.signs

@@ -233,8 +233,8 @@ class GridFrame:
             if series.frame > 0:
                 payload = write_frame(lean, key)
                 alone = bool(self.strands[number].layers) and (number == 0 or bool(self.strands[number - 1].layers))
-                # layers that begin with a base begin the next isovalue by themselves
-                if payload or not alone:
+                # layers that begin with a base begin the next isovalue by themselves, promises before them do not
+                if payload or not alone or self.file.promise(number) or self.strands[number].within:
                     yield write_chunk(ChunkType.FRAME, payload)
             elif number > 0:
                 yield write_chunk(ChunkType.ISOVALUE, write_further(isovalue, lean))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..errors import OptionError
 from ..field.placement import COORDINATE_UNIT
 from ..field.sampled import UNIT
@@ -9,11 +11,17 @@ from ..field.units import distance_of
 from ..format.kinds import LayerKind
 from ..grid.lattice.tables import cube_exponent
 from .inspect import FileInfo
-from .options import PROMISE
+from .options import PROMISE, STEP
 
 SIGNS, EXACT = "all signs", "all values exactly"
 AT = " at "
 """Precedes, in the note of a surface, the isovalues whose contours it was made for."""
+
+
+def cells_in_words(number: float | str) -> str:
+    """A number of cells in words."""
+    text = number if isinstance(number, str) else f"{number:.4g}"
+    return f"{text} cell{'' if text == '1' else 's'}"
 
 
 def noted(metadata: dict[str, str]) -> tuple[list[str], list[float]]:
@@ -72,14 +80,24 @@ def of_samples(info: FileInfo) -> str | None:
     return None if geometry or any(layer.within for layer in layers) else SIGNS
 
 
+def of_tiles(metadata: Mapping[str, str]) -> str | None:
+    """Name what the note of a file in tiles states of samples: all signs or values; None if it is a distance."""
+    text = metadata.get(PROMISE, "")
+    if text.startswith(STEP):
+        return f"values to within {float(text.removeprefix(STEP)) / 2:g}"
+    return {"exact": EXACT, "signs": SIGNS}.get(text)
+
+
 def promise_of(info: FileInfo) -> str | None:
     """Put into words the precision that a complete file promises: ``within 1m (0.034 cells)``; None if it is none."""
     parts, contours = noted(info.metadata)
+    if info.kind == "tiles" and (samples := of_tiles(info.metadata)):
+        return samples
     if info.kind in ("surface", "mesh", "tiles") and parts:
         last = parts[-1]
         if info.kind == "surface" and contours:
-            unit = "" if distance_of(last)[1] else " cells"
-            return f"contours of {', '.join(f'{value:g}' for value in contours)} within {last}{unit}"
+            far = last if distance_of(last)[1] else cells_in_words(last)
+            return f"contours of {', '.join(f'{value:g}' for value in contours)} within {far}"
         units = {"surface": info.metadata.get(UNIT, "") + " of values", "tiles": "cells",
                  "mesh": info.metadata.get(COORDINATE_UNIT) or "in the unit of its points"}
         return f"within {last}" if distance_of(last)[1] else f"within {last} {units[info.kind].strip()}"
@@ -95,6 +113,6 @@ def promise_of(info: FileInfo) -> str | None:
     for within in steps.pop():
         text = asked(info, within)
         in_world = text and distance_of(text)[1]
-        texts.append(f"{text} ({within:g} cells)" if in_world else f"{text or f'{within:g}'} cells")
+        texts.append(f"{text} ({cells_in_words(within)})" if in_world else cells_in_words(text or within))
     found = f"within {', '.join(texts)}" if texts else ""
     return ", then ".join(filter(None, [found, samples])) or None

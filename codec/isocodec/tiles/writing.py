@@ -121,7 +121,7 @@ def _options_of(
             raise OptionError("coordinates and periodic axes do not apply to tiles", code="tiles",
                               remedy="use a matrix")
         notes = {**notes, **{key: text for key, text in placement.notes().items() if key not in notes}}
-    if precision.world or precision.tolerance is not None:
+    if not options.precision.default:
         notes[PROMISE] = precision.text
         precision = in_cells(precision, placement, notes, options.metadata, shape)
     return replace(options, precision=precision, metadata=notes)
