@@ -43,13 +43,14 @@ def extracted(
 
     part = Extract(tiled, box)
     numbers = list(range(len(tiled.isovalues))) if isovalues is None else [tiled.number_of(one) for one in isovalues]
-    taken = part.strands(numbers)
-    if taken is not None:
-        return taken
-    head = tiled.head
+    head, promise = tiled.head, _of_note(tiled, box)
+    if promise is None or head.stages[-1].adaptive:
+        taken = part.strands(numbers)
+        if taken is not None:
+            return taken
     held = Held(
         Header(part.size, head.isovalues[numbers[0]], head.scale, head.profile), part.notes, None,
-        [part.sources(numbers)], [], np.ones(0, np.bool_), [_of_note(tiled, box)] * len(numbers),
+        [part.sources(numbers)], [], np.ones(0, np.bool_), [promise] * len(numbers),
     )
     return same_again(held, Options(profile=held.profile, metadata=held.kept_notes), expected=False)
 

@@ -157,7 +157,8 @@ def thin(
 
 def _promise(error: float | str | None, tolerance: float | str | None, contours: Sequence[float] | None) -> str:
     """The note of a promise, with the distance as it was asked for."""
-    text = str(error if error is not None else tolerance).replace(" ", "")
+    given = error if error is not None else tolerance
+    text = given.replace(" ", "") if isinstance(given, str) else f"{given:.12g}"
     return text + (AT + " ".join(f"{float(value):.17g}" for value in contours) if contours is not None else "")
 
 

@@ -26,6 +26,8 @@ _NAMES = {
     "degrees_north degree_north degrees_n degree_n degreen degreesn degrees_south",
 }
 _KNOWN = {name: unit for unit, names in _NAMES.items() for name in (unit, *names.split())}
+_SYMBOL = 3
+"""Most letters of a symbol; names are longer."""
 _DISTANCE = re.compile(r"\s*([+-]?[0-9.]+(?:[eE][-+]?[0-9]+)?|[+-]?(?:inf|nan))\s*([^\s0-9.,][^0-9.,]*?)?\s*", re.I)
 
 
@@ -37,7 +39,9 @@ def unit_of(text: str | None) -> str | None:
     text : str or None
         As files and people write it: ``mm``, ``micron``, ``US survey foot``, ``degrees_east``.
     """
-    return _KNOWN.get("_".join((text or "").lower().split()).rstrip("."))
+    name = "_".join((text or "").split()).rstrip(".")
+    # symbols are told apart by case: Mm is no millimetre
+    return _KNOWN.get(name) or (_KNOWN.get(name.lower()) if len(name) > _SYMBOL else None)
 
 
 def units_of(text: str | None, n: int) -> list[str | None]:

@@ -40,6 +40,10 @@ EDGE_SHARE = 0.05
 """Without an option, points lie as near to the contour as this share of the median edge."""
 MESH_SHARE = 0.05
 """Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
+TOLERANCE_SHARE = 0.125
+"""The same as a share of a tolerance, if one is given: it holds for mesh and points of contours together."""
+FINER_TRIED = 6
+"""Roundings of scattered points that are tried, until their triangulation is that of the points themselves."""
 KINDS = ("known", "coded", "whole", "delaunay")
 
 
@@ -95,7 +99,7 @@ class MeshFrames:
             self.options.check_data(self._fields(each)[0].integer)
         self._edge = self._median_edge()
         self._rounded: NDArray[np.float64] | None = None
-        self._off = 0.0
+        self._off, self._same, self._shared = 0.0, True, False
         self._domain_chunk = self._known() if stored == "known" else self._coded(stored, mesh.error, first)
         self._step = self._offset_step()
         progressive = mesh.progressive
@@ -105,7 +109,7 @@ class MeshFrames:
         step = options.precision.step
         self.header = Header((), self._fields(first[0])[0].isovalue, step, Profile.MAIN, cells=self.domain.n)
         self._metadata = {**mesh.metadata, **options.metadata}
-        if options.precision.tolerance is not None:
+        if options.precision.tolerance is not None and self._same:
             self._metadata[PROMISE] = self._promise(options.precision.tolerance)
         self._strands: list[MeshIsovalue] = []
 
@@ -192,12 +196,12 @@ class MeshFrames:
         """Payload of the chunk of a mesh in the file; from now on the domain is what decoders have."""
         if error is not None and not (math.isfinite(error) and error > 0):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
-        error = self._off = error or MESH_SHARE * self._edge
+        usual = MESH_SHARE * self._edge
+        if self.options.precision.tolerance is not None:
+            usual = min(usual, TOLERANCE_SHARE * self.options.precision.tolerance)
+        self._off, self._shared = error or usual, error is None
         if stored == "delaunay":
-            places = rounded_apart(self._points, error)
-            run, self.domain, self._source = encoded_points(places.position, places.extent, places.unit)
-            self._points = self._points[self._source]
-            return self._in_file(DomainKind.DELAUNAY, places) + run
+            return self._of_points(1 if error else FINER_TRIED)
         cells = self.domain.mesh.cell
         if stored == "coded":
             crossed = np.zeros(len(cells), np.bool_)
@@ -210,13 +214,31 @@ class MeshFrames:
             cells = cells[crossed]
         used, numbers = np.unique(cells, return_inverse=True)
         points = self._points[used]
-        places, domain = quantised(points, numbers.reshape(cells.shape), error)
+        places, domain = quantised(points, numbers.reshape(cells.shape), self._off)
         run, self.domain, order = encoded_mesh(domain, places.extent, places.unit)
         self._points = points[order]
         self._source = used[order]
         head = self._in_file(DomainKind.CODED, places)
         self._rounded = coordinates_of(self.domain, read_domain(head + run, self.domain.n, 0)[0])
         return head + run
+
+    def _of_points(self, most: int) -> bytes:
+        """Payload of the chunk of scattered points, so finely rounded that they have the same triangulation, if that
+        shows within a number of trials and a precision is asked for; else as the first trial.
+        """
+        before, known = self._points, {tuple(sorted(cell)) for cell in self.domain.mesh.cell.tolist()}
+        found = []
+        for _ in range(most if self.options.precision.tolerance is not None else 1):
+            places = rounded_apart(before, self._off)
+            found.append((self._off, places, *encoded_points(places.position, places.extent, places.unit)))
+            source, cells = found[-1][4], found[-1][3].mesh.cell
+            self._same = {tuple(sorted(cell)) for cell in source[cells].tolist()} == known
+            if self._same:
+                break
+            self._off /= FINER
+        self._off, places, run, self.domain, self._source = found[-1 if self._same else 0]
+        self._points = before[self._source]
+        return self._in_file(DomainKind.DELAUNAY, places) + run
 
     def _in_file(self, kind: DomainKind, places: Quantised) -> bytes:
         """The head of the domain as it goes into the file, with its positions."""
@@ -232,11 +254,13 @@ class MeshFrames:
         if precision.exact or precision.signs or precision.step is not None:
             return 0
         tolerance = precision.tolerance or EDGE_SHARE * self._edge
+        if precision.tolerance is not None and self._shared:
+            tolerance -= self._off
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
 
     def _promise(self, tolerance: float) -> str:
         """The note of a promise: points are within the tolerance, and a mesh in the file may be off, too."""
-        off = max(self._off + tolerance, self._off + self._step * self.domain.unit / STEPS / 2)
+        off = max(self._off + self._step * self.domain.unit / STEPS / 2, tolerance)
         if not self._asked:
             return f"{off:.12g}"
         number, unit = distance_of(self._asked)

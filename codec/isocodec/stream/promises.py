@@ -73,7 +73,8 @@ def of_samples(info: FileInfo) -> str | None:
     last = layers[-1]
     whole = info.domain is not None or last.level == len(info.shape) * cube_exponent(info.shape)
     geometry = {LayerKind.VALUES, LayerKind.OFFSETS} & {layer.kind for layer in layers}
-    if not whole:
+    cut = any(chunk.type == "cut_layers" for chunk in info.chunks)
+    if not whole or (cut and last.bytes is None):
         return None
     if last.kind == LayerKind.VALUES and last.plane == 0:
         return EXACT if info.scale is None else f"values to within {info.scale / 2:g}"
@@ -98,9 +99,12 @@ def promise_of(info: FileInfo) -> str | None:
         if info.kind == "surface" and contours:
             far = last if distance_of(last)[1] else cells_in_words(last)
             return f"contours of {', '.join(f'{value:g}' for value in contours)} within {far}"
-        units = {"surface": info.metadata.get(UNIT, "") + " of values", "tiles": "cells",
-                 "mesh": info.metadata.get(COORDINATE_UNIT) or "in the unit of its points"}
-        return f"within {last}" if distance_of(last)[1] else f"within {last} {units[info.kind].strip()}"
+        if info.kind == "tiles":
+            return f"within {last if distance_of(last)[1] else cells_in_words(last)}"
+        what = "values within " if info.kind == "surface" else "within "
+        unit = info.metadata.get(UNIT if info.kind == "surface" else COORDINATE_UNIT) or ""
+        missing = "" if info.kind == "surface" else "in the unit of its points"
+        return what + last if distance_of(last)[1] else f"{what}{last} {unit or missing}".rstrip()
     samples = of_samples(info)
     strands: dict[tuple[int, int], list[float | None]] = {}
     for layer in info.layers:
