@@ -62,7 +62,7 @@ def encoded() -> Iterator[Draft]:
         signs = {"precision": "signs"}
         yield _tiled(f"{space}_exact", hills, VALUE, "values")
         yield _tiled(f"{space}_main", hills, VALUE, "the main profile", profile="main")
-        yield _tiled(f"{space}_offsets", hills, VALUE, "offsets", profile="main")
+        yield _tiled(f"{space}_offsets", hills, VALUE, "offsets", precision=0.05, profile="main")
         yield _tiled(f"{space}_signs", waves(shape, HIGH, 4), VALUE, "signs, sides that are no multiples", **signs)
         yield _tiled(f"{space}_isovalues", hills, (VALUE, VALUE + 4.5, 1e9), "several isovalues", **signs)
         yield _tiled(f"{space}_missing", np.ma.masked_array(hills, gone), VALUE, "missing samples")

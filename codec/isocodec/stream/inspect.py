@@ -39,7 +39,7 @@ class LayerInfo:
     kind : str
     level : int
     plane : int
-        Missing bits of values afterwards.
+        Missing bits of values afterwards; of levels of a mesh, missing rounds.
     parts : int
         Parts that edges are divided into afterwards.
     offset : int or None
@@ -369,7 +369,7 @@ class _Survey:
         outline.begun = True
         self.coded += size
         self.layers.append(LayerInfo(
-            head.kind.name.lower(), -1, 0, 0, chunk.start + begins, size, isovalue=outline.number,
+            head.kind.name.lower(), -1, head.rounds, 0, chunk.start + begins, size, isovalue=outline.number,
             frame=outline.frame,
         ))
 

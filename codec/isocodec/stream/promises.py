@@ -78,7 +78,7 @@ def of_samples(info: FileInfo) -> str | None:
         return None
     if last.kind == LayerKind.VALUES and last.plane == 0:
         return EXACT if info.scale is None else f"values to within {info.scale / 2:g}"
-    return None if geometry or any(layer.within for layer in layers) else SIGNS
+    return None if geometry or last.plane or any(layer.within for layer in layers) else SIGNS
 
 
 def of_tiles(metadata: Mapping[str, str]) -> str | None:
