@@ -1,4 +1,4 @@
-"""The table of promises: kind of file x precision: info states it, verify holds files against it, edits keep it true."""
+"""Promises by kind of file and precision: info states them, verify holds files to them, edits keep them true."""
 
 from __future__ import annotations
 

@@ -48,15 +48,15 @@ def encode(
         these. None for a field of bool, whose border is encoded, for a field with labels, and for a `Tin`.
     precision : optional
         How closely the file keeps to the contour. A number: the largest distance, in cells, between the decoded and the
-        extracted curve, both ways; on a mesh in the unit of its points. A text with a unit, as "100m": a distance in
-        the world (in the unit of the placement, or m or km where coordinates are longitudes and latitudes), to which
-        the file keeps everywhere. From 0.1 cells on the encoder searches for a mesh and a precision of crossings that
-        make the file small, and proves the distance on the decoded curve; below, it codes all crossings of the grid,
-        without a search. With a criterion as ``layers``, that chooses the mesh, and the distance holds for its
-        crossings alone.
+        extracted curve, both ways; on a mesh in the unit of its points. A text with a unit, as "100m" or "0.2mm": a
+        distance in the world, on the ellipsoid where coordinates are longitudes and latitudes or projected, to which
+        the file keeps everywhere; it is refused where the unit of the coordinates is not known. From 0.1 cells on the
+        encoder searches for a mesh and a precision of crossings that make the file small, and proves the distance on
+        the decoded curve; below, it codes all crossings of the grid, without a search. With a criterion as ``layers``,
+        that chooses the mesh, and the distance holds for its crossings alone.
         "exact": values of integers next to the curve, to the last bit. "step=0.5": values of floats next to the curve
         to within half a step. "signs": which samples lie above, no geometry; crossings are drawn half-way. Falling
-        distances, as [4, 1, 0.25, "exact"] or "4,1,0.25,exact": what the layers promise one after the other.
+        distances, as [4, 1, 0.25, "exact"] or "4m,1m,exact": what the layers promise one after the other.
         None: 0.05 cells; "signs" for labels, and for a field of bool without an isovalue; on a mesh 0.05 of the median
         edge. The values of a `Tin` that `thin` did not choose for a file are rounded to within a number, or to steps.
     keep_topology : bool

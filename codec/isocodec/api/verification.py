@@ -31,7 +31,7 @@ ROUNDING = 1e-6
 MEASURED = 0.001
 """Cells by which the distance is measured too large at most."""
 SHARE = 0.02
-"""The same as a share of what is promised."""
+"""Share of what is promised that the distance is measured too large at most, too."""
 
 
 @dataclass(frozen=True)

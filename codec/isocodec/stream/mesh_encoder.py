@@ -41,7 +41,7 @@ EDGE_SHARE = 0.05
 MESH_SHARE = 0.05
 """Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
 TOLERANCE_SHARE = 0.125
-"""The same as a share of a tolerance, if one is given: it holds for mesh and points of contours together."""
+"""Share of a tolerance that they may take, if one is given: it holds for mesh and points of contours together."""
 FINER_TRIED = 6
 """Roundings of scattered points that are tried, until their triangulation is that of the points themselves."""
 KINDS = ("known", "coded", "whole", "delaunay")
