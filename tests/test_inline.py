@@ -55,7 +55,7 @@ def test_a_curve_and_a_surface() -> None:
 
 def test_promises_frames_and_meshes() -> None:
     steps = facts(parsed(isocodec.open(isocodec.encode(HILLS, 80.5, precision=[4, 1]))._repr_html_()))
-    assert steps["promises"] == "4, 1 cells"
+    assert steps["promise"] == "within 4 cells, 1 cell"
     assert facts(
         parsed(isocodec.open(isocodec.encode(isocodec.Frames([HILLS] * 3), 80.5))._repr_html_())
     )["frames"] == "3"

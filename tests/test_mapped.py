@@ -285,7 +285,8 @@ def test_tolerances_in_the_world(unit: str) -> None:
     field, arrays = grids.rotated_pole(60, 80)
     tolerance = {"km": "60km", "degrees": "0.8deg"}[unit]
     around = UNWRAP if unit == "km" else None
-    data = isocodec.encode(grids.placed(field, unwrapped(arrays), periods=around), 0.1, precision=tolerance)
+    where = {"periods": around, "unit": None if around else "degrees"}
+    data = isocodec.encode(grids.placed(field, unwrapped(arrays), **where), 0.1, precision=tolerance)
     fine = isocodec.decode(isocodec.encode(grids.placed(field, unwrapped(arrays)), 0.1, precision="step=1e-9"))
     coarse = isocodec.decode(data)
     assert len(data) < len(isocodec.encode(grids.placed(field, unwrapped(arrays)), 0.1, precision=0.05))
@@ -305,12 +306,14 @@ def test_tolerances_in_the_world(unit: str) -> None:
 def test_tolerances_by_a_matrix() -> None:
     """Cells of a volume whose steps differ: the longest counts."""
     field = grids.polar()[0]
-    spaced = isocodec.encode(isocodec.Field(field, placement=(3, 1.5)), 0.05, precision="0.75mm")
-    assert spaced == isocodec.encode(isocodec.Field(field, placement=(3, 1.5)), 0.05, precision=0.25)
     turn = np.array([[0.6, 0.8, 1], [-0.8, 0.6, 2]]) * 2
-    assert isocodec.encode(
-        isocodec.Field(field, placement=turn), 0.05, precision="1m",
-    ) == isocodec.encode(isocodec.Field(field, placement=turn), 0.05, precision=0.5)
+    spacing = [[0, 1.5, 0], [3, 0, 0]]
+    asked = ((spacing, "mm", "0.75mm", 0.25), (turn, "m", "1m", 0.5), (turn, "m", "100cm", 0.5))
+    for matrix, unit, text, cells in asked:
+        placed = isocodec.Field(field, placement=Placement(matrix, unit=unit))
+        in_world, in_cells = (isocodec.open(isocodec.encode(placed, 0.05, precision=each)) for each in (text, cells))
+        assert np.array_equal(in_world.contour().points, in_cells.contour().points)
+        assert in_world.promise == f"within {text} ({cells:g} cells)"
     assert isocodec.encode(field, 0.05, precision="0.5") == isocodec.encode(field, 0.05, precision=0.5)
     for wrong in ("1m", "much", "1 2m", "m", ""):
         with pytest.raises(OptionError):

@@ -78,11 +78,11 @@ def test_promised_layers_keep_their_promise(topology: bool) -> None:
     info = isocodec.open(data).info
     assert info.topology == [topology]
     promised = {number: layer.within for number, layer in enumerate(info.layers, 1) if layer.within is not None}
-    assert list(promised.values()) == steps[:-1]
+    assert list(promised.values()) == [*steps[:-1], 0] and info.layers[-1].within == 0
     original = isocodec.decode(data)
     for layers, within in promised.items():
         # signs alone, but for the last
-        assert info.layers[layers - 1].kind == "offsets" or within > 1
+        assert info.layers[layers - 1].kind in ("offsets", "values") or within > 1
         coarse = isocodec.decode(data, layers=layers)
         assert farthest(coarse, original) <= within + 2 / FINE
         if topology:
@@ -105,17 +105,18 @@ def test_each_isovalue_has_its_own() -> None:
     assert [layer.within for layer in short.layers] == [layer.within for layer in info.layers[:2]]
 
 
-@pytest.mark.parametrize("options", [{}, {"precision": 1}, {"keep_topology": True}, {"precision": "exact"}])
-def test_only_steps_are_written_down(options: dict[str, object]) -> None:
-    """Of other files the options say it, in fewer bytes."""
-    info = isocodec.open(isocodec.encode(HILLS, 80.5, **options)).info
+@pytest.mark.parametrize("options", [{}, {"keep_topology": True}, {"precision": "exact"}, {"precision": "signs"}])
+def test_only_distances_are_written_down(options: dict[str, object]) -> None:
+    """Layers themselves show that they are exact or all signs; the default is nobody's wish."""
+    file = isocodec.open(isocodec.encode(HILLS, 80.5, **options))
+    info = file.info
     assert not any(layer.within for layer in info.layers) and info.topology == [False]
+    assert "promises" not in [chunk.type for chunk in info.chunks] and "promise" not in file.metadata
 
 
-def test_one_step_is_a_tolerance_that_is_written_down() -> None:
+def test_one_step_is_a_tolerance() -> None:
     data, other = (isocodec.encode(BALL, 55.5, **options) for options in ({"precision": [1]}, {"precision": 1}))
-    assert isocodec.open(data).info.layers[-1].within == 1 and len(data) == len(other) + 6
-    assert np.array_equal(isocodec.decode(data).points, isocodec.decode(other).points)
+    assert isocodec.open(data).info.layers[-1].within == 1 and data == other
 
 
 def test_others_are_skipped() -> None:

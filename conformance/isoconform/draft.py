@@ -13,6 +13,7 @@ from isocodec.format.events import LayerComplete
 from isocodec.stream.truncation import truncate
 
 from .dump import COMPLETE, dump
+from .streams import bare
 
 CUT_ROOM = 64
 """Bytes that a file may grow by when it is cut: a number of symbols, a checksum."""
@@ -53,8 +54,9 @@ def encoded(
     name: str, field: ArrayLike, isovalue: float | Sequence[float], *features: str, states: bool = False,
     mask: ArrayLike | None = None, **options,
 ) -> Draft:
-    """A vector as the reference encoder writes it."""
+    """A vector as the reference encoder writes it, but for the promise of a single tolerance."""
     data = encode(Field(field, mask), isovalue, **{"profile": "baseline", **options})
+    data = bare(data) if isinstance(options.get("precision"), float) else data
     return Draft(name, data, np.ndim(field), features, layers=states)
 
 

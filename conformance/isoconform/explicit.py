@@ -18,7 +18,7 @@ from isospec.container import ChunkType, read_varint, write_varint
 from .draft import Draft
 from .explicit_dump import Mesh, written
 from .fields import Integers, random_numbers
-from .streams import Chunk, File, split
+from .streams import Chunk, File, bare, split
 
 EXPLICIT = "explicit domain"
 VALUE = 100.5
@@ -91,6 +91,7 @@ def _draft(
         isocodec.Mesh(mesh[0], cells, values, stored=kind, error=mesh_error, progressive=progressive), isovalue,
         **options,
     )
+    data = bare(data) if isinstance(options.get("precision"), float) else data
     n = mesh[1].shape[1] - 1
     return Draft(name, data, n, (EXPLICIT, *features), None, states, written(mesh) if kind == "known" else "")
 

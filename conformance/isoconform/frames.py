@@ -42,7 +42,7 @@ def whole() -> Iterator[Draft]:
             for name, options in (
                 ("signs", {"precision": "signs"}),
                 ("values", {"precision": "exact", "interval": 2}),
-                ("offsets", {"precision": 0.05, "interval": 3}),
+                ("offsets", {"interval": 3}),
             ):
                 yield encoded_series(
                     f"{space}_frames_{profile}_{name}", frames, VALUE, f"frames: {name}", profile=profile,

@@ -18,7 +18,7 @@ from isospec.container import MAX_ISOVALUES, ChunkType, Operation, Profile, writ
 from .draft import Draft
 from .dump import dump
 from .fields import balls, noise, random_numbers
-from .streams import Chunk, File, Step, closed, layers, program_length, reopened, split, steps_of
+from .streams import Chunk, File, Step, bare, closed, layers, program_length, reopened, split, steps_of
 
 BASE, REFINE, VALUES, OFFSETS, BOTH, ADAPTIVE, ADAPT, LEAVES = Operation
 ESCAPE, ALL = 14, 15
@@ -33,7 +33,8 @@ def _plane() -> bytes:
 
 
 def _space() -> bytes:
-    return b"".join(encoder_of(balls((6, 7, 5), [((5, 6, 4), 6)]), 0.5, precision=0.1, layers=4, profile="baseline"))
+    ball = balls((6, 7, 5), [((5, 6, 4), 6)])
+    return bare(b"".join(encoder_of(ball, 0.5, precision=0.1, layers=4, profile="baseline")))
 
 
 def _refused(name: str, data: bytes, clause: str, about: str) -> Draft:

@@ -38,8 +38,8 @@ def whole() -> Iterator[Draft]:
         for name, isovalues, about, options in (
             ("values_above", (VALUE, VALUE + 2), "above the earlier one", {"precision": "exact"}),
             ("values_below", (VALUE, VALUE - 2.5), "below the earlier one", {"precision": "exact"}),
-            ("offsets_above", (VALUE, VALUE + 3), "above the earlier one", {"precision": 0.05}),
-            ("offsets_below", (VALUE, VALUE - 1), "below the earlier one", {"precision": 0.05}),
+            ("offsets_above", (VALUE, VALUE + 3), "above the earlier one", {}),
+            ("offsets_below", (VALUE, VALUE - 1), "below the earlier one", {}),
             ("signs", (VALUE, VALUE + 1), "above the earlier one", {"precision": "signs", "layers": 3}),
             ("single_rate", (VALUE, VALUE - 1), "below the earlier one", {"precision": "signs", "layers": 12}),
             (

@@ -37,8 +37,8 @@ def whole() -> Iterator[Draft]:
         mesh = random_mesh(shape, 93, SOME)
         for name, isovalues, about, options in (
             ("exact", VALUE, "values", {"precision": "exact"}),
-            ("offsets", VALUE, "offsets", {"precision": 0.05}),
-            ("main", VALUE, "in the main profile", {"precision": 0.05, "profile": "main"}),
+            ("offsets", VALUE, "offsets", {}),
+            ("main", VALUE, "in the main profile", {"profile": "main"}),
             ("single_rate", VALUE, "in a base", {"layers": [("base", None), ("values", None)]}),
             ("coarse", VALUE, "on a mesh that is not the full grid", {"layers": [("base", 3), ("offsets", 9, 0)]}),
             ("adaptive", VALUE, "on an adaptive mesh", {"layers": [base_on(field, mesh), ("values", 3)]}),

@@ -40,7 +40,7 @@ def grids() -> Iterator[Draft]:
                 },
             ),
             ("values_coarse", whole, {"layers": [("base", almost), ("values", None), ("refine", 1), ("values", None)]}),
-            ("offsets", smooth, {"precision": 0.05}),
+            ("offsets", smooth, {}),
             (
                 "offsets_fine", smooth,
                 {"layers": [("base", n), ("refine", None)] + [("offsets", r) for r in (5, 63, 9)]}
@@ -124,7 +124,7 @@ def meshes() -> Iterator[Draft]:
             states=True, profile="main", layers=plan,
         )
         further: list[tuple[str, dict[str, Any]]] = [
-            ("isovalues", {"precision": 0.05}), ("isovalues_values", {"precision": "exact"}),
+            ("isovalues", {}), ("isovalues_values", {"precision": "exact"}),
             ("isovalues_signs", {"precision": "signs", "layers": 2}),
         ]
         for level in (10, 11, 12):
@@ -154,7 +154,7 @@ def cuts() -> Iterator[Draft]:
         field = waves(shape, 255, 2) + noise(shape, 9, 5)
         mesh = chosen(shape, random_mesh(shape, 43, 400))
         for kinds, options in (
-            (("refine", "offsets"), {"precision": 0.05, "layers": 2}),
+            (("refine", "offsets"), {"layers": 2}),
             (("values",), {"precision": "exact"}),
             (("adaptive_base",), {"layers": [("adaptive_base", 0, mesh)]}),
         ):

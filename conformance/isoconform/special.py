@@ -120,7 +120,7 @@ def chunks() -> Iterator[Draft]:
     sizes = bytes([square.header[5] & ~0x40]) + 2 * square.header[6:7] + square.header[7:]
     apart = replace(square, header=square.header[:5] + sizes)
     yield Draft("plane_sides_told_apart", bytes(apart), 2, ("equal sides told one by one",))
-    encoder = encoder_of(BALL, 0.5, precision=0.05, profile="baseline")
+    encoder = encoder_of(BALL, 0.5, profile="baseline")
     assert isinstance(encoder, GridEncoder)
     whole = split(b"".join(encoder))
     index = Chunk(ChunkType.INDEX, write_index(encoder.frame.layers, encoder.frame.records), ancillary=True)
@@ -150,7 +150,7 @@ def cuts() -> Iterator[Draft]:
     """Files made shorter: by layers, and within a run by symbols."""
     disc = waves((33, 29), 255, 2)
     plane = b"".join(encoder_of(disc, 110.5, precision="exact", layers=4, profile="baseline"))
-    space = b"".join(encoder_of(torus((15, 15, 9), 9, 4), 0.5, precision=0.05, layers=6, profile="baseline"))
+    space = b"".join(encoder_of(torus((15, 15, 9), 9, 4), 0.5, layers=6, profile="baseline"))
     for layers in (1, 5, 11):
         yield Draft(
             f"plane_first_{layers}_layers", truncate(plane, layers=layers), 2, (f"truncated to {layers} layers",)
@@ -185,7 +185,7 @@ def cut_before_values() -> Iterator[Draft]:
 def truncated() -> Iterator[Draft]:
     """Files that end too early: what was received counts."""
     plane = b"".join(encoder_of(HILLS, 100.5, precision="exact", layers=4, profile="baseline"))
-    space = b"".join(encoder_of(BALL, 0.5, precision=0.05, layers=3, profile="baseline"))
+    space = b"".join(encoder_of(BALL, 0.5, layers=3, profile="baseline"))
     single = b"".join(encoder_of(BALL, 0.5, precision="signs", layers=9, profile="baseline"))
     one_rate = b"".join(encoder_of(HILLS, 100.5, precision="signs", layers=10, profile="baseline"))
     for name, data, size in (

@@ -13,7 +13,7 @@ from isocodec.entropy.context_layout import context_coder
 from isocodec.entropy.range_coder import Coder
 from isocodec.entropy.run import WritingRun
 from isocodec.field.samples import Samples
-from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
+from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope, read_metadata, write_metadata
 from isocodec.format.header import Header, read_header, write_header
 from isocodec.format.program import Layer, Progress, read_program, write_program
 from isocodec.grid.lattice.vertex_set import Chosen
@@ -24,6 +24,7 @@ from isocodec.kernel import DONE
 from isocodec.limits import Limits
 from isocodec.search.ground_truth import GroundTruth
 from isocodec.stream.decoder import Decoder
+from isocodec.stream.options import PROMISE
 from isospec.container import Checksum, ChunkHead, ChunkType, OperationByte, write_varint
 
 
@@ -61,6 +62,18 @@ class File:
     def with_chunks(self, *chunks: Chunk) -> File:
         """The same with other chunks."""
         return replace(self, chunks=chunks)
+
+
+def bare(data: bytes) -> bytes:
+    """A file without what it promises: a chunk, and a note."""
+    file, kept = split(data), []
+    for chunk in file.chunks:
+        if chunk.type == ChunkType.METADATA:
+            notes = {name: text for name, text in read_metadata(chunk.payload).items() if name != PROMISE}
+            kept += [replace(chunk, payload=write_metadata(notes))] if notes else []
+        elif chunk.type != ChunkType.PROMISES:
+            kept.append(chunk)
+    return bytes(file.with_chunks(*kept))
 
 
 def closed(data: bytes) -> bytes:

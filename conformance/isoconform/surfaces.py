@@ -16,7 +16,7 @@ from isospec.container import ChunkType, Profile
 from .draft import Draft
 from .explicit import EXPLICIT
 from .fields import Integers, noise, random_numbers, waves
-from .streams import Chunk, File
+from .streams import Chunk, File, bare
 
 SURFACE = "surface"
 
@@ -45,7 +45,7 @@ def whole() -> Iterator[Draft]:
     for name, options in (
         ("terrain", {"error": 6.0}), ("exact", {"error": 0.0}), ("layers", {"error": 6.0, "layers": 3}),
     ):
-        data = encode(thin(field if name != "exact" else field[:7, :9], **options))  # type: ignore[arg-type]
+        data = bare(encode(thin(field if name != "exact" else field[:7, :9], **options)))  # type: ignore[arg-type]
         yield Draft(f"tin_{name}", data, 2, (EXPLICIT, SURFACE, name))
     head = TinHead((100, 100), False, -3, (5, -7), -1.5, 0.25, (), 40, (60,))
     for name, side, largest, more in (
@@ -81,7 +81,7 @@ def whole() -> Iterator[Draft]:
 def parts() -> Iterator[Draft]:
     """Files that end early."""
     field = waves((24, 31), 90, 4)
-    data = encode(thin(field, error=3.0, layers=3))
+    data = bare(encode(thin(field, error=3.0, layers=3)))
     for name, size in (("head", 14), ("first", len(data) // 4), ("later", len(data) * 2 // 3), ("end", len(data) - 2)):
         yield Draft(f"tin_truncated_{name}", data[:size], 2, (EXPLICIT, SURFACE, "truncated"))
 

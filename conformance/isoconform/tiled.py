@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from isocodec import save
 from isocodec.format.chunks import CHECKSUM_BYTES
+from isocodec.tiles.first_stages import first_stages
 from isocodec.tiles.tiled import TiledFile as Tiles
 from isospec.container import Checksum, Double, write_varint
 
@@ -37,7 +38,11 @@ def _tiled(name: str, field: ArrayLike, isovalue: float | Sequence[float], about
         path = Path(folder) / "tiled.iso"
         defaults = {"profile": "baseline", "precision": "exact" if "step" not in options else None}
         save(path, field, isovalue, tile=EDGE, **{**defaults, **options})
-        return Draft(name, path.read_bytes(), np.ndim(field), ("file in tiles", f"tiles: {about}"))
+        data = path.read_bytes()
+        file = Tiles(lambda start, end: data[start:end])
+        file.head = replace(file.head, metadata={})  # but for what it promises
+        data = b"".join(first_stages(file, len(file.head.stages)))
+        return Draft(name, data, np.ndim(field), ("file in tiles", f"tiles: {about}"))
 
 
 def _spots(shape: Shape, *centres: tuple[int, ...]) -> Integers:

@@ -117,7 +117,7 @@ def components() -> Iterator[Draft]:
     )
     yield encoded("plane_all_below", np.zeros((6, 7), np.int64), 0.5, "no curve: all below", precision="signs")
     yield encoded("plane_all_above", np.ones((6, 7), np.int64), 0.5, "no curve: all above", precision="exact")
-    yield encoded("space_all_below", np.zeros((4, 3, 5), np.int64), 0.5, "no surface: all below", precision=0.05)
+    yield encoded("space_all_below", np.zeros((4, 3, 5), np.int64), 0.5, "no surface: all below")
     yield encoded("space_all_above", np.ones((4, 3, 5), np.int64), 0.5, "no surface: all above", precision="signs")
 
 

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import OptionError
 from ..field.decoded_samples import LABELS
+from ..field.placement import read_placement
 from ..limits import Limits
-from ..stream.options import Options, Precision
+from ..stream.given import in_cells
+from ..stream.options import PROMISE, Options, Precision
+from ..stream.promises import last_promise
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
@@ -88,8 +91,9 @@ def _cropped(whole: WholeFile, window: Sequence[Sequence[float]]) -> bytes:
     held = held_by(whole.data, whole.limits)
     low, size = box_of(held.header.shape, window, whole.limits or Limits())
     frames = [[cropped(one, low, size) for one in sources] for sources in held.frames]
-    held = replace(held, frames=frames, metadata=moved_notes(held.metadata, low))
-    return same_again(held, Options(profile=held.profile, metadata=held.metadata), expected=False)
+    # ends of curves at the border of a box may be farther away than a promise about the whole
+    held = replace(held, frames=frames, metadata=moved_notes(held.metadata, low), promised=[None] * len(held.promised))
+    return same_again(held, Options(profile=held.profile, metadata=held.kept_notes), expected=False)
 
 
 def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
@@ -108,8 +112,9 @@ def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
     held = replace(
         held, frames=[[one[number] for number in numbers] for one in held.frames],
         contours=[[one[number] for number in numbers] for one in held.contours],
+        promised=[held.promised[number] for number in numbers],
     )
-    return same_again(held, Options(profile=held.profile, metadata=held.metadata))
+    return same_again(held, Options(profile=held.profile, metadata=held.kept_notes))
 
 
 def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, keep_topology: bool) -> bytes:
@@ -122,9 +127,9 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
         or if the profile or precision is not possible for a mesh or a surface.
     """
     wanted = Precision.of(precision)
-    if not (wanted.default or wanted.signs or wanted.tolerance is not None):
+    if "," in wanted.world or not (wanted.default or wanted.signs or wanted.world or wanted.tolerance is not None):
         raise OptionError(f"precision {precision!r} does not apply to edits", code="precision",
-                          remedy='give "signs", or a tolerance in cells')
+                          remedy='give "signs", or a distance')
     if whole.kind in ("mesh", "surface"):
         if profile not in (None, "main"):
             raise OptionError(f"profile {profile!r} does not apply to meshes and surfaces, which have the profile main",
@@ -134,10 +139,17 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
         if whole.kind == "mesh" and wanted.signs:
             return signs_of(whole.data)
     held = held_by(whole.data, whole.limits)
+    notes = held.kept_notes if wanted.default else last_promise(held.metadata)
+    if wanted.world:
+        placement = read_placement(held.metadata, len(held.header.shape))
+        if set(held.promised) == {0.0}:
+            notes[PROMISE] = wanted.world
+        wanted = in_cells(wanted, placement, held.metadata, {}, held.header.shape)
     options = Options(
-        precision=wanted, profile=profile or held.profile, metadata=held.metadata, keep_topology=keep_topology,
+        precision=wanted, profile=profile or held.profile, metadata=notes, keep_topology=keep_topology,
         independent=LABELS in held.metadata,
     )
     if wanted.default:
         return same_again(held, options)
-    return recoded_frames(held.frames, held.interval, options)
+    off = [None if one is None or wanted.tolerance is None else one + wanted.tolerance for one in held.promised]
+    return recoded_frames(held.frames, held.interval, options, promised=off)

@@ -49,18 +49,18 @@ def encode(
         20 from 5" the same values shifted by 5. None for a field of bool, whose border is encoded, for a field with
         labels, and for a `Tin`.
     precision : optional
-        How precisely the file stores the contour. A number: the largest distance, in cells, between the decoded and the
-        extracted curve, in both directions; on a mesh, in the unit of its points. A text with a unit, such as "100m":
-        the largest distance in world coordinates (in the unit of the placement, or m or km if coordinates are
-        longitudes and latitudes). For 0.1 cells or more, the encoder searches for the mesh and the precision of
-        crossings that make the file smallest, and proves the distance on the decoded curve; below 0.1, it codes all
-        crossings of the grid, without a search. With a criterion as ``layers``, the criterion chooses the mesh, and the
-        distance bounds only the crossings on that mesh. "exact": values of integers next to the curve, to the last bit.
-        "step=0.5": floating-point values next to the curve, rounded to multiples of 0.5. "signs": which samples lie
-        above, without geometry; crossings are drawn at midpoints. Decreasing distances, such as [4, 1, 0.25, "exact"]
-        or "4,1,0.25,exact": the bounds that successive layers guarantee. None: 0.05 cells; "signs" for labels, and for
-        a field of bool without an isovalue; on a mesh 0.05 of the median edge. For a `Tin` that `thin` made with a
-        criterion, the values are rounded: with a number, off by at most that number; with a step, to multiples of it.
+        How closely the file keeps to the contour. A number: the largest distance, in cells, between the decoded and the
+        extracted curve, both ways; on a mesh in the unit of its points. A text with a unit, as "100m" or "0.2mm": a
+        distance in the world, on the ellipsoid where coordinates are longitudes and latitudes or projected, to which
+        the file keeps everywhere; it is refused where the unit of the coordinates is not known. From 0.1 cells on the
+        encoder searches for a mesh and a precision of crossings that make the file small, and proves the distance on
+        the decoded curve; below, it codes all crossings of the grid, without a search. With a criterion as ``layers``,
+        that chooses the mesh, and the distance holds for its crossings alone.
+        "exact": values of integers next to the curve, to the last bit. "step=0.5": values of floats next to the curve
+        to within half a step. "signs": which samples lie above, no geometry; crossings are drawn half-way. Falling
+        distances, as [4, 1, 0.25, "exact"] or "4m,1m,exact": what the layers promise one after the other.
+        None: 0.05 cells; "signs" for labels, and for a field of bool without an isovalue; on a mesh 0.05 of the median
+        edge. The values of a `Tin` that `thin` did not choose for a file are rounded to within a number, or to steps.
     keep_topology : bool
         Make the curve of every layer, from the base on, have as many components as the complete curve, nested in the
         same way; for surfaces, with the same Euler characteristics. Samples equal to the isovalue count as below it.

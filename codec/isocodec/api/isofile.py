@@ -19,6 +19,7 @@ from ..format.chunks import whole_bytes
 from ..limits import Limits
 from ..storage.content import Readable, content
 from ..stream.inspect import FileInfo
+from ..stream.promises import promise_of
 from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
@@ -79,12 +80,11 @@ class IsoFile:
             contours = [self.contour(value) for value in self.isovalues[:_DRAWN]]
         except IsoError:
             contours = []
-        within = [f"{layer.within:g}" for layer in info.layers if layer.within]
         facts = {
             "kind": self.kind, "bytes": f"{self.size:,}", "layers": f"{len(info.layers):,}", "profile": info.profile,
             "samples": " x ".join(map(str, self.shape)), "frames": f"{self.frames:,}" if self.frames > 1 else "",
             "isovalues": ", ".join(f"{value:g}" for value in self.isovalues),
-            "promises": ", ".join(within) + " cells" if within else "", **self.metadata,
+            "promise": self.promise or "", **self.metadata,
         }
         return page_of(contours, {name: fact for name, fact in facts.items() if fact})
 
@@ -107,6 +107,14 @@ class IsoFile:
     def info(self) -> FileInfo:
         """Layers, chunks, offsets and promises, read without decoding."""
         return self.held.info
+
+    @property
+    def promise(self) -> str | None:
+        """Precision that the complete file promises, in words: ``within 1m (0.034 cells)``; None if it is none.
+
+        Distances are in the unit that was asked for. It is without what bytes that are missing would change.
+        """
+        return promise_of(self.info)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -300,7 +308,9 @@ class IsoFile:
         """Decode the file and count its bits by layer and by isovalue."""
         return self.held.statistics()
 
-    def verify(self, field: Any, *, frame: int | None = None, within: float | None = None) -> list[Verified]:
+    def verify(
+        self, field: Any, *, frame: int | None = None, within: float | str | None = None
+    ) -> list[Verified]:
         """Measure the file against the field that it was made from.
 
         Parameters
@@ -308,19 +318,23 @@ class IsoFile:
         field : array_like, Field, Mesh, DataArray or image
             What was encoded; for a series, one frame.
         frame : int, optional
-            Which frame of the series the field is, from 0.
-        within : float, optional
-            Distance to check, instead of the one that the file guarantees.
+            Number of the field in a series, from 0.
+        within : float or str, optional
+            Distance to check, instead of what the file promises: in cells, on a mesh in the unit of its points, of a
+            surface that of its values; or with a unit, "0.2mm".
 
         Returns
         -------
         list of Verified
-            One for each isovalue, in the order of the file; for a surface a single one, with errors of values.
+            One for each isovalue, in the order of the file; of a surface a single one, with distances of values, unless
+            it was made for contours.
 
         Raises
         ------
         InputError
-            If the shape or the missing samples of the field differ from those of the file.
+            If the field has another shape than the file's, or other samples are missing.
+        OptionError
+            If the distance has a unit, and that of the coordinates is not known.
         """
         return verified(self.held, field, frame, within)
 
@@ -346,8 +360,8 @@ class IsoFile:
         profile : str, optional
             ``main`` or ``baseline``.
         precision : optional
-            ``"signs"``, or a tolerance in cells, relative to the curve that this file decodes to, whose own error has
-            to be added.
+            ``"signs"``, or a tolerance from the curve that this file decodes to, in cells or with a unit. What the file
+            promises of that curve comes on top; if that is nothing, nothing is promised.
         keep_topology : bool
             With a precision: the curve of every layer has the components of the complete curve, nested in the same way.
 

@@ -14,7 +14,8 @@ from ..field.decoded_samples import LABELS
 from ..field.placement import CRS, PLACEMENT
 from ..limits import Limits
 from ..storage.content import Readable
-from ..stream.options import Options
+from ..stream.options import PROMISE, Options
+from ..stream.promises import last_promise
 from ..stream.splicing import spliced
 from .files import TileFile, impossible
 from .isofile import open
@@ -71,7 +72,11 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     if len({source.field.isovalue for source in sources}) < len(sources):
         raise OptionError("an isovalue is in two of the files", code="isovalue", remedy="leave it out of one of them")
     contours = [contour for held in all_held for contour in held.contours[0]]
-    merged = replace(all_held[0], frames=[sources], contours=[contours])
+    promised = [one for held in all_held for one in held.promised]
+    if len({held.metadata.get(PROMISE) for held in all_held}) > 1:
+        metadata = last_promise(metadata)
+    merged = replace(all_held[0], frames=[sources], contours=[contours], promised=promised)
+    metadata = last_promise(metadata, all(promised))
     return same_again(merged, Options.of(profile=profile, metadata=metadata))
 
 

@@ -199,7 +199,7 @@ def _as_decoded(file: IsoFile, steps: Steps, progress: Any, remarks: list[str]) 
         if isinstance(event, LayerComplete | MeshLayerComplete) and decoder.present == (wanted, number):
             own += 1
             if panels.draws(own, lambda: len(decoder.contour(number).cells) > 0):
-                draw(event.offset, layers[own - 1].within)
+                draw(event.offset, layers[own - 1].within or None)
     try:
         decoder.close()
     except TruncatedError as exc:
@@ -275,8 +275,8 @@ def shown(kinds: list[str], steps: int, promised: Sequence[int] = ()) -> list[in
     """Layers after which to draw: those with promises, those with geometry before a finer mesh, or any."""
     geometry = [kind in GEOMETRY for kind in kinds]
     ends = [i + 1 for i, here in enumerate(geometry) if here and not (i + 1 < len(kinds) and geometry[i + 1])]
-    if promised:
-        # what follows the last promise is more precise: all values
+    if promised and min(promised) < len(kinds):
+        # what comes behind the last promise is more precise: all values
         ends = sorted({*promised, len(kinds)})
     if len(ends) < 2:
         return spread(len(kinds), steps)

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
+from ..field.placement import Placement, read_placement
 from ..format.events import End, FrameRead
 from ..format.header import Header
 from ..limits import Limits
 from ..stream.decoder import Decoder
+from ..stream.inspect import inspect
 from ..stream.options import Options, Precision
+from ..stream.promises import last_promise, noted, promised_at_last
 from ..stream.recoder import Source, recoded_frames, sources_of
 
 if TYPE_CHECKING:
@@ -41,15 +44,16 @@ def extracted(
 
     part = Extract(tiled, window)
     numbers = list(range(len(tiled.isovalues))) if isovalues is None else [tiled.number_of(one) for one in isovalues]
-    taken = part.strands(numbers)
-    if taken is not None:
-        return taken
-    head = tiled.head
+    head, promise = tiled.head, _of_note(tiled, window)
+    if promise is None or head.stages[-1].adaptive:
+        taken = part.strands(numbers)
+        if taken is not None:
+            return taken
     held = Held(
         Header(part.size, head.isovalues[numbers[0]], head.scale, head.profile), part.notes, None,
-        [part.sources(numbers)], [], np.ones(0, np.bool_),
+        [part.sources(numbers)], [], np.ones(0, np.bool_), [promise] * len(numbers),
     )
-    return same_again(held, Options(profile=held.profile, metadata=part.notes), expected=False)
+    return same_again(held, Options(profile=held.profile, metadata=held.kept_notes), expected=False)
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,8 @@ class Held:
     contours : list of lists of Contour
         By frame and isovalue.
     valid : (s0, .., sn-1) bool
+    promised : list of float or None
+        Distance from the curve of the field that the file promises of each isovalue, in all frames.
     """
 
     header: Header
@@ -75,6 +81,12 @@ class Held:
     frames: list[list[Source]]
     contours: list[list[Contour]]
     valid: NDArray[np.bool_]
+    promised: list[float | None]
+
+    @property
+    def kept_notes(self) -> dict[str, str]:
+        """The notes of another file of the same curves."""
+        return last_promise(self.metadata, all(self.promised))
 
     @property
     def profile(self) -> str:
@@ -106,7 +118,17 @@ def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
     decoder.close()
     assert decoder.header is not None
     metadata = dict(decoder.metadata)
-    return Held(decoder.header, metadata, decoder.interval, frames, contours, decoder.grid.valid())
+    info = inspect(data, symbols=any(chunk.type == "cut_layers" for chunk in inspect(data).chunks))
+    promised = [promised_at_last(info, number) for number in range(len(info.isovalues))]
+    return Held(decoder.header, metadata, decoder.interval, frames, contours, decoder.grid.valid(), promised)
+
+
+def _of_note(tiled: TiledFile, window: object) -> float | None:
+    """Distance in cells that a file in tiles promises; a part of it has other ends, and promises nothing."""
+    parts, _ = noted(tiled.metadata)
+    if window is not None or not parts:
+        return None
+    return (read_placement(tiled.metadata, len(tiled.shape)) or Placement()).cells_of(parts[-1], tiled.shape)
 
 
 def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
@@ -120,7 +142,8 @@ def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
     options = replace(options, precision=Precision(step=next(iter(steps), None)))
 
     def data_of(independent: bool) -> bytes:
-        return recoded_frames(held.frames, held.interval, replace(options, independent=independent), kept=True)
+        alike = replace(options, independent=independent)
+        return recoded_frames(held.frames, held.interval, alike, kept=True, promised=held.promised)
 
     alone, wanted = b"", held.contours
     if not expected:

@@ -13,13 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, OptionError
 from ..field.meshed import Mesh
-from ..field.sampled import Field
+from ..field.sampled import UNIT, Field
 from ..field.samples import missing_of
+from ..field.units import converted, unit_of
 from ..format.surface import MOST_LAYERS, values_of
 from ..search.contour_tin import near_contours
 from ..search.tin_fit import ChosenPoints, best, smallest, within
-from ..stream.given import field_of
-from ..stream.options import Options
+from ..stream.given import field_of, in_cells
+from ..stream.options import PROMISE, Options, Precision
+from ..stream.promises import AT
 from ..stream.surface_encoder import SurfaceEncoder, surface_of
 from ..tin.criteria import NAMES
 from ..tin.delaunay import delaunay, triangles
@@ -41,10 +43,10 @@ def thin(
     *,
     criterion: ThinningName | None = None,
     to: int | None = None,
-    error: float | None = None,
+    error: float | str | None = None,
     size: int | None = None,
     contours: Sequence[float] | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     step: float | None = None,
     layers: int = 1,
     metadata: Mapping[str, str] | None = None,
@@ -68,17 +70,17 @@ def thin(
         each direction, which is fastest; ``inf``: largest error over all points; ``l2``: growth of the sum of squared
         errors; ``NAT``: distance to the nearest point, whatever the values. Needs ``to`` or ``error``.
     to : int, optional
-        Number of points to keep; without a criterion, the points and their values are chosen so that the sum of squared
-        errors is small. Corners of the convex hull are always kept.
-    error : float, optional
-        Largest distance of the surface from any value.
+        How many points are left; without a criterion, these and their values are chosen so that the sum of squared
+        errors is small. Corners of the convex hull always stay.
+    error : float or str, optional
+        Largest distance of the surface from any value, in the unit of the values; or with a unit, "2m".
     size : int, optional
         Largest size of the file, in bytes; points and values are chosen as for ``to``.
     contours : sequence of float, optional
-        Isovalues whose contours the surface keeps, with hardly any other points.
-    tolerance : float, optional
-        With ``contours``: largest distance, in samples, between the contours of the surface and those of the field, in
-        both directions.
+        Isovalues: the surface keeps their contours and little else of the field.
+    tolerance : float or str, optional
+        With ``contours``: largest distance, in samples, between their contours and those of the field, both ways; or in
+        the world with a unit, "10m".
     step : float, optional
         Step to which values are rounded, with ``to`` or ``size``; if not given, one that suits the error.
     layers : int
@@ -114,8 +116,12 @@ def thin(
     >>> len(thin(np.hypot(x - 9.5, y - 20), criterion="AT1", to=50))
     50
     """
+    what = what if isinstance(what, Mesh) else field_of(what)
     given, field, notes = _points_of(what, criterion is not None)
     notes = {**notes, **(metadata or {})}
+    if criterion is None and (error is not None or contours is not None):
+        notes[PROMISE] = _promise(error, tolerance, contours)
+    error, tolerance = _numbers(error, tolerance, what, notes)
     shape = None if field is None else (field.shape[0], field.shape[1])
     if criterion is not None:
         unused = {"size": size, "contours": contours, "tolerance": tolerance, "step": step}
@@ -148,6 +154,24 @@ def thin(
     if (needed := len(file(chosen))) > size:
         raise OptionError(f"no surface fits into {size} bytes", code="size", remedy=f"allow {needed}")
     return found(chosen)
+
+
+def _promise(error: float | str | None, tolerance: float | str | None, contours: Sequence[float] | None) -> str:
+    """The note of a promise, with the distance as it was asked for."""
+    given = error if error is not None else tolerance
+    text = given.replace(" ", "") if isinstance(given, str) else f"{given:.12g}"
+    return text + (AT + " ".join(f"{float(value):.17g}" for value in contours) if contours is not None else "")
+
+
+def _numbers(
+    error: float | str | None, tolerance: float | str | None, what: Field | Mesh, notes: Mapping[str, str]
+) -> tuple[float | None, float | None]:
+    """The error in the unit of the values, the tolerance in samples."""
+    if isinstance(error, str):
+        error = converted(error, unit_of(notes.get(UNIT)), "the values")
+    if isinstance(tolerance, str) and isinstance(what, Field):
+        tolerance = in_cells(Precision(world=tolerance), what.placement, notes, {}, what.shape).tolerance
+    return error, None if tolerance is None else float(tolerance)
 
 
 def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | None, dict[str, str]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,20 +12,27 @@ from numpy.typing import NDArray
 from isospec.container import DomainKind
 
 from ..errors import InputError, OptionError
-from ..field.decoded_samples import LABELS
+from ..field.decoded_samples import LABELS, DecodedSamples, values_of_steps
 from ..field.labelling import having
-from ..field.placement import closed
-from ..field.samples import check_field, without_holes
+from ..field.placement import COORDINATE_UNIT, CRS, Placement, closed, read_placement
+from ..field.sampled import UNIT, Field
+from ..field.samples import Samples, check_field, interval_value, without_holes
+from ..field.stretch import in_unit
+from ..field.units import converted, distance_of, unit_of
+from ..stream.inspect import FileInfo, inspect
+from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, of_samples, of_tiles
 from .files import TileFile, Viewed, WholeFile
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
-    from ..field.samples import Samples
 
+CELLS = "cells"
 ROUNDING = 1e-6
 """Tolerance, in cells, for the measured distance, which is an upper bound, and for points in double precision."""
 MEASURED = 0.001
-"""Most cells by which a measured distance may be too large."""
+"""Cells by which the distance is measured too large at most."""
+SHARE = 0.02
+"""Share of what is promised that the distance is measured too large at most, too."""
 
 
 @dataclass(frozen=True)
@@ -36,16 +44,23 @@ class Verified:
     isovalue : float
         NaN for a surface.
     promised : float or None
-        Largest distance between decoded and original curve that the file guarantees, or that the caller gave.
+        Largest distance between decoded and original curve that the file or the caller promises; 0 if all values beside
+        the curve are promised.
     there, back : float
         Largest distance, in cells (on a mesh in the unit of its points), from the decoded to the original curve, and
         from the original to the decoded one; measured at most 0.001 cells too large. For a surface, both are the
         largest error of values.
     wrong : int or None
-        Number of samples or vertices on the wrong side of the isovalue; None if the mesh of the file is coarser than
-        the grid, or differs from the one that was encoded.
-    kept : bool
-        Whether no sample is wrong and neither distance exceeds the guaranteed one.
+        Samples or vertices on the wrong side of the isovalue; None if the mesh of the file is coarser than the samples,
+        or is another than the one that was encoded.
+    kept : bool or None
+        Whether no sample is wrong, and what is promised holds. None if no sample is wrong and nothing is promised.
+    promise : str or None
+        What is promised, in words, in the unit that was asked for; None if it is nothing.
+    unit : str
+        What ``promised``, ``there`` and ``back`` count: ``cells``, or a unit; empty if nobody states it.
+    asked : str
+        The distance as it was asked for, ``0.2mm``, if that is in another unit; or nothing.
     """
 
     isovalue: float
@@ -53,14 +68,45 @@ class Verified:
     there: float
     back: float
     wrong: int | None
-    kept: bool
+    kept: bool | None
+    promise: str | None = None
+    unit: str = CELLS
+    asked: str = ""
+
+    def in_asked(self, distance: float) -> str:
+        """A distance in the unit that was asked for: ``0.19mm``; empty if that is the unit of the distance."""
+        if not (self.asked and self.promised):
+            return ""
+        number, unit = distance_of(self.asked)
+        return f"{distance * number / self.promised:.4g}{unit}"
 
 
-def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: float | None) -> list[Verified]:
+@dataclass(frozen=True)
+class _Promise:
+    """A promise about an isovalue: a distance in cells, or all signs or values beside the curve.
+
+    Attributes
+    ----------
+    within : float or None
+    text : str or None
+        In words.
+    asked : str
+        As of `Verified`.
+    step : float or None
+        Values are promised to within half of it.
+    """
+
+    within: float | None = None
+    text: str | None = None
+    asked: str = ""
+    step: float | None = None
+
+
+def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Verify each isovalue of a file; see `IsoFile.verify`.
 
-    For a tiled file, the curve joined from all tiles is measured against that of the whole field. Such a file records
-    no promises, nor which samples far from the curve are missing.
+    For a file in tiles the joined curve is measured against that of the whole field. Such a file does not state which
+    samples far from the curve are missing.
     """
     if held.kind == "mesh":
         assert isinstance(held, WholeFile)
@@ -69,13 +115,17 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
 
     known = read_field(field)
     if held.kind == "surface":
-        return [_surface(held, np.asarray(known.values), within)]
+        return _surface(held, known, within)
     values, gone = without_holes(known.values, known.mask)
     contours = held.contours(Viewed(frame=frame))
+    placement = _placement(known, contours[0].placement, held.info.metadata)
     if isinstance(held, TileFile):
         _check_shape(values.shape, held.info.shape)
-        return [_measured(one, check_field(values, one.isovalue, gone=gone), within, None) for one in contours]
+        promise = _of_note(held, within, placement)
+        return [_of_grid(held, one, None, values, gone, promise) for one in contours]
     info = held.info
+    if any(chunk.type == "cut_layers" for chunk in info.chunks):
+        info = inspect(held.data, symbols=True, limits=held.limits)
     periodic = contours[0].placement.periodic if contours[0].placement is not None else ()
     if periodic:
         values, gone = closed(values, periodic), None if gone is None else closed(gone, periodic)
@@ -87,9 +137,58 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
                          code="missing")
     out = []
     for number, contour in enumerate(contours):
-        promised = within if within is not None else _promised(info.layers, frame or 0, number)
-        out.append(_of_grid(held, contour, frame, values, gone, promised))
+        if within is None:
+            promise = _of_layers(info, placement, frame or 0, number)
+        else:
+            promise = _given(within, placement, info.shape)
+        out.append(_of_grid(held, contour, frame, values, gone, promise))
     return out
+
+
+def _placement(known: Field, decoded: Placement | None, notes: Mapping[str, str]) -> Placement:
+    """Placement that converts distances: that of the file, or of the field; with units and system that one of them has.
+    """
+    found = decoded if decoded is not None and decoded.placed else known.placement or Placement()
+    given = known.placement or Placement()
+    return replace(
+        found, crs=found.crs or notes.get(CRS) or given.crs, unit=found.unit or notes.get(COORDINATE_UNIT) or given.unit
+    )
+
+
+def _given(within: float | str, placement: Placement, shape: Sequence[int]) -> _Promise:
+    """The promise of a caller: a distance in cells, or with a unit."""
+    number, unit = distance_of(str(within))
+    if not unit:
+        return _Promise(number, f"within {cells_in_words(number)}")
+    text = str(within).replace(" ", "")
+    found = placement.cells_of(text, tuple(shape))
+    return _Promise(found, f"within {text} ({cells_in_words(found)})", text)
+
+
+def _of_note(held: TileFile, within: float | str | None, placement: Placement) -> _Promise:
+    """The promise of a file in tiles, whose note is about all of its stages."""
+    parts, _ = noted(held.info.metadata)
+    if within is None and (samples := of_tiles(held.info.metadata)):
+        step = held.info.scale if samples not in (EXACT, SIGNS) else None
+        return _Promise(0.0 if samples == EXACT else None, samples, step=step)
+    distance = within if within is not None else parts[-1] if parts else None
+    return _Promise() if distance is None else _given(distance, placement, held.info.shape)
+
+
+def _of_layers(info: FileInfo, placement: Placement, frame: int, number: int) -> _Promise:
+    """The promise of the last layer of an isovalue of a frame, or what all its layers state of samples."""
+    own = [layer for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number)]
+    within = own[-1].within if own else None
+    samples = of_samples(info)
+    if within:
+        text = asked(info, within, frame, number)
+        # the chunk has whole thousandths; and coordinates in the file, which may be off, take a part of a distance
+        exact = within if not text else min(within, placement.cells_of(text, tuple(info.shape)))
+        words = cells_in_words(exact)
+        unit = bool(text) and bool(distance_of(text)[1])
+        return _Promise(exact, f"within {text} ({words})" if unit else f"within {words}", text * unit)
+    step = info.scale if samples not in (None, EXACT, SIGNS) else None
+    return _Promise(0.0 if within == 0 else None, samples, step=step)
 
 
 def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = False) -> None:
@@ -100,46 +199,68 @@ def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = 
 
 
 def _of_grid(
-    held: WholeFile, contour: Contour, frame: int | None, values: NDArray[Any], gone: NDArray[np.bool_] | None,
-    promised: float | None,
+    held: WholeFile | TileFile, contour: Contour, frame: int | None, values: NDArray[Any],
+    gone: NDArray[np.bool_] | None, promise: _Promise,
 ) -> Verified:
     """Verify one isovalue of a grid."""
     if LABELS in held.info.metadata:
         sampled = check_field(having(values, contour.isovalue), 0.5, gone=gone)
     else:
         sampled = check_field(values, contour.isovalue, gone=gone)
+    if isinstance(held, TileFile) and promise.text not in (SIGNS, EXACT):
+        # in one piece it may take more memory than the field
+        return _measured(contour, sampled, promise, None)
     wrong: int | None
     try:
         differ = held.above(contour.isovalue, Viewed(frame=frame)) != sampled.signs
         wrong = int((differ if gone is None else differ & ~gone).sum())
     except OptionError:
         wrong = None
-    return _measured(contour, sampled, promised, wrong)
+    return _measured(contour, sampled, promise, wrong)
 
 
-def _measured(contour: Contour, sampled: Samples, promised: float | None, wrong: int | None) -> Verified:
+def _measured(contour: Contour, sampled: Samples, promise: _Promise, wrong: int | None) -> Verified:
     """Measure how far a contour lies from that of the samples."""
     from ..search.original import original
 
-    return _compared(contour, original(sampled), promised, wrong)
+    in_steps = None
+    if promise.step is not None:
+        steps = replace(sampled, scale=promise.step)
+        some = np.indices(sampled.signs.shape).reshape(sampled.signs.ndim, -1).T
+        numbers = steps.numbers(some, sampled.signs.ravel()).reshape(sampled.signs.shape)
+        near = values_of_steps(sampled.signs, sampled.isovalue, promise.step, numbers)
+        in_steps = original(DecodedSamples(near, sampled.isovalue, sampled.signs, promise.step, sampled.gone,
+                                           number=numbers))
+    return _compared(contour, original(sampled), promise, wrong, in_steps=in_steps)
 
 
 def _compared(
-    contour: Contour, first: Contour, promised: float | None, wrong: int | None, unit: float = 1.0
+    contour: Contour, first: Contour, promise: _Promise, wrong: int | None, size: float = 1.0, unit: str = CELLS,
+    in_steps: Contour | None = None,
 ) -> Verified:
-    """Measure how far two contours lie from each other, in cells of size ``unit``."""
+    """Measure how far two contours lie from each other, in cells of a ``size``; and from one of values in steps."""
     from ..search.proof import hausdorff
 
-    there, back = hausdorff(contour.points / unit, contour.cells, first.points / unit, first.cells, MEASURED)
-    far = promised is not None and max(there, back) > promised / unit + MEASURED + ROUNDING
-    return Verified(contour.isovalue, promised, there * unit, back * unit, wrong, not (wrong or far))
+    measured = min(MEASURED, promise.within / size * SHARE) if promise.within else MEASURED
+    limit = measured + ROUNDING
+
+    def far(other: Contour) -> tuple[float, float]:
+        return hausdorff(contour.points / size, contour.cells, other.points / size, other.cells, measured)
+
+    there, back = far(first)
+    broken = promise.within is not None and max(there, back) > promise.within / size + limit
+    broken |= in_steps is not None and max(far(in_steps)) > limit
+    kept = None if promise.text is None and not wrong else not (wrong or broken)
+    return Verified(contour.isovalue, promise.within, there * size, back * size, wrong, kept, promise.text, unit,
+                    promise.asked)
 
 
-def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | None) -> list[Verified]:
+def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Verify the isovalues of a file on a mesh, for values at its vertices."""
     points, cells, values = _mesh_of(held, field, frame)
+    notes = {**getattr(field, "metadata", {}), **held.info.metadata}
     out = []
-    for contour in held.contours(Viewed(frame=frame)):
+    for number, contour in enumerate(held.contours(Viewed(frame=frame))):
         above = values > contour.isovalue
         original = _drawn(points, cells, values, contour.isovalue)
         wrong = None
@@ -147,9 +268,36 @@ def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | Non
             # a mesh in the file has its vertices in a different order
             wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above).sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
-        unit = float(np.median(np.sqrt((edges**2).sum(axis=1))))
-        out.append(_compared(contour, original, within, wrong, unit))
+        size = float(np.median(np.sqrt((edges**2).sum(axis=1))))
+        promise = _of_points(held.info, within, points, notes, frame or 0, number)
+        in_steps = None
+        if promise.step is not None:
+            sampled = Samples(values, contour.isovalue, above, promise.step)
+            steps = sampled.numbers(np.arange(len(values))[:, None], above)
+            in_steps = _drawn(points, cells, interval_value(contour.isovalue, promise.step, steps, above),
+                              contour.isovalue)
+        out.append(_compared(contour, original, promise, wrong, size, unit_of(notes.get(COORDINATE_UNIT)) or "",
+                             in_steps))
     return out
+
+
+def _of_points(
+    info: FileInfo, within: float | str | None, points: NDArray[Any], notes: Mapping[str, str], frame: int, number: int
+) -> _Promise:
+    """The promise of a file on a mesh: of its note, or of all signs or values; or that of a caller."""
+    parts, _ = noted(info.metadata)
+    samples = of_samples(info)
+    if within is None and (samples is not None or not parts):
+        last = [layer.kind for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number)][-1:]
+        step = info.scale if samples not in (None, EXACT, SIGNS) and last == ["values"] else None
+        return _Promise(0.0 if samples == EXACT and last == ["values"] else None, samples, step=step)
+    text = str(within if within is not None else parts[-1]).replace(" ", "")
+    number_, given = distance_of(text)
+    if not given:
+        return _Promise(number_, f"within {text} {notes.get(COORDINATE_UNIT) or 'in the unit of its points'}")
+    distance = in_unit(text, points, notes.get(COORDINATE_UNIT), notes.get(CRS))
+    same = given == unit_of(notes.get(COORDINATE_UNIT))
+    return _Promise(distance, f"within {text}" + ("" if same else f" ({distance:.4g})"), "" if same else text)
 
 
 def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -188,17 +336,26 @@ def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isov
     return Contour(drawn, pieces, isovalue, ())
 
 
-def _surface(held: WholeFile | TileFile, values: NDArray[Any], within: float | None) -> Verified:
-    """Measure how far a triangulated surface lies from the values of a field."""
+def _surface(held: WholeFile | TileFile, known: Field, within: float | str | None) -> list[Verified]:
+    """Measure how far a triangulated surface lies from the values of a field, or its contours from those of the field.
+    """
     tin = held.surface(None)
+    values = np.asarray(known.values)
     if tin.shape is None:
         raise InputError("the surface was made from scattered points, not from a field", code="shape")
     _check_shape(values.shape, tin.shape)
+    notes = {**known.metadata, **held.info.metadata}
+    parts, contours = noted(held.info.metadata)
+    if contours:
+        placement = _placement(known, read_placement(notes, 2), notes)
+        promise = _given(within if within is not None else parts[-1], placement, values.shape)
+        return [_measured(held.contour(one, Viewed()), check_field(values, one), promise, None) for one in contours]
     there = float(np.nanmax(np.abs(tin.raster() - values.astype(np.float64))))
-    return Verified(float("nan"), within, there, there, None, within is None or there <= within * (1 + ROUNDING))
-
-
-def _promised(layers: Any, frame: int, number: int) -> float | None:
-    """Promise of the last layer of an isovalue in a frame; None without a promise."""
-    own = [layer for layer in layers if (layer.frame, layer.isovalue) == (frame, number)]
-    return own[-1].within if own else None
+    unit = unit_of(notes.get(UNIT)) or notes.get(UNIT) or ""
+    distance = within if within is not None else parts[-1] if parts else None
+    if distance is None:
+        return [Verified(float("nan"), None, there, there, None, None, unit=unit)]
+    promised = converted(str(distance), unit_of(notes.get(UNIT)), "its values")
+    text = f"values within {distance}" + (f" {unit}".rstrip() if not distance_of(str(distance))[1] else "")
+    kept = there <= promised * (1 + ROUNDING)
+    return [Verified(float("nan"), promised, there, there, None, kept, text, unit)]

@@ -46,7 +46,8 @@ class EditArguments(Writing, Opening):
                                  help="Encode the curves again in this profile; no point moves.")
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
-        help="Encode the curves again less precisely: signs, or a distance from the curves of IN.iso in cells.",
+        help="Encode the curves again less precisely: signs, or a distance from the curves of IN.iso, in cells or "
+        "in the world: 0.5, 10m.",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="With --precision: keep the topology of the curves in every layer.")
@@ -66,6 +67,9 @@ def edit_command(options: EditArguments) -> None:
     the file was made with encode --layers CRITERION, or with a (last) distance of 0.1 or more. The distances that
     OUT.iso guarantees are relative to the curves of IN.iso; add the distance of those curves from the field's.
 
+    To encode curves again, merge them or cut a window out, IN.iso must hold the full grid. Files made with a criterion,
+    or with a (last) tolerance of 0.1 or more, may not. With --precision, OUT.iso promises that distance on top of what
+    IN.iso promises, and nothing where that promises nothing; a window promises nothing.
     """
     from ..api.export import counted as inspected
     from ..api.isofile import open

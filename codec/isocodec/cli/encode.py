@@ -94,9 +94,8 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
                                help="Make each isovalue decodable without the others.")
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
-        help="exact (integer data); signs (only which samples are inside); a distance in cells or in world units: "
-        "0.05, 100m; decreasing distances: 4,1,0.25,exact; step=S (floating-point data: values rounded to multiples of "
-        "S).  [default: 0.05]",
+        help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, "
+        "100m, 0.2mm; falling distances: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")

@@ -38,12 +38,12 @@ def info_command(options: InfoArguments) -> None:
     with concerning(options.source):
         info = counted(file) if options.symbols else file.info
         statistics = file.statistics() if options.statistics else None
-        complete = file.complete
+        complete, promise = file.complete, file.promise
     if options.as_json:
         more = {} if statistics is None else {"statistics": statistics.as_dict()}
-        click.echo(json.dumps({**info.as_dict(), "complete": complete, **more}, allow_nan=False))
+        click.echo(json.dumps({**info.as_dict(), "complete": complete, "promise": promise, **more}, allow_nan=False))
     else:
-        _print(options.source, info, complete)
+        _print(options.source, info, complete, promise)
         if statistics is not None:
             _print_statistics(statistics, len(info.shape))
     if not complete:
@@ -51,14 +51,15 @@ def info_command(options: InfoArguments) -> None:
         warn(options.source, f"the file ends {cut}")
 
 
-def _print(source: str, info: FileInfo, complete: bool) -> None:
+def _print(source: str, info: FileInfo, complete: bool, promise: str | None) -> None:
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
     console = Console()
     facts = Table(title=escape(plain(source)), title_justify="left", title_style="bold", show_header=False, box=None)
-    for name, text in _facts(info):
+    promised = "nothing about distances" if promise is None else promise if complete else f"{promise}, when complete"
+    for name, text in [*_facts(info), ("promise", promised)]:
         facts.add_row(escape(plain(name, "\n")), escape(plain(text, "\n")))
     console.print(facts)
     console.print(_table(_frames(info) if info.frames else _layers(info)))
@@ -124,12 +125,13 @@ def _frames(info: FileInfo) -> Rows:
 
 
 def _layers(info: FileInfo) -> Rows:
-    promised, symbols = any(layer.within for layer in info.layers), any(layer.symbols for layer in info.layers)
+    promised = any(layer.within is not None for layer in info.layers)
+    symbols = any(layer.symbols for layer in info.layers)
     names = ["layer", "kind", "level", *["within"] * promised, "offset", "bytes", *["symbols"] * symbols]
     rows = []
     for number, layer in enumerate(info.layers, start=1):
         row = [str(number), str(layer.kind), _number(layer.level)]
-        row += ["" if layer.within is None else f"{layer.within:g}"] * promised
+        row += ["" if layer.within is None else f"{layer.within:g}" if layer.within else "exact"] * promised
         row += [_number(layer.offset), _number(layer.bytes)]
         row += ["\n".join(f"{count:,} {element}" for element, count in (layer.symbols or {}).items())] * symbols
         rows.append(row)

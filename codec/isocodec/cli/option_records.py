@@ -368,13 +368,14 @@ class ThinningArguments(Arguments):
 
     points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
                                 help="Keep N points.")
-    error: float | None = option("--error", heading=SURFACE, type=float, metavar="E",
-                                 help="Keep as few points as possible with no value off by more than E.")
+    error: str | None = option("--error", heading=SURFACE, metavar="E",
+                               help="Keep as few points as miss no value by more than E: 0.5, or 2m.")
     size: int | None = option("--size", heading=SURFACE, type=SizeType(), metavar="SIZE",
                               help="Keep as many points as fit into an .iso file of this size.")
-    tolerance: float | None = option("--tolerance", heading=SURFACE, type=float, metavar="D",
-                                     help="With --isovalue: keep its contour to within D samples, and hardly any "
-                                          "other points.")
+    tolerance: str | None = option(
+        "--tolerance", heading=SURFACE, metavar="D",
+        help="With --isovalue: keep its contour to within D, in samples or in the world (0.5, 10m), and little else.",
+    )
     step: float | None = option("--step", heading=SURFACE, type=float, metavar="S",
                                 help="In an .iso file: round values to multiples of this step.")
 

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import click
 
 from .option_records import INPUT, Limited, Reading, argument, command, opened, option
 from .report import BROKEN, concerning, result
+
+if TYPE_CHECKING:
+    from ..api.verification import Verified
+
+CELLS = "cells"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,9 +23,11 @@ class VerifyArguments(Reading, Limited):
 
     field: str = argument("FIELD")
     source: str = argument("IN.iso")
-    within: float | None = option("--within", heading=INPUT, type=click.FloatRange(min=0), metavar="D",
-                                  help="Distance to check, in cells; for a surface the largest error of its values.  "
-                                  "[default: the promise of IN.iso]")
+    within: str | None = option(
+        "--within", heading=INPUT, metavar="D",
+        help="Distance to check, in cells or in the world: 0.5, 10m; on a mesh in the unit of its points, for a "
+        "surface the largest error of its values.  [default: the promise of IN.iso]",
+    )
 
 
 @command("verify", VerifyArguments, "Check a file against the field it was made from.")
@@ -30,24 +38,34 @@ def verify_command(options: VerifyArguments) -> None:
     without it, the promise (guaranteed distance) that IN.iso records (see info). A tiled file records no promise; the
     curve joined from all tiles is measured.
 
+    Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or what is promised does not hold: by
+    IN.iso (see info), or --within. Where nothing is promised, the distances are measured and not judged.
     """
     file = opened(options.source, options.limits)
     field = options.read(options.field)
     with concerning(options.source):
         found = file.verify(field, frame=options.frame if file.frames > 1 else None, within=options.within)
-    kept = all(one.kept for one in found)
-    lines, records = [], []
-    for one in found:
-        surface = math.isnan(one.isovalue)
-        records.append({**asdict(one), "isovalue": None if surface else one.isovalue})
-        promise = "no promise in the file" if one.promised is None else f"promised {one.promised:g}"
-        signs = "signs not known" if one.wrong is None else f"{one.wrong:,} wrong signs"
-        far = f"largest distance {one.there:.3f} cells from file to field, {one.back:.3f} from field to file"
-        verdict = "ok" if one.kept else "NOT KEPT"
-        lines.append(
-            f"surface: {verdict}; largest error {one.there:g}; {promise}" if surface
-            else f"isovalue {one.isovalue:g}: {verdict}; {far}; {promise}; {signs}"
-        )
-    result("\n".join(lines), {"kept": kept, "isovalues": records}, options.as_json)
-    if not kept:
+    records = [{**asdict(one), "isovalue": None if math.isnan(one.isovalue) else one.isovalue} for one in found]
+    verdicts = {one.kept for one in found}
+    kept = False if False in verdicts else None if None in verdicts else True
+    result("\n".join(map(_line, found)), {"kept": kept, "isovalues": records}, options.as_json)
+    if kept is False:
         click.get_current_context().exit(BROKEN)
+
+
+def _line(one: Verified) -> str:
+    """One line about an isovalue or a surface."""
+    surface = math.isnan(one.isovalue)
+    unit = f" {one.unit}".rstrip()
+
+    def far(distance: float) -> str:
+        text = f"{distance:.3f}{unit}" if one.unit == CELLS else f"{distance:.4g}{unit}"
+        return text + (f" ({asked})" if (asked := one.in_asked(distance)) else "")
+
+    verdict = {True: "kept", False: "NOT KEPT", None: "no promise"}[one.kept]
+    promise = f"promised {one.promise}" if one.promise else "measured" if one.kept is None else "no promise; measured"
+    if surface:
+        return f"surface: {verdict}; {promise}{':' if one.promise else ''} largest error {one.there:g}{unit}"
+    signs = "signs not known" if one.wrong is None else f"{one.wrong:,} wrong signs"
+    measured = f"{far(one.there)} file to field, {far(one.back)} field to file"
+    return f"isovalue {one.isovalue:g}: {verdict}; {promise}{':' if one.promise else ''} {measured}; {signs}"

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from numpy.typing import ArrayLike
 
-from .placement import CRS
+from .placement import COORDINATE_UNIT, CRS
 
 StoredName: TypeAlias = Literal["known", "coded", "whole", "delaunay"]
 """Ways to store a mesh in a file."""
@@ -43,6 +43,8 @@ class Mesh:
         along the curve.
     crs : str or None
         Reference system of the coordinates.
+    unit : str or None
+        Unit of the coordinates, ``mm``; or one for each. A reference system that states its units comes before it.
     notes : mapping of str to str
         Texts and single numbers from the source.
     """
@@ -55,9 +57,11 @@ class Mesh:
     error: float | None = None
     progressive: bool | None = None
     crs: str | None = None
+    unit: str | None = None
     notes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Notes for a file of this mesh."""
-        return {**self.notes, **({CRS: self.crs} if self.crs else {})}
+        """The notes that a file of this mesh gets."""
+        own = {CRS: self.crs, COORDINATE_UNIT: self.unit}
+        return {**self.notes, **{key: text for key, text in own.items() if text}}

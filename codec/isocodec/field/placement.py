@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
 from numbers import Real
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, OptionError
 from .coordinates import arrays_of, whole_cells
 from .mapped import Mapped, between
-from .stretch import distance_of, largest_step
+from .stretch import SAMPLED, GroundScale, ground_of, is_geographic, largest_step
+from .units import DEGREE, METRES, distance_of, units_of
 
 PLACEMENT = "placement"
 """Name of the note that holds the numbers."""
@@ -27,6 +28,8 @@ RAS, LPS = "right-anterior-superior", "left-posterior-superior"
 SPACES = {RAS: "RAS", LPS: "LPS"}
 """Reference systems of bodies, by the sides of these that x, y, z run to, as NRRD names them, and in short; files of
 volumes are read in the first."""
+COORDINATE_UNIT = "coordinate_unit"
+"""Name of the note with the unit of the coordinates: ``mm``, or one for each of them: ``degree degree m``."""
 FRAME_STEP = "frame_step"
 """Name of the note with the time between two frames of a series: ``2 s``."""
 LEAST, MOST = 1e-30, 1e30
@@ -42,6 +45,13 @@ _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
 _EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
 
 Array = NDArray[np.float64]
+
+
+class _More(TypedDict, total=False):
+    """Attributes of `Placement` that are given by name."""
+
+    inferred: bool
+    unit: str | None
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -73,6 +83,9 @@ class Placement:
     inferred : bool
         Whether axes are periodic because their coordinates go round, not because the user asked for it: where a mesh
         is searched for, their ends are then left open.
+    unit : str or None
+        Unit of the coordinates, ``mm``; or one for each, ``degree degree m``. A reference system that states its units
+        comes before it.
 
     Raises
     ------
@@ -90,11 +103,12 @@ class Placement:
     error: float | None
     remark: str
     inferred: bool
+    unit: str | None
 
     def __init__(
         self, matrix: ArrayLike | None = None, coordinates: Sequence[ArrayLike] | None = None, crs: str | None = None,
         periodic: int | Sequence[int] | None = None, periods: float | Sequence[float] | None = None,
-        error: float | None = None, remark: str = "", inferred: bool = False,
+        error: float | None = None, remark: str = "", **more: Unpack[_More],
     ) -> None:
         axes, turns = _axes_of(periodic), _periods_of(periods)
         if error is not None and not (isinstance(error, Real) and 0 < float(error) <= MOST_ERROR):
@@ -110,15 +124,19 @@ class Placement:
                               remedy="give coordinates")
         given: dict[str, Any] = {
             "matrix": None if matrix is None else np.asarray(matrix), "coordinates": _arrays(coordinates), "crs": crs,
-            "periodic": axes, "periods": turns, "error": error, "remark": remark, "inferred": inferred,
+            "periodic": axes, "periods": turns, "error": error, "remark": remark, "inferred": False, "unit": None,
         }
+        if unknown := more.keys() - given.keys():
+            raise TypeError(f"a placement has no {', '.join(unknown)}")
+        given.update(more)
         for attribute, value in given.items():
             object.__setattr__(self, attribute, value)
 
     def __repr__(self) -> str:
         kind = "matrix" if self.matrix is not None else "coordinates" if self.coordinates is not None else ""
         parts = [kind] if kind else []
-        parts += [f"{name}={value!r}" for name in ("crs", "periodic", "periods") if (value := getattr(self, name))]
+        names = ("crs", "unit", "periodic", "periods")
+        parts += [f"{name}={value!r}" for name in names if (value := getattr(self, name))]
         return f"Placement({', '.join(parts)})"
 
     @property
@@ -290,8 +308,9 @@ class Placement:
         Parameters
         ----------
         distance : str
-            A number with a unit: that of the coordinates, or m or km if these are longitudes (of a period of 360) and
-            latitudes, on a sphere; without a unit cells.
+            A number with a unit of length, ``0.2mm``, or of degrees where coordinates are these; without a unit cells.
+            Lengths are those on the ground: on the ellipsoid where coordinates are longitudes and latitudes or those of
+            a projection, whose scale counts.
         shape : tuple of int
             The field's.
         gone : (s0, .., sn-1) bool, optional
@@ -300,33 +319,66 @@ class Placement:
         Raises
         ------
         OptionError
-            If it is not a distance, or if the samples lie nowhere in the world.
+            If it is not a distance, if the samples lie nowhere in the world, or the unit of their coordinates is not
+            known.
         InputError
             If the coordinates are not those of the field.
+        MissingExtraError
+            If it takes pyproj to know the reference system.
         """
         number, unit = distance_of(distance)
-        n = len(shape)
         if not unit:
             return number
-        if self.matrix is not None:
-            matrix = matrix_of(self.matrix, n)
-            ends = np.indices((2,) * n).reshape(n, -1)
-            arrays = [(sum(row[a] * ends[a] for a in range(n))).reshape((2,) * n) for row in matrix]
-            return number / largest_step(arrays, [0.0] * n, np.ones((1,) * n, np.bool_), unit, False)
-        if self.coordinates is None:
+        if not self.placed:
             raise OptionError(
-                f"a tolerance of {distance} needs a field that states where its samples lie", code="tolerance",
+                f"a distance of {distance} needs a field with a placement in the world", code="tolerance",
                 remedy="give a placement, or a number of cells",
             )
-        arrays = arrays_of(self.coordinates, shape)
+        if self.in_space:
+            return self.flat.cells_of(distance, shape, gone)
+        ground = self._ground(unit, distance, shape)
+        n = len(shape)
         periods = self.periods_of(n)
-        whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
-        return number / largest_step(arrays, periods, whole, unit, periods[0] == TURN)
+        if self.matrix is not None and ground.axes is None:
+            ends = np.indices((2,) * n).reshape(n, -1)
+            arrays = [(sum(row[a] * ends[a] for a in range(n))).reshape((2,) * n) for row in matrix_of(self.matrix, n)]
+            step = largest_step(arrays, [0.0] * n, np.ones((1,) * n, np.bool_), ground)
+        else:
+            # coordinates of a file include the plane that closes a periodic axis
+            periodic = () if isinstance(self.coordinates, Mapped) else self.periodic
+            arrays = arrays_of(self.with_nodes(shape).coordinates, shape)
+            missing = np.zeros(shape, np.bool_) if gone is None else gone
+            whole = whole_cells(closed(missing, periodic))
+            step = largest_step([closed(array, periodic) for array in arrays], periods, whole, ground)
+        if not step > 0:
+            raise OptionError(f"a distance of {distance} needs samples that are not missing", code="tolerance",
+                              remedy="give a number of cells")
+        # 200um and 0.2mm are the same, whatever the last digits are
+        return float(f"{number * METRES.get(unit, 1.0) / step:.12g}")
+
+    def _ground(self, unit: str, distance: str, shape: tuple[int, ...]) -> GroundScale:
+        """Scale of the coordinates on the ground, or in degrees if that is asked for."""
+        n = len(shape)
+        crs = None if self.crs in SPACES else self.crs
+        turns = bool(self.periods) and self.periods_of(n)[0] == TURN
+        if unit == DEGREE:
+            if not (turns or units_of(self.unit, n)[:2] == [DEGREE] * 2 or is_geographic(crs)) or n > 2:
+                raise OptionError(f"a distance of {distance} needs a field of longitudes and latitudes", code="unit",
+                                  remedy="give a number of cells, or a distance in metres")
+            return GroundScale((1.0,) * n)
+
+        def some() -> Array:
+            lattice = np.meshgrid(*(np.linspace(0, size - 1, SAMPLED) for size in shape[-2:]), indexing="ij")
+            points = np.stack([*[np.zeros(SAMPLED**2)] * (n - 2), *(each.ravel() for each in lattice)], axis=1)
+            return self.place(points)
+
+        return ground_of(self.unit, crs, turns, n, some, distance)
 
     def notes(self) -> dict[str, str]:
         """The notes of a file that hold the matrix and the reference system."""
         out = {} if self.matrix is None or self.periodic else {PLACEMENT: write_placement(self.matrix)}
-        return out | ({CRS: self.crs} if self.crs else {})
+        more = {CRS: self.crs, COORDINATE_UNIT: self.unit}
+        return out | {key: text for key, text in more.items() if text}
 
 
 class Noted:
@@ -471,12 +523,14 @@ def read_placement(metadata: Mapping[str, str], n: int) -> Placement | None:
         matrix = matrix_of(np.array(numbers, np.float64).reshape(-1, n + 1), n, in_space=True)
     except OptionError:
         return None
-    return Placement(matrix, crs=metadata.get(CRS))
+    return Placement(matrix, crs=metadata.get(CRS), unit=metadata.get(COORDINATE_UNIT))
 
 
 def coded_placement(mapped: Mapped, metadata: Mapping[str, str]) -> Placement:
     """The placement of a file that holds coordinates of its samples."""
-    return Placement(None, mapped, metadata.get(CRS), mapped.periodic, mapped.periods)
+    return Placement(
+        None, mapped, metadata.get(CRS), mapped.periodic, mapped.periods, unit=metadata.get(COORDINATE_UNIT)
+    )
 
 
 def _arrays(coordinates: Any) -> Sequence[NDArray[Any]] | None:

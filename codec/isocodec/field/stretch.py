@@ -3,44 +3,83 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
+from ..extras import optional
 from .coordinates import at_corner, steps_along
+from .units import DEGREE, METRES, distance_of, units_of
 
-DEGREE = 111194.92664455873
-"""Metres of a degree of a great circle: on a sphere of 6371 km."""
-_METRES = {"m": 1.0, "km": 1000.0}
-_DISTANCE = re.compile(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z\u00b0\u00b5]*)\s*")
+WGS84 = (6378137.0, 6356752.314245179)
+"""Half axes of the ellipsoid, in metres."""
+UNSTATED = (WGS84[0] ** 2 / WGS84[1],) * 2
+"""Radii that are at least those of any direction anywhere, for degrees of which nobody states the ellipsoid."""
+_WGS84 = re.compile("(EPSG:(4326|4979|4258|4269)|OGC:CRS84|CRS:84)", re.I)
+"""Systems of longitudes and latitudes on that ellipsoid, or on one within a tenth of a millimetre of it."""
+SAMPLED = 17
+"""Places along each axis at which the scale of a projection is looked at."""
+_CHUNK = 4096
 
 Array = NDArray[np.float64]
 
 
-def distance_of(text: str) -> tuple[float, str]:
-    """Number and unit of a distance.
+@dataclass(frozen=True)
+class GroundScale:
+    """Scale of coordinates on the ground.
 
-    Raises
-    ------
-    OptionError
-        If it is not a distance.
+    Attributes
+    ----------
+    metres : tuple of float
+        Of one unit of each coordinate; of longitude and latitude, radians.
+    axes : (float, float) or None
+        Half axes of the ellipsoid in metres, if x and y are longitude and latitude.
     """
-    found = _DISTANCE.fullmatch(text)
-    try:
-        return float(found[1] if found else ""), found[2] if found else ""
-    except ValueError:
-        raise OptionError(
-            f"{text!r} is not a distance", code="tolerance", remedy="a number of cells, or one with a unit: 100m"
-        ) from None
+
+    metres: tuple[float, ...]
+    axes: tuple[float, float] | None = None
+
+    def factors(self, latitude: Array | None) -> list[Any]:
+        """Metres of a step of one of each coordinate within each unit cell, at most.
+
+        Parameters
+        ----------
+        latitude : (s0 or 1, .., sn-1 or 1) float64, or None
+            The coordinate y at the nodes, where x and y are longitude and latitude.
+        """
+        if self.axes is None or latitude is None:
+            return [*self.metres]
+        size = tuple(max(count - 1, 1) for count in latitude.shape)
+        corners = [
+            latitude[tuple(slice(c, c + s) if count > 1 else slice(None)
+                           for c, s, count in zip(corner, size, latitude.shape, strict=True))]
+            for corner in product((0, 1), repeat=latitude.ndim)
+        ]
+        low, high = np.minimum.reduce(corners), np.maximum.reduce(corners)
+        nearest = np.where(low * high > 0, np.minimum(np.abs(low), np.abs(high)), 0.0)
+        farthest = np.maximum(np.abs(low), np.abs(high))
+        turn = self.metres[0]
+        east, north = radii(np.minimum(nearest * turn, np.pi / 2), np.minimum(farthest * turn, np.pi / 2), self.axes)
+        return [east * turn, north * turn, *self.metres[2:]]
+
+
+def radii(near: Any, far: Any, axes: tuple[float, float]) -> tuple[Any, Any]:
+    """Metres of a radian of longitude at the latitude ``near``, and of latitude at ``far``, on an ellipsoid."""
+    long, short = axes
+    flat = 1 - (short / long) ** 2
+    root = np.sqrt(1 - flat * np.sin(near) ** 2)
+    return long / root * np.cos(near), long * (1 - flat) / (1 - flat * np.sin(far) ** 2) ** 1.5
 
 
 def largest_step(
-    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], unit: str, degrees: bool
+    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], ground: GroundScale
 ) -> float:
-    """The farthest that a step of a cell leads in the world, in ``unit``, over all whole cells and directions.
+    """The farthest that a step of a cell leads in the world, in metres, over all whole cells and directions.
 
     Parameters
     ----------
@@ -50,33 +89,176 @@ def largest_step(
         Of each; 0 if it is not periodic.
     whole : (s0 - 1, .., sn-1 - 1) bool
         Which unit cells count.
-    unit : str
-        That of the coordinates; or m or km if they are degrees.
-    degrees : bool
-        Whether x and y are longitude and latitude.
+    ground : GroundScale
 
     Returns
     -------
     float
-        A bound, which is exact where axes are at right angles.
+        Within a cell, where coordinates are multilinear, nothing is farther.
     """
     n = len(arrays)
-    metres = _METRES.get(unit) if degrees else None
     steps = [
         [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
         for array, period in zip(arrays, periods, strict=True)
     ]
     most = 0.0
     with np.errstate(invalid="ignore", over="ignore"):
+        factors = ground.factors(arrays[1])
         for corner in product((0, 1), repeat=n):
-            j = [[at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
-            if metres is not None:
-                at = tuple(slice(c, c + size - 1) if size > 1 else slice(None)
-                           for c, size in zip(corner, arrays[1].shape, strict=True))
-                east = np.cos(np.radians(arrays[1][at])) * DEGREE / metres
-                j[:2] = [[step * east for step in j[0]], [step * (DEGREE / metres) for step in j[1]]]
-            for a in range(n):
-                # the largest eigenvalue is at most the largest sum of a row
-                row = sum(np.abs(sum(one[a] * one[b] for one in j)) for b in range(n))
-                most = max(most, float(np.max(np.broadcast_to(row, whole.shape), where=whole, initial=0.0)))
+            j = [[0.0 if step is None else at_corner(step, axis, corner) * factor for axis, step in enumerate(row)]
+                 for row, factor in zip(steps, factors, strict=True)]
+            gram = [[sum(row[a] * row[b] for row in j) for b in range(n)] for a in range(n)]
+            most = _largest(gram, whole, most)
     return float(np.sqrt(most))
+
+
+def _largest(gram: list[list[Any]], whole: NDArray[np.bool_], most: float) -> float:
+    """The largest eigenvalue of symmetric matrices, one for each cell that counts, or ``most`` if that is larger."""
+    n = len(gram)
+    if not any(np.ndim(gram[a][b]) or gram[a][b] for a, b in product(range(n), repeat=2) if a != b):
+        return max(most, *(float(np.max(np.broadcast_to(gram[a][a], whole.shape), where=whole, initial=0.0))
+                           for a in range(n)))
+    # the largest sum of a row is at least the largest eigenvalue: most cells need no more
+    bound = np.maximum.reduce([np.broadcast_to(sum(np.abs(one) for one in row), whole.shape) for row in gram])
+    at = np.flatnonzero(whole & (bound > most))
+    bounds = bound.ravel()[at]
+    order = np.argsort(-bounds)
+    for first in range(0, len(order), _CHUNK):
+        some = order[first : first + _CHUNK]
+        if bounds[some[0]] <= most:
+            break
+        place = np.unravel_index(at[some], whole.shape)
+        matrices = np.empty((len(some), n, n))
+        for a, b in product(range(n), repeat=2):
+            matrices[:, a, b] = np.broadcast_to(gram[a][b], whole.shape)[place]
+        good = np.isfinite(matrices).all(axis=(1, 2))
+        if good.any():
+            most = max(most, float(np.linalg.eigvalsh(matrices[good])[:, -1].max()))
+    return most
+
+
+def ground_of(
+    unit: str | None, crs: str | None, degrees: bool, n: int, some: Callable[[], Array], distance: str
+) -> GroundScale:
+    """Find the scale of n coordinates on the ground.
+
+    Parameters
+    ----------
+    unit : str or None
+        Of the coordinates, as a placement has it.
+    crs : str or None
+    degrees : bool
+        Whether x and y are known to be longitudes and latitudes in some other way.
+    n : int
+    some : callable
+        Gives some points within the field, (P, n).
+    distance : str
+        What is converted, for errors.
+
+    Raises
+    ------
+    OptionError
+        If the unit of the coordinates is unknown.
+    MissingExtraError
+        If it takes pyproj to find out.
+    """
+    units = units_of(unit, n)
+    if crs and (found := _by_system(crs, n, some, distance)) is not None:
+        rest = [METRES.get(one or "") for one in units[2:]]
+        if None not in rest:
+            return GroundScale((*found.metres, *(one for one in rest if one is not None)), found.axes)
+        units = [DEGREE, DEGREE, None]
+    if degrees:
+        units[:2] = [DEGREE] * 2
+    if units[:2] == [DEGREE] * 2 and all(one in METRES for one in units[2:]):
+        return GroundScale((np.pi / 180,) * 2 + tuple(METRES[str(one)] for one in units[2:]), UNSTATED)
+    if not all(one in METRES for one in units):
+        remedy = "give a number without a unit, or state the unit in the note coordinate_unit: mm, or degree degree m"
+        why = "is unknown" if None in units else f"is {', '.join(str(one) for one in units)}"
+        raise OptionError(f"a distance of {distance} needs the unit of the coordinates, which {why}", code="unit",
+                          remedy=remedy)
+    return GroundScale(tuple(METRES[str(one)] for one in units))
+
+
+def in_unit(distance: str, points: Array, unit: str | None, crs: str | None) -> float:
+    """A distance in the unit of points, which is at least as far in any direction and at any of them.
+
+    Parameters
+    ----------
+    distance : str
+        With a unit; a number alone is as it is.
+    points : (P, n) array
+    unit, crs : str or None
+        Of their coordinates.
+
+    Raises
+    ------
+    OptionError, MissingExtraError
+        As `ground_of`.
+    """
+    number, given = distance_of(distance)
+    points = np.asarray(points, np.float64)
+    n = points.shape[1]
+    if given == DEGREE and (n > 2 or (units_of(unit, n) != [DEGREE] * n and not is_geographic(crs))):
+        raise OptionError(f"a distance of {distance} needs points of longitudes and latitudes", code="unit",
+                          remedy="give a number in the unit of the points")
+    if given in ("", DEGREE):
+        return number
+    ground = ground_of(unit, crs, False, n, lambda: points[:: max(len(points) // SAMPLED**2, 1)], distance)
+    latitude = None if ground.axes is None else np.array([points[:, 1].min(), points[:, 1].max()])
+    metres = max(float(np.max(factor)) for factor in ground.factors(latitude))
+    return float(f"{number * METRES[given] / metres:.12g}")
+
+
+def is_geographic(crs: str | None) -> bool:
+    """Whether a reference system is one of longitudes and latitudes."""
+    if not crs or _WGS84.fullmatch(crs.strip()):
+        return bool(crs)
+    pyproj = optional("pyproj", extra="geo", purpose=f"a distance in degrees in the system {crs[:40]}")
+    try:
+        return bool(pyproj.CRS.from_user_input(crs).is_geographic)
+    except pyproj.exceptions.CRSError:
+        return False
+
+
+def _by_system(crs: str, n: int, some: Callable[[], Array], distance: str) -> GroundScale | None:
+    """The first two coordinates by their reference system; None if nobody knows it."""
+    if _WGS84.fullmatch(crs.strip()):
+        return GroundScale((np.pi / 180,) * 2, WGS84)
+    pyproj = optional("pyproj", extra="geo", purpose=f"a distance of {distance} in the system {crs[:40]}")
+    try:
+        system = pyproj.CRS.from_user_input(crs)
+    except pyproj.exceptions.CRSError:
+        return None
+    while system.sub_crs_list or system.is_bound:
+        system = system.source_crs if system.is_bound else system.sub_crs_list[0]
+    if not system.axis_info:
+        return None
+    unit = float(system.axis_info[0].unit_conversion_factor)
+    if system.is_geographic:
+        axes = system.ellipsoid.semi_major_metre, system.ellipsoid.semi_minor_metre
+        # with a pole of its own, latitudes are others than those that radii depend on
+        return GroundScale((unit,) * 2, (axes[0] ** 2 / axes[1],) * 2 if system.is_derived else axes)
+    scale = _scale_of(pyproj, system, some()[:, :2]) if system.is_projected else None
+    return GroundScale(((unit if scale is None else scale),) * 2)
+
+
+def _scale_of(pyproj: Any, system: Any, points: Array) -> float | None:
+    """Metres on the ellipsoid of a unit of a projected system, at most at these points; None if none lies in it."""
+    base = system.geodetic_crs
+    to = pyproj.Transformer.from_crs(system, base, always_xy=True)
+    size = max(float(np.ptp(points, axis=0).max()) * 1e-4, 1e-3)
+    around = np.array([[size, 0], [-size, 0], [0, size], [0, -size]])
+    x, y = to.transform(*(points[:, None] + around).reshape(-1, 2).T)
+    turn = float(base.axis_info[0].unit_conversion_factor)
+    lon, lat = (np.reshape(one, (-1, 4)) * turn for one in (x, y))
+    with np.errstate(invalid="ignore"):
+        east, north = radii(lat[:, 0], lat[:, 0], (base.ellipsoid.semi_major_metre, base.ellipsoid.semi_minor_metre))
+        dlon = (lon[:, ::2] - lon[:, 1::2] + np.pi) % (2 * np.pi) - np.pi
+        j = np.stack([dlon * east[:, None], (lat[:, ::2] - lat[:, 1::2]) * north[:, None]], axis=1) / (2 * size)
+    j = j[np.isfinite(j).all(axis=(1, 2))]
+    if not len(j):
+        return None
+    # as many digits as every version of the library agrees in, rounded up
+    most = float(np.linalg.svd(j, compute_uv=False)[:, 0].max())
+    return float(f"{most * (1 + 5e-7):.7g}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,12 +16,12 @@ from ..field.framed import Frames
 from ..field.labelling import having
 from ..field.meshed import Mesh
 from ..field.missing import filled
-from ..field.placement import PLACEMENT, Placement
+from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Placement, read_placement
 from ..field.sampled import Field
 from ..field.samples import Samples, isovalue_of, missing_of, without_holes
 from .grid_encoder import sampled
 from .isovalues import isovalues_of, range_of
-from .options import Options, Precision
+from .options import COORDINATES_SHARE, PROMISE, Options, Precision
 
 
 def field_of(what: Any) -> Field:
@@ -54,7 +54,9 @@ def placement_of_file(field: Field, options: Options) -> Placement | None:
             "could then differ at the two ends",
             stacklevel=5,
         )
-        return replace(placement, periodic=(), inferred=False)
+        placement = replace(placement, periodic=(), inferred=False)
+    if options.precision.error and (placement.coordinates is not None or placement.periodic):
+        return replace(placement, error=options.precision.error)
     return placement
 
 
@@ -66,15 +68,55 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
         field.labels is not None or (isovalue is None and np.asarray(field.values).dtype.kind == "b")
     ):
         precision = Precision(signs=True)
+    if precision.rounded:
+        notes[PROMISE] = precision.text
     if precision.world:
         gone = missing_of(field.values, field.mask)
-        placement = field.placement or Placement()
-        distance = placement.cells_of(precision.world, field.shape, gone if gone.any() else None)
-        precision = Precision(tolerance=distance)
+        precision = in_cells(precision, field.placement, notes, options.metadata, field.shape, gone)
     if field.labels is not None:
         options = _of_labels(field, replace(options, precision=precision))
         notes[LABELS] = " ".join(f"{isovalue_of(label):.17g}" for label in field.labels)
     return replace(options, precision=precision, metadata=notes)
+
+
+def in_cells(
+    precision: Precision, placement: Placement | None, notes: Mapping[str, str], own: Mapping[str, str],
+    shape: tuple[int, ...], gone: NDArray[np.bool_] | None = None,
+) -> Precision:
+    """A precision with distances in cells; coordinates that go into the file take a share of them.
+
+    Parameters
+    ----------
+    precision : Precision
+    placement : Placement or None
+        Of the field.
+    notes, own : mapping of str to str
+        Notes of the file, and those among them that the user gives beside the field's: a placement there counts.
+    shape : tuple of int
+    gone : (s0, .., sn-1) bool, optional
+        Which samples are missing.
+
+    Raises
+    ------
+    OptionError, MissingExtraError
+        As `Placement.cells_of`.
+    """
+    found = read_placement(notes, len(shape)) if PLACEMENT in own or placement is None else placement
+    found = found or Placement()
+    found = replace(found, crs=notes.get(CRS, found.crs), unit=notes.get(COORDINATE_UNIT, found.unit))
+    missing = gone if gone is not None and gone.any() else None
+    distances: dict[str, float] = {}
+
+    def cells_of(distance: str) -> float:
+        if distance not in distances:
+            distances[distance] = found.cells_of(distance, shape, missing)
+        return distances[distance]
+
+    error = 0.0
+    if found.coordinates is not None or found.periodic:
+        least = min(cells_of(part) for part in precision.world.split(",") if part != "exact")
+        error = found.error or min(DEFAULT_ERROR, COORDINATES_SHARE * least)
+    return precision.in_cells(cells_of, error)
 
 
 def _of_labels(field: Field, options: Options) -> Options:

@@ -75,7 +75,9 @@ class GridFile:
     mask, coordinates : bytes
         Payloads of the chunks of mask and coordinates; empty if there is no such chunk.
     geometry : sequence of lists of entries, or None
-        Layers after the full grid, for each isovalue, regardless of the options.
+        Layers behind the full grid, for each isovalue, whatever the options are.
+    promised : sequence of float or None, or None
+        Distances in cells that the last layers promise, for each isovalue, whatever the options are.
     report : callable or None
     """
 
@@ -89,7 +91,15 @@ class GridFile:
     mask: bytes
     coordinates: bytes
     geometry: Sequence[list[Entry]] | None = None
+    promised: Sequence[float | None] | None = None
     report: Report | None = None
+
+    def promise(self, number: int) -> float | None:
+        """Distance in cells that the last layer of an isovalue promises; None if none, or if the plan has promises."""
+        if self.promised is not None:
+            return self.promised[number]
+        # under a criterion the mesh keeps to another distance, or to none
+        return self.options.precision.tolerance if self.options.layers.criterion is None else None
 
     @property
     def full_level(self) -> int:
@@ -109,7 +119,8 @@ class GridFile:
 
 def grid_file(
     fields: Sequence[Samples], series: Series, options: Options, placement: Placement | None = None,
-    geometry: Sequence[list[Entry]] | None = None, report: Report | None = None,
+    geometry: Sequence[list[Entry]] | None = None, promised: Sequence[float | None] | None = None,
+    report: Report | None = None,
 ) -> GridFile:
     """Check the options of a file on a grid against its first frame, and code what concerns all frames.
 
@@ -120,8 +131,8 @@ def grid_file(
     series : Series
     options : Options
     placement : Placement, optional
-    geometry, report
-        As for `GridFile`.
+    geometry, promised, report
+        As of `GridFile`.
 
     Raises
     ------
@@ -153,7 +164,7 @@ def grid_file(
         missing = mask_field(gone)
         run, holes = encoded_mask(header, missing, truth_of(missing))
     return GridFile(
-        options, series, header, notes, periodic, gone, holes, run, coordinates, geometry, report
+        options, series, header, notes, periodic, gone, holes, run, coordinates, geometry, promised, report
     )
 
 
@@ -222,12 +233,12 @@ class GridFrame:
             if series.frame > 0:
                 payload = write_frame(lean, key)
                 alone = bool(self.strands[number].layers) and (number == 0 or bool(self.strands[number - 1].layers))
-                # layers that begin with a base implicitly begin the next isovalue
-                if payload or not alone:
+                # layers that begin with a base begin the next isovalue by themselves, promises before them do not
+                if payload or not alone or self.file.promise(number) or self.strands[number].within:
                     yield write_chunk(ChunkType.FRAME, payload)
             elif number > 0:
                 yield write_chunk(ChunkType.ISOVALUE, write_further(isovalue, lean))
-            yield from self._layers(self.strands[number], series.interval is None and number == count - 1)
+            yield from self._layers(number, series.interval is None and number == count - 1)
 
     def part(self) -> list[LayerWriter]:
         """Keep what the next frame is predicted from, once all chunks are made."""
@@ -369,8 +380,11 @@ class GridFrame:
             not self.file.options.independent and outward and len(radices(tolerance)) <= 1
         )
 
-    def _layers(self, strand: LayerWriter, last: bool) -> Iterator[bytes]:
-        """Yield the chunks of layers of one isovalue, and the level index after the last one."""
+    def _layers(self, number: int, last: bool) -> Iterator[bytes]:
+        """Chunks of layers of one isovalue; behind the last one the level index."""
+        strand = self.strands[number]
+        if promise := self.file.promise(number):
+            strand.within[len(strand.layers)] = promise
         if strand.within:
             promises = write_promises(Promises(strand.within, self.file.options.keep_topology))
             yield write_chunk(ChunkType.PROMISES, promises, ancillary=True)

@@ -18,6 +18,7 @@ from ..format.domain import DomainHead, read_mesh_layer
 from ..format.events import Event, FrameRead, IsovalueRead, LayerComplete
 from ..format.frames import first_operation, is_key
 from ..format.header import Header, varint
+from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, read_program
 from ..format.surface import TinHead, read_tin
 from ..grid.lattice.tables import cube_exponent
@@ -48,8 +49,9 @@ class LayerInfo:
     isovalue : int
         Number of the isovalue that it belongs to.
     within : float or None
-        Guaranteed bound, in cells, on the distance between decoded and original curve when this layer is complete and
-        no later one has begun; None if the file states no such promise.
+        How many cells decoded and original curve lie from each other at most, when this layer is complete and no later
+        one begun: as the writer promises, or 0 of all values of integers on the full grid. None without a promise, and
+        of layers in a cut chunk, which may not be complete; counting symbols finds out.
     frame : int
         Number of the frame that it belongs to.
     """
@@ -266,6 +268,8 @@ class _Survey:
         Promises by frame and isovalue.
     strands : _Strands
     surface : TinHead or None
+    uncertain : set of int
+        Numbers of the layers, from 0, in chunks that were cut.
 
     With ``to_layers``, it stops at the first chunk of layers.
     """
@@ -279,6 +283,7 @@ class _Survey:
         full = len(header.shape) * cube_exponent(header.shape) if header.shape else 0
         self.strands = _Strands([Progress(full)], [0], [self.outline.leans], [[]])
         self.surface: TinHead | None = None
+        self.uncertain: set[int] = set()
         self._session, self._cells, self._begun = session, header.cells, False
         self._to_layers = to_layers
 
@@ -348,6 +353,9 @@ class _Survey:
         if run is None:
             return
         self.coded += end - run
+        if chunk.type == ChunkType.CUT_LAYERS:
+            count = len(outline.layers) - first
+            self.uncertain |= set(range(len(self.layers), len(self.layers) + count))
         for i, layer in enumerate(outline.layers[first:]):
             self.layers.append(LayerInfo(
                 layer.kind, layer.level, layer.plane, layer.parts, None if i else run, isovalue=outline.number,
@@ -361,7 +369,7 @@ class _Survey:
         outline.begun = True
         self.coded += size
         self.layers.append(LayerInfo(
-            head.kind.name.lower(), -1, 0, 0, chunk.start + begins, size, isovalue=outline.number,
+            head.kind.name.lower(), -1, head.rounds, 0, chunk.start + begins, size, isovalue=outline.number,
             frame=outline.frame,
         ))
 
@@ -421,15 +429,18 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     outline, layers = session.outline, survey.layers
     earlier = sum(layer.frame < outline.frame for layer in layers)
     layers = layers[:earlier] + _with_index(outline.records, layers[earlier:])
+    uncertain = survey.uncertain
     if symbols and header.cells is None:
         layers = _decoded(data, layers, limits)
+        uncertain = {number for number, layer in enumerate(layers) if layer.bytes is None}
     kind = _kind(header, outline, survey)
     isovalues, leans = (outline.isovalues, outline.leans) if kind != "surface" else ([], [])
     surface = survey.surface
     shape = header.shape if surface is None or not surface.grid else surface.extent
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), shape, header.isovalue,
-        header.scale, len(data), len(data) - survey.coded, session.complete, _promised(layers, survey.promised),
+        header.scale, len(data), len(data) - survey.coded, session.complete,
+        _promised(layers, survey.promised, header, uncertain),
         survey.chunks, outline.metadata, isovalues, leans, [one.topology for one in outline.promises[: len(isovalues)]],
         survey.mask_bytes if outline.masked else None, outline.interval,
         survey.strands.frames(outline.interval, session.at), _in_words(outline.coordinates), outline.domain,
@@ -449,15 +460,20 @@ def _in_words(record: CoordinatesRecord | None) -> str | None:
     return ", ".join(parts)
 
 
-def _promised(layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Promises]) -> list[LayerInfo]:
-    """Add to each layer what is promised of it."""
+def _promised(
+    layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Promises], header: Header, uncertain: set[int]
+) -> list[LayerInfo]:
+    """The layers with what is promised of each, but for those that may not be complete."""
     counts: Counter[tuple[int, int]] = Counter()
+    full = len(header.shape) * cube_exponent(header.shape) if header.shape else None
     out = []
-    for layer in layers:
+    for number, layer in enumerate(layers):
         strand = layer.frame, layer.isovalue
         counts[strand] += 1
         within = promises[strand].within.get(counts[strand]) if strand in promises else None
-        out.append(replace(layer, within=within))
+        if within is None and (layer.kind, layer.level, layer.plane) == (LayerKind.VALUES, full, 0):
+            within = 0.0 if header.scale is None else None
+        out.append(replace(layer, within=None if number in uncertain else within))
     return out
 
 

@@ -14,7 +14,10 @@ from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
 from ..errors import InputError, OptionError
 from ..field.meshed import Mesh
+from ..field.placement import COORDINATE_UNIT, CRS
 from ..field.samples import Samples, isovalue_of
+from ..field.stretch import in_unit
+from ..field.units import distance_of
 from ..format.chunks import write_chunk, write_further
 from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, write_domain, write_mesh_layer
 from ..format.frames import as_last, write_frame, write_interval
@@ -28,7 +31,7 @@ from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
 from .container import ContainerEncoder, beginning
 from .mesh_contents import coordinates_of
-from .options import Options
+from .options import PROMISE, Options
 from .series import Series
 
 FINER = 3
@@ -36,7 +39,11 @@ FINER = 3
 EDGE_SHARE = 0.05
 """Default tolerance of contour points, as a fraction of the median edge length."""
 MESH_SHARE = 0.05
-"""Default error of the vertices of a stored mesh, as a fraction of the median edge length."""
+"""Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
+TOLERANCE_SHARE = 0.125
+"""Share of a tolerance that they may take, if one is given: it holds for mesh and points of contours together."""
+FINER_TRIED = 6
+"""Roundings of scattered points that are tried, until their triangulation is that of the points themselves."""
 KINDS = ("known", "coded", "whole", "delaunay")
 
 
@@ -65,6 +72,8 @@ class MeshFrames:
 
     def __init__(self, mesh: Mesh, series: Series, options: Options) -> None:
         _check_options(options)
+        self._asked = options.precision.text if options.precision.world else ""
+        options = _in_unit(options, mesh)
         self.options, self.series = options, series
         stored = mesh.stored or ("delaunay" if mesh.cells is None else "known")
         if stored not in KINDS:
@@ -90,6 +99,7 @@ class MeshFrames:
             self.options.check_data(self._fields(each)[0].integer)
         self._edge = self._median_edge()
         self._rounded: NDArray[np.float64] | None = None
+        self._off, self._same, self._shared = 0.0, True, False
         self._domain_chunk = self._known() if stored == "known" else self._coded(stored, mesh.error, first)
         self._step = self._offset_step()
         progressive = mesh.progressive
@@ -99,6 +109,8 @@ class MeshFrames:
         step = options.precision.step
         self.header = Header((), self._fields(first[0])[0].isovalue, step, Profile.MAIN, cells=self.domain.n)
         self._metadata = {**mesh.metadata, **options.metadata}
+        if options.precision.tolerance is not None and self._same:
+            self._metadata[PROMISE] = self._promise(options.precision.tolerance)
         self._strands: list[MeshIsovalue] = []
 
     def chunks(self, values: ArrayLike) -> list[bytes]:
@@ -184,12 +196,12 @@ class MeshFrames:
         """Write the domain chunk of a stored mesh; from now on, the encoder uses the decoders' version of the mesh."""
         if error is not None and not (math.isfinite(error) and error > 0):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
-        error = error or MESH_SHARE * self._edge
+        usual = MESH_SHARE * self._edge
+        if self.options.precision.tolerance is not None:
+            usual = min(usual, TOLERANCE_SHARE * self.options.precision.tolerance)
+        self._off, self._shared = error or usual, error is None
         if stored == "delaunay":
-            places = rounded_apart(self._points, error)
-            run, self.domain, self._source = encoded_points(places.position, places.extent, places.unit)
-            self._points = self._points[self._source]
-            return self._in_file(DomainKind.DELAUNAY, places) + run
+            return self._of_points(1 if error else FINER_TRIED)
         cells = self.domain.mesh.cell
         if stored == "coded":
             crossed = np.zeros(len(cells), np.bool_)
@@ -202,13 +214,31 @@ class MeshFrames:
             cells = cells[crossed]
         used, numbers = np.unique(cells, return_inverse=True)
         points = self._points[used]
-        places, domain = quantised(points, numbers.reshape(cells.shape), error)
+        places, domain = quantised(points, numbers.reshape(cells.shape), self._off)
         run, self.domain, order = encoded_mesh(domain, places.extent, places.unit)
         self._points = points[order]
         self._source = used[order]
         head = self._in_file(DomainKind.CODED, places)
         self._rounded = coordinates_of(self.domain, read_domain(head + run, self.domain.n, 0)[0])
         return head + run
+
+    def _of_points(self, most: int) -> bytes:
+        """Payload of the chunk of scattered points, so finely rounded that they have the same triangulation, if that
+        shows within a number of trials and a precision is asked for; else as the first trial.
+        """
+        before, known = self._points, {tuple(sorted(cell)) for cell in self.domain.mesh.cell.tolist()}
+        found = []
+        for _ in range(most if self.options.precision.tolerance is not None else 1):
+            places = rounded_apart(before, self._off)
+            found.append((self._off, places, *encoded_points(places.position, places.extent, places.unit)))
+            source, cells = found[-1][4], found[-1][3].mesh.cell
+            self._same = {tuple(sorted(cell)) for cell in source[cells].tolist()} == known
+            if self._same:
+                break
+            self._off /= FINER
+        self._off, places, run, self.domain, self._source = found[-1 if self._same else 0]
+        self._points = before[self._source]
+        return self._in_file(DomainKind.DELAUNAY, places) + run
 
     def _in_file(self, kind: DomainKind, places: Quantised) -> bytes:
         """Make the head of the domain chunk, and the positions in the file's units."""
@@ -224,7 +254,17 @@ class MeshFrames:
         if precision.exact or precision.signs or precision.step is not None:
             return 0
         tolerance = precision.tolerance or EDGE_SHARE * self._edge
+        if precision.tolerance is not None and self._shared:
+            tolerance -= self._off
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
+
+    def _promise(self, tolerance: float) -> str:
+        """The note of a promise: points are within the tolerance, and a mesh in the file may be off, too."""
+        off = max(self._off + self._step * self.domain.unit / STEPS / 2, tolerance)
+        if not self._asked:
+            return f"{off:.12g}"
+        number, unit = distance_of(self._asked)
+        return f"{number * off / tolerance:.12g}{unit}"
 
     def _layers(self, strand: MeshIsovalue, field: Samples) -> Iterator[bytes]:
         """Yield the chunks of the layers of an isovalue."""
@@ -323,13 +363,23 @@ def _check_options(options: Options) -> None:
     for name, given in (
         ("keep_topology", options.keep_topology), ("layers", not options.layers.default),
         ("profile", options.entropy != Profile.MAIN),
-        (f"precision {precision.text!r}", precision.steps is not None or bool(precision.world)),
+        (f"precision {precision.text!r}", precision.steps is not None or "," in precision.world),
     ):
         if given:
             raise OptionError(f"{name} does not apply to meshes", code=name.split()[0], remedy="leave it out")
     tolerance = precision.tolerance
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
         raise OptionError(f"the precision is {tolerance}; it must be greater than 0", code="tolerance")
+
+
+def _in_unit(options: Options, mesh: Mesh) -> Options:
+    """The options with a distance in the unit of the points of a mesh."""
+    text = options.precision.world
+    if not text:
+        return options
+    notes = {**mesh.metadata, **options.metadata}
+    number = in_unit(text, np.asarray(mesh.points), notes.get(COORDINATE_UNIT), notes.get(CRS))
+    return replace(options, precision=options.precision.in_cells(lambda _: number))
 
 
 def _frames_of(values: ArrayLike) -> NDArray[Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any, Literal, SupportsFloat, TypeAlias, TypedDict
@@ -14,7 +14,7 @@ from isospec.container import Profile
 
 from ..errors import OptionError
 from ..field.placement import PLACEMENT, read_placement
-from ..field.stretch import distance_of
+from ..field.units import distance_of
 from ..grid.layers.plan import Entry
 from ..search.strategy import EXACT
 from .plan_file import CRITERIA, read_plan
@@ -33,7 +33,11 @@ Isovalues: TypeAlias = SupportsFloat | str | Sequence[SupportsFloat]
 DEFAULT_TOLERANCE = 0.05
 """Default distance, in cells, between decoded and extracted curve."""
 SEARCHED = 0.1
-"""Tolerance from which on the encoder chooses a mesh; below it, nearly every crossing must be coded anyway."""
+"""From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be coded anyway."""
+PROMISE = "promise"
+"""Name of the note with the distances that a file promises as they were asked for: ``4m,1m``."""
+COORDINATES_SHARE = 0.05
+"""Coordinates of samples may take this share of a distance in the world, unless it is stated how precise they are."""
 STEP = "step="
 """Prefix of a precision that is a step of values."""
 _CRITERIA = ("crossing", "topology", "curvature", "distortion", "level")
@@ -65,11 +69,15 @@ class Precision:
         Largest distance between decoded and extracted curve, in both directions: in cells; on meshes, in the unit of
         the points.
     world : str
-        The same distance as a text with a unit, in world coordinates; converted to `tolerance` once the field is known.
+        The same distance, or steps of which some are, with a unit, in the world; `tolerance` or `steps` are found when
+        the field is known.
     steps : tuple of float, or None
         Decreasing distances, in cells, that successive layers guarantee; 0 for exact values.
     step : float or None
-        Step to which floating-point values next to the curve are rounded.
+        Values of floats next to the curve, to within half of this.
+    error : float
+        What coordinates in the file may be off in cells, so that they keep to a distance in the world; 0 if they are
+        left as precise as they are.
     """
 
     exact: bool = False
@@ -78,10 +86,11 @@ class Precision:
     world: str = ""
     steps: tuple[float, ...] | None = None
     step: float | None = None
+    error: float = 0.0
 
     @classmethod
     def of(cls, given: PrecisionGiven | Precision) -> Precision:
-        """Parse a precision: a number, "exact", "signs", "100m", "step=0.5", distances as a sequence or "4,1,exact".
+        """Parse a precision: a number, "exact", "signs", "100m", "step=0.5", distances as a sequence or "4,1m,exact".
 
         Raises
         ------
@@ -94,8 +103,10 @@ class Precision:
             return given
         if isinstance(given, str):
             return cls._of_text(given.strip())
-        if isinstance(given, Iterable) and np.ndim(given) > 0:
-            return cls(steps=_steps_of(given))
+        if isinstance(given, Iterable) and not isinstance(given, Mapping) and np.ndim(given) > 0:
+            steps = list(given)
+            texts = [isinstance(step, str) and step != "exact" for step in steps]
+            return cls._of_text(",".join(map(str, steps))) if any(texts) else cls(steps=_steps_of(steps))
         return cls(tolerance=number_of("precision", given))
 
     @classmethod
@@ -104,11 +115,44 @@ class Precision:
             return cls(exact=text == "exact", signs=text == "signs")
         if text.startswith(STEP):
             return cls(step=_in_text(text.removeprefix(STEP), text))
-        if "," in text:
-            parts = (part.strip() for part in text.split(","))
-            return cls(steps=_steps_of(part if part == "exact" else _in_text(part, text) for part in parts))
-        number, unit = distance_of(text)
-        return cls(world=text) if unit else cls(tolerance=number)
+        if "," not in text:
+            number, unit = distance_of(text)
+            return cls(world=text) if unit else cls(tolerance=number)
+        parts = [part.strip() for part in text.split(",")]
+        found = [(0.0, "") if part == "exact" else distance_of(part) for part in parts]
+        if any(unit for _, unit in found):
+            return cls(world=",".join(parts))
+        return cls(steps=_steps_of("exact" if part == "exact" else number
+                                   for part, (number, _) in zip(parts, found, strict=True)))
+
+    def in_cells(self, cells_of: Callable[[str], float], error: float = 0.0) -> Precision:
+        """Convert distances in the world to cells.
+
+        Parameters
+        ----------
+        cells_of : callable
+            Converts one distance, as `Placement.cells_of`.
+        error : float
+            What coordinates in the file may be off, in cells, which is taken off.
+        """
+        if not self.world:
+            return self
+        parts = self.world.split(",")
+        found = ["exact" if part == "exact" else cells_of(part) - (error if distance_of(part)[1] else 0.0)
+                 for part in parts]
+        if len(parts) > 1:
+            return replace(self, world="", steps=_steps_of(found), error=error)
+        (tolerance,) = (number for number in found if not isinstance(number, str))
+        if tolerance <= 0:
+            raise OptionError(f"the coordinates may be off by more than {self.world}", code="coordinates",
+                              remedy="give a smaller error of coordinates")
+        return replace(self, world="", tolerance=tolerance, error=error)
+
+    @property
+    def rounded(self) -> bool:
+        """Whether a distance is in the world, or not in whole thousandths of a cell, which chunks of promises have."""
+        distances = [self.tolerance, *(self.steps or ())]
+        return bool(self.world) or any(each and abs(each * 1000 - round(each * 1000)) > 1e-6 for each in distances)
 
     @property
     def default(self) -> bool:

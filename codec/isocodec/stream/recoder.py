@@ -220,8 +220,10 @@ def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
     )
 
 
-def recoder_of(sources: Sequence[Source], options: Options, *, kept: bool = False) -> GridEncoder:
-    """Make an encoder for what files hold.
+def recoder_of(
+    sources: Sequence[Source], options: Options, *, kept: bool = False, promised: Sequence[float | None] | None = None
+) -> GridEncoder:
+    """An encoder of what files hold.
 
     Parameters
     ----------
@@ -230,16 +232,20 @@ def recoder_of(sources: Sequence[Source], options: Options, *, kept: bool = Fals
     options : Options
         The metadata include the notes of the placement.
     kept : bool
-        Whether to code the same curves regardless of the precision.
+        Code the same curves, whatever the precision is.
+    promised : sequence of float or None, optional
+        Distances that the curves of isovalues are promised to keep to those of the field; nothing if not given.
     """
+    promised = [None] * len(sources) if promised is None else promised
     samples = [source.field for source in sources]
     geometry = [source.geometry for source in sources] if kept else None
     series = Series([one.isovalue for one in samples])
-    return GridEncoder(grid_file(samples, series, options, geometry=geometry), samples)
+    return GridEncoder(grid_file(samples, series, options, geometry=geometry, promised=promised), samples)
 
 
 def recoded_frames(
-    frames: Sequence[Sequence[Source]], interval: int | None, options: Options, *, kept: bool = False
+    frames: Sequence[Sequence[Source]], interval: int | None, options: Options, *, kept: bool = False,
+    promised: Sequence[float | None] | None = None,
 ) -> bytes:
     """Encode a file of what frames of files hold; parameters as for `recoder_of`.
 
@@ -249,13 +255,15 @@ def recoded_frames(
         Interval of key frames; None if the file is not a series.
     """
     if interval is None:
-        return b"".join(recoder_of(frames[0], options, kept=kept))
+        return b"".join(recoder_of(frames[0], options, kept=kept, promised=promised))
+    promised = [None] * len(frames[0]) if promised is None else promised
     samples = [[source.field for source in sources] for sources in frames]
     geometry = None
     if kept:
         # an isovalue whose curve is empty in one frame may have geometry in others
         geometry = [max((one.geometry for one in sources), key=len) for sources in zip(*frames, strict=True)]
     series = Series([one.isovalue for one in samples[0]], interval)
-    encoder, ending = GridFrames(grid_file(samples[0], series, options, geometry=geometry)), Ending()
+    file = grid_file(samples[0], series, options, geometry=geometry, promised=promised)
+    encoder, ending = GridFrames(file), Ending()
     out = [ending.add(encoder.chunks(one)) for one in samples]
     return b"".join(out) + ending.end()

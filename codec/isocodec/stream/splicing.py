@@ -14,6 +14,8 @@ from ..format.header import Header, read_header
 from .container import beginning as beginning_of
 from .container import with_checksum
 from .inspect import FileInfo, inspect
+from .options import PROMISE
+from .promises import last_promise
 
 ANCILLARY = 0x80
 """Bit of a chunk's head that marks it as ancillary, so that readers may skip it."""
@@ -161,6 +163,8 @@ def spliced(files: Iterable[bytes]) -> bytes:
             ]
         begun += len(parts.info.isovalues)
         metadata = {**parts.info.metadata, **metadata}
+    if len({parts.info.metadata.get(PROMISE) for parts in all_parts}) > 1:
+        metadata = last_promise(metadata)
     return _joined(first.header, first.info, first.shared, frames, metadata)
 
 
@@ -171,7 +175,7 @@ def signs_of(data: bytes) -> bytes:
         for strand in strands:
             layers = [chunk for chunk in strand.chunks if payload_of(chunk)[0] in _SIGNS]
             strand.chunks[:] = layers
-    return _joined(parts.header, parts.info, parts.shared, parts.frames, parts.info.metadata)
+    return _joined(parts.header, parts.info, parts.shared, parts.frames, last_promise(parts.info.metadata))
 
 
 def _joined(

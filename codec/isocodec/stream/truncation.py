@@ -8,13 +8,15 @@ from isospec.container import Checksum, ChunkType, write_varint
 
 from ..entropy.range_coder import cut
 from ..errors import OptionError, TruncatedError
-from ..format.chunks import CHECKSUM_BYTES, payload_of, whole_bytes, write_chunk
+from ..format.chunks import CHECKSUM_BYTES, payload_of, read_metadata, whole_bytes, write_chunk, write_metadata
 from ..format.events import LayerComplete
 from ..format.frames import as_last
 from ..format.program import write_program
 from ..limits import Limits
 from .decoder import Decoder
-from .inspect import inspect
+from .inspect import FileInfo, inspect
+from .options import PROMISE
+from .promises import last_promise
 from .surface_contents import write_surface
 
 _CLOSING = 24
@@ -88,7 +90,7 @@ def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits
         )
     _check_layers(layers)
     for kept in range(layers or len(counts), 0, -1):
-        out = write_surface(head, parts, kept, decoder.metadata)
+        out = write_surface(head, parts, kept, last_promise(dict(decoder.metadata)))
         if max_bytes is None or len(out) <= max_bytes:
             return out
     raise OptionError(
@@ -115,13 +117,27 @@ def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> byt
             remedy="ask for fewer, or for a number of bytes",
         )
     for chunk in reversed(there[:layers]):
-        out = _closed(data[: chunk.offset] + as_last(data[chunk.offset : chunk.offset + chunk.bytes]))
+        begun = _without_promise(data[: chunk.offset], info)
+        out = _closed(begun + as_last(data[chunk.offset : chunk.offset + chunk.bytes]))
         if max_bytes is None or len(out) <= max_bytes:
             return out
     raise OptionError(
         f"{max_bytes} bytes are too few for this file's mesh and a layer" if there else "no layer has been received",
         code="max-bytes", remedy="the mesh in a file cannot be cut",
     )
+
+
+def _without_promise(data: bytes, info: FileInfo) -> bytes:
+    """The beginning of a file on a mesh, whose note of a promise is about all layers, without that note."""
+    out, at = b"", 0
+    for chunk in info.chunks if PROMISE in info.metadata else ():
+        if chunk.type == "metadata" and chunk.offset + chunk.bytes <= len(data):
+            notes = read_metadata(payload_of(data[chunk.offset : chunk.offset + chunk.bytes]))
+            left = {name: text for name, text in notes.items() if name != PROMISE}
+            out += data[at : chunk.offset]
+            out += write_chunk(ChunkType.METADATA, write_metadata(left), ancillary=True) if left else b""
+            at = chunk.offset + chunk.bytes
+    return out + data[at:]
 
 
 def _decoder(data: bytes, limits: Limits | None) -> Decoder:

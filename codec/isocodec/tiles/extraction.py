@@ -15,6 +15,7 @@ from ..errors import OptionError
 from ..field.samples import Samples
 from ..format.chunks import write_chunk, write_further
 from ..grid.tube.decoded import Decoded
+from ..stream.promises import last_promise
 from ..stream.recoder import Source, box_of, moved_notes, source_of
 from .layout import Index
 from .structure import Kind
@@ -66,7 +67,7 @@ class Extract:
         _, _, mask, segments = found[0]
         for number, (_, _, _, own) in zip(numbers[1:], found[1:], strict=True):
             segments = [*segments, write_chunk(ChunkType.ISOVALUE, write_further(head.isovalues[number], None)), *own]
-        return plain(head, index, numbers[0], mask, segments, self.notes)
+        return plain(head, index, numbers[0], mask, segments, last_promise(self.notes))
 
     def sources(self, numbers: Sequence[int]) -> list[Source]:
         """Recover the sources of isovalues, by number, from the tiles, as from an ordinary file.

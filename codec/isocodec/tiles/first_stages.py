@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import OptionError, TruncatedError
+from ..stream.promises import last_promise
 from .head import write_head
 from .leaf import write_leaf
 from .structure import Leaf
@@ -31,7 +32,8 @@ def first_stages(file: TiledFile, count: int) -> Iterator[bytes]:
     if count < 1:
         raise OptionError(f"layers is {count}; it must be at least 1", code="layers")
     head, root = file.head, file.root
-    short = replace(head, stages=head.stages[:count])
+    notes = head.metadata if count >= len(head.stages) else last_promise(head.metadata)
+    short = replace(head, stages=head.stages[:count], metadata=notes)
     areas = short.areas
     leaves = []
     total = len(root.lengths)

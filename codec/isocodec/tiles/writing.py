@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ..errors import InputError, OptionError
 from ..field.sampled import Field
 from ..storage.atomic import check_target, writing
+from ..stream.given import in_cells
 from ..stream.isovalues import isovalues_of
-from ..stream.options import Isovalues, Options, Precision
+from ..stream.options import PROMISE, Isovalues, Options, Precision
 from .assembly import grid_of, merged
 from .layout import Index
 from .sample_range import sample_range
@@ -109,10 +110,7 @@ def _options_of(
     if precision.default and isovalue is None and dtype.kind == "b":
         precision = Precision(signs=True)
     if not isinstance(field, Field):
-        if precision.world:
-            raise OptionError(f"a distance of {precision.world} needs a field that states where its samples lie",
-                              code="tolerance", remedy="give a Field with a placement, or a number of cells")
-        return replace(options, precision=precision)
+        field = Field(np.broadcast_to(np.zeros((), dtype), shape))
     if field.labels is not None or field.missing != "hole":
         raise OptionError("labels and filled samples do not apply to tiles", code="tiles",
                           remedy="leave labels and missing out")
@@ -122,9 +120,10 @@ def _options_of(
         if placement.periodic or placement.coordinates is not None:
             raise OptionError("coordinates and periodic axes do not apply to tiles", code="tiles",
                               remedy="use a matrix")
-        if precision.world:
-            precision = Precision(tolerance=placement.cells_of(precision.world, shape))
         notes = {**notes, **{key: text for key, text in placement.notes().items() if key not in notes}}
+    if not options.precision.default:
+        notes[PROMISE] = precision.text
+        precision = in_cells(precision, placement, notes, options.metadata, shape)
     return replace(options, precision=precision, metadata=notes)
 
 

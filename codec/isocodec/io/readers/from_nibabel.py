@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -50,11 +49,7 @@ class _Nifti(Opened):
             return single(np.asarray(stored) if volume is None else volume, frame)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        place = placed_volume(self._image.affine, self._stored.shape, n)
-        unit = self._image.header.get_xyzt_units()[0]
-        if place.placed and unit not in ("unknown", "mm"):
-            return replace(place, remark=f"the unit of its coordinates, {unit}, is ignored")
-        return place
+        return _placed(self._image, n)
 
     def _series(self) -> Slices | None:
         if not is_series_of_volumes(self._stored.shape):
@@ -118,13 +113,19 @@ class OpenedNibabel(Opened):
             return single(np.asarray(stored) if values is None else values, frame)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        return placed_volume(self._image.affine, self._image.shape, n)
+        return _placed(self._image, n)
 
     def _series(self) -> Slices | None:
         shape = tuple(map(int, self._image.shape))
         if not is_series_of_volumes(shape):
             return None
         return Slices(shape, 3, lambda number: numbers(self._values(number)), squeezed(shape[:3]))
+
+
+def _placed(image: Any, n: int) -> Placement:
+    """Placement by the affine matrix of an image; coordinates without a unit are millimetres by custom."""
+    unit = image.header.get_xyzt_units()[0] if hasattr(image.header, "get_xyzt_units") else "mm"
+    return placed_volume(image.affine, image.shape, n, unit="mm" if unit == "unknown" else unit)
 
 
 def is_nibabel(thing: Any) -> bool:

@@ -246,7 +246,7 @@ class _Dicom(Opened):
         between, remark = self._first.get(*_SPACINGS), SLICE if self._first.corner is not None else ""
         if n != 2 or between is None:
             return Placement(remark=remark or "the positions of its slices are unknown" * (n == 3))
-        return replace(placed([[float(between[1]), 0, 0], [0, float(between[0]), 0]], 2), remark=remark)
+        return replace(placed([[float(between[1]), 0, 0], [0, float(between[0]), 0]], 2, unit="mm"), remark=remark)
 
     def _series(self) -> Slices | None:
         if len(self._volumes) == 1:

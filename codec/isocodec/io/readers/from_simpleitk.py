@@ -23,6 +23,8 @@ from .volumes import is_series_of_volumes, single, squeezed
 
 Array = NDArray[Any]
 _NRRD_IO = "NrrdImageIO"
+_HEADER = 1 << 16
+"""Bytes of a header that are looked at."""
 _META, _NRRD = (".mha", ".mhd"), (".nrrd", ".nhdr")
 
 
@@ -31,6 +33,7 @@ class _OfItk(Opened):
 
     _image: Any
     _segment: tuple[int, int] | None = None
+    _unit = "mm"
 
     def _describe(self, channel: int | None, of_list: bool) -> None:
         """Take shape and type of an image, whose components are a series or channels."""
@@ -57,7 +60,7 @@ class _OfItk(Opened):
         return np.where((whole := single(whole, layer if len(self._shape) > 3 else None)) == label, whole, 0)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        return _of_image(self._image, n)
+        return _of_image(self._image, n, self._unit)
 
     def _series(self) -> Slices | None:
         if not is_series_of_volumes(self._shape) or self._segment is not None:
@@ -73,6 +76,8 @@ class _Volume(_OfItk):
         with reading("volume"):
             self._image = _header_of(self._source, Path(self.hold(TemporaryDirectory())))
             known = {name: self._image.GetMetaData(name) for name in self._image.GetMetaDataKeys()}
+            if self._source.named(*_NRRD):
+                self._unit = _nrrd_unit(self._source)
             self._describe(choice.channel, known.get("NRRD_kinds[pixel]") == "list")
             self._segments = {}
             for number, each in enumerate(name[:-2] for name in known if re.fullmatch("Segment[0-9]+_ID", name)):
@@ -116,7 +121,14 @@ def _dtype_of(pixels: int) -> np.dtype[Any]:
     return np.dtype(f"{kind}{int(bits) // 8}") if bits.isdigit() else np.dtype(np.void)
 
 
-def _of_image(reader: Any, n: int) -> Placement:
+def _nrrd_unit(source: InputFile) -> str:
+    """Unit of the coordinates of an NRRD, which ITK does not give; without one they are millimetres by custom."""
+    with source.path.open("rb") as file:
+        found = re.search(r"^space units:(.*)$", file.read(_HEADER).decode("latin-1"), re.M | re.I)
+    return " ".join(dict.fromkeys(found[1].replace('"', " ").split())) if found else "mm"
+
+
+def _of_image(reader: Any, n: int, unit: str) -> Placement:
     """Placement by ITK of a volume, or of each of a series, whose x runs to the left and y to the back.
 
     ITK takes an NRRD that names no space for one of that kind. An image of two axes lies nowhere in a body: x runs
@@ -126,11 +138,11 @@ def _of_image(reader: Any, n: int) -> Placement:
     directions = (np.reshape(reader.GetDirection(), (size, size)) * reader.GetSpacing())[:3, :3]
     matrix = np.column_stack([directions, reader.GetOrigin()[:3]])
     if size < 3:
-        return placed(matrix, n)
+        return placed(matrix, n, unit=unit)
     stated = {key: reader.GetMetaData(key) for key in reader.GetMetaDataKeys()}
     if stated.get("ITK_InputFilterName") == _NRRD_IO and "NRRD_space" not in stated and (matrix == np.eye(3, 4)).all():
         return Placement()  # what ITK has where a file states nothing
-    return placed_volume(to_right_front_up(matrix), reader.GetSize(), n)
+    return placed_volume(to_right_front_up(matrix), reader.GetSize(), n, unit=unit)
 
 
 def _header_of(source: InputFile, folder: Path) -> Any:

@@ -187,6 +187,7 @@ def _of_microscope(tiff: Any, n: int) -> Placement:
     """Sizes of pixels or voxels, as OME and ImageJ have them; these may be damaged in any way."""
     try:
         sizes = _ome_sizes(tiff.ome_metadata) if tiff.ome_metadata else _imagej_sizes(tiff)
+        unit = _unit_of(tiff)
     except Exception:
         return Placement()
     if not sizes:
@@ -196,7 +197,7 @@ def _of_microscope(tiff: Any, n: int) -> Placement:
     if letters != [*"ZYX"[-n:]] or not set(letters) <= sizes.keys():
         said = f"its axes are {plain(', '.join(letters))}, and {', '.join(sizes)} have sizes"
         return Placement(remark=f"the sizes of its pixels are ignored: {said}; set them with --spacing")
-    return in_steps([(sizes[letter], 0.0) for letter in letters])
+    return in_steps([(sizes[letter], 0.0) for letter in letters], unit)
 
 
 def _ome_sizes(text: str) -> dict[str, float]:
@@ -204,6 +205,14 @@ def _ome_sizes(text: str) -> dict[str, float]:
     sizes = {a: pixels.attrib[f"PhysicalSize{a}"] for a in "XYZ" if f"PhysicalSize{a}" in pixels.attrib}
     units = {pixels.get(f"PhysicalSize{a}Unit", "µm") for a in sizes}
     return {a: float(size) for a, size in sizes.items()} if len(units) == 1 else {}
+
+
+def _unit_of(tiff: Any) -> str | None:
+    """Unit of the sizes of pixels, by OME or ImageJ."""
+    if not tiff.ome_metadata:
+        return (tiff.imagej_metadata or {}).get("unit") or None
+    pixels = next(e for e in ElementTree.fromstring(tiff.ome_metadata).iter() if e.tag.endswith("Pixels"))
+    return str(pixels.get("PhysicalSizeXUnit", "µm"))
 
 
 def _imagej_sizes(tiff: Any) -> dict[str, float]:

@@ -38,14 +38,18 @@ class Labels:
     coordinates: tuple[Matrix, ...] | None = None
     crs: str | None = None
     remarks: tuple[str, ...] = ()
+    unit: str | None = None
 
     @property
     def record(self) -> Placement | None:
         """The placement of these labels; None without coordinates."""
         if self.coordinates is None:
-            return None if self.placement is None else Placement(self.placement, None, self.crs)
+            return None if self.placement is None else Placement(
+                self.placement, None, self.crs, unit=self.unit
+            )
         turns = self.crs == DEGREES
         grid = placed_grid(self.coordinates, self.shape, turns and len(self.shape) == 2, self.crs)
+        grid = replace(grid, unit=self.unit)
         return replace(grid, periods=(TURN,)) if turns else grid
 
 
@@ -92,7 +96,7 @@ def labels_of(array: Any) -> Labels:
         )
     remarks: list[str] = []
     placement, coordinates = _places(array, remarks)
-    return Labels(tuple(array.shape), placement, coordinates, _system(array), tuple(remarks))
+    return Labels(tuple(array.shape), placement, coordinates, _system(array), tuple(remarks), _units(array))
 
 
 def _places(array: Any, remarks: list[str]) -> tuple[Matrix | None, tuple[Matrix, ...] | None]:
@@ -133,6 +137,18 @@ def _places(array: Any, remarks: list[str]) -> tuple[Matrix | None, tuple[Matrix
     for axis, steps in enumerate(along):
         shaped[order[axis]] = steps.reshape([-1 if a == axis else 1 for a in range(n)])
     return None, tuple(shaped)
+
+
+def _units(array: Any) -> str | None:
+    """Units of the coordinates x, y (, z) by their attributes, those of axes first; None if one has none."""
+    found: dict[str, str] = {}
+    named = sorted(array.coords.items(), key=lambda one: one[0] not in array.dims)
+    for name, one in named:
+        role, unit = _role(name, one), "_".join(str(one.attrs.get("units", "")).split())
+        if role is not None and one.dims and unit:
+            found.setdefault(role, unit)
+    roles = "xyz"[: len(array.dims)]
+    return " ".join(found[role] for role in roles) if found.keys() >= set(roles) else None
 
 
 def _even(steps: NDArray[np.float64]) -> bool:

@@ -48,17 +48,19 @@ def _goes_round(longitude: Array, axis: int, size: int) -> bool:
     return bool(np.count_nonzero(round_it & closes) * 2 > round_it.size)
 
 
-def placed(numbers: Any, n: int, crs: str | None = None) -> Placement:
+def placed(numbers: Any, n: int, crs: str | None = None, unit: str | None = None) -> Placement:
     """Place samples by a matrix of n axes; only a remark if it cannot be that of a placement."""
     try:
-        place = placement_of(Placement(numbers, crs=crs), n)
+        place = placement_of(Placement(numbers, crs=crs, unit=unit), n)
     except OptionError as error:
         return Placement(remark=f"its coordinates are ignored: {error.message}")
     assert place is not None
     return place
 
 
-def placed_volume(matrix: Array, shape: Sequence[int], n: int, crs: str | None = RAS) -> Placement:
+def placed_volume(
+    matrix: Array, shape: Sequence[int], n: int, crs: str | None = RAS, unit: str = "mm"
+) -> Placement:
     """Place the samples of a volume of that shape, or of a plane in space if it has one sample along an axis.
 
     Parameters
@@ -69,20 +71,20 @@ def placed_volume(matrix: Array, shape: Sequence[int], n: int, crs: str | None =
         Of the volume, or of a series of volumes.
     n : int
         Axes of the field: with fewer than the volume has it is one of several slices.
-    crs : str, optional
+    crs, unit
         As of `Placement`.
     """
     axes = kept_axes(shape[:3])
-    return placed(matrix[:3, [*axes, 3]], n, crs) if len(axes) == n else Placement(remark=SLICE)
+    return placed(matrix[:3, [*axes, 3]], n, crs, unit) if len(axes) == n else Placement(remark=SLICE)
 
 
-def in_steps(steps: Sequence[tuple[float, float]]) -> Placement:
+def in_steps(steps: Sequence[tuple[float, float]], unit: str | None = None) -> Placement:
     """Place samples by the step and the start along each axis: x runs along the last axis, y along the one before."""
     n = len(steps)
     matrix = np.zeros((n, n + 1))
     for axis, step in enumerate(steps):
         matrix[n - 1 - axis, [axis, n]] = step
-    return placed(matrix, n)
+    return placed(matrix, n, unit=unit)
 
 
 def to_right_front_up(matrix: Array) -> Array:
