@@ -170,7 +170,7 @@ def test_merged_files_promise_what_all_of_them_do() -> None:
 @pytest.mark.parametrize(
     ("edit", "promise"),
     [({"profile": "baseline"}, "within 2cm (0.04 cells)"), ({"layers": 2}, None), ({"layers": 9}, "within 2cm"),
-     ({"precision": 0.3}, "within 0.34 cells"), ({"box": ((0, 20), (0, 20))}, None)],
+     ({"precision": 0.3}, "within 0.34 cells"), ({"window": ((0, 20), (0, 20))}, None)],
 )
 def test_edits_of_tiles(edit: dict[str, Any], promise: str | None, tmp_path: Path) -> None:
     isocodec.save(tmp_path / "a.iso", field(None), VALUE, tile=32, precision="2cm")
