@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OptionError
+from ..field.cropping import PartWindows, part_of, spans_within
 from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import Placement
@@ -20,6 +21,7 @@ from ..io.readers.input_formats import read_mesh
 from ..io.readers.load import ReadOptions, load, open_source
 from ..limits import in_units
 from ..tin.tin import Tin
+from .georeference import NOWHERE, Georeference
 from .isofile import IsoFile
 from .thinned import MEMORY
 
@@ -47,7 +49,7 @@ def read_input(source: Any, options: ReadOptions, values: str | None = None) -> 
     if values is None:
         return load(source, options)
     found = read_mesh(source, options.samples)
-    return Mesh(found.points, found.cells, found.values_named(values))
+    return Mesh(found.points, found.cells, found.values_named(values), crs=found.crs)
 
 
 def mesh_in(path: str) -> tuple[Any, Any]:
@@ -73,8 +75,13 @@ def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placeme
         As `isocodec.read`.
     """
     with open_source(source, options) as opened:
-        windows = opened.windows()
-        yield windows, opened.place(len(windows.shape))
+        windows = opened.windows(options.nodata)
+        place = opened.place(len(windows.shape))
+        if options.bbox is not None:
+            spans = spans_within(place, windows.shape, options.bbox)
+            place = part_of(place, spans, windows.shape)
+            windows = PartWindows(windows, spans)
+        yield windows, place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,8 +92,8 @@ class Added:
     ----------
     labels : sequence of float
         Encode which samples have these labels; missing ones have none.
-    spacing : sequence of float, optional
-        Distances of samples along the axes, instead of what the input states.
+    where : Georeference
+        Where samples lie, instead of what the input states.
     placed : bool
         Whether to keep where the input states that samples lie.
     periodic, periods, error
@@ -98,7 +105,7 @@ class Added:
     """
 
     labels: Sequence[float] = ()
-    spacing: Sequence[float] | None = None
+    where: Georeference = NOWHERE
     placed: bool = True
     periodic: tuple[int, ...] = ()
     periods: tuple[float, ...] = ()
@@ -115,27 +122,32 @@ class Added:
             If a distance is given for other than each axis, or one of these does not apply.
         """
         if isinstance(what, Mesh):
-            given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error}
+            given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error, "crs": self.where.crs}
             return replace(what, **{name: value for name, value in given.items() if value is not None})
         if isinstance(what, Frames):
             fields = _Changed(what.fields, self._to_field)
-            fields.remarks = fields.remarks if self._placed else ()
+            fields.remarks = self.remarks(fields.remarks)
             return replace(what, fields=fields)
         return self._to_field(what)
 
-    @property
-    def _placed(self) -> bool:
-        """Whether samples lie where the input states."""
-        return self.placed and self.spacing is None
+    def remarks(self, remarks: Sequence[str]) -> tuple[str, ...]:
+        """Remarks on the input that are still of use: none on a placement that is not kept."""
+        return tuple(remarks) if self.placed and not self.where.places else ()
+
+    def placement(self, stated: Placement | None, shape: Sequence[int]) -> Placement | None:
+        """Place the samples of a field of that shape.
+
+        Raises
+        ------
+        OptionError
+            As `Georeference.placement`.
+        """
+        return self.where.placement(stated if self.placed else None, shape)
 
     def _to_field(self, field: Field) -> Field:
-        n = field.values.ndim
-        if self.spacing is not None and len(self.spacing) != n:
-            raise OptionError(f"the spacing has {len(self.spacing)} numbers; give one for each of the {n} axes",
-                              code="spacing")
-        placement: Any = field.placement if self._placed else self.spacing
-        crs = field.crs if self.placed else None
-        field = replace(field, placement=placement, crs=crs, remarks=field.remarks if self._placed else ())
+        placement = self.placement(field.placement, field.shape)
+        crs = self.where.crs or (field.crs if self.placed else None)
+        field = replace(field, placement=placement, crs=crs, remarks=self.remarks(field.remarks))
         about: dict[str, Any] = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
         given = {name: value for name, value in about.items() if value not in (None, ())}
         if given:

@@ -302,6 +302,12 @@ class Reading(Arguments):
                              help="Array of a file with several; values of points or a mesh.")
     channel: int | None = option("--channel", heading=INPUT, type=WHOLE, metavar="N",
                                  help="Channel of a colour picture, from 0.")
+    band: int | None = option("--band", heading=INPUT, type=COUNT, metavar="N",
+                              help="Band of a raster or picture, from 1.")
+    bbox: tuple[float, ...] | None = option(
+        "--bbox", heading=INPUT, type=NumbersType(), metavar="X,Y,X,Y",
+        help="Read samples within these coordinates only: least x and y, largest x and y.",
+    )
     kind: str | None = option("--kind", heading=INPUT, metavar="SUFFIX",
                               help="Format of standard input or a URL: .tif.")
     frame: int | None = option("--frame", heading=INPUT, type=WHOLE, metavar="N",
@@ -321,7 +327,7 @@ class Reading(Arguments):
             raise click.UsageError("--kind is for standard input and URLs; the suffix of a file names its format")
         return ReadOptions(
             key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=self.kind,
-            samples=self.limit_samples, follow=self.follow, **more,
+            samples=self.limit_samples, follow=self.follow, band=self.band, bbox=self.bbox, **more,
         )
 
     def read(self, source: str, values: str | None = None, **more: Any) -> Any:

@@ -80,3 +80,9 @@ def channel_of(count: int, channel: int | None) -> int:
             remedy=f"take one with --channel 0 to {count - 1}, or convert it to one",
         )
     return channel or 0
+
+
+def upright(picture: NDArray[Any], orientation: Any) -> NDArray[Any]:
+    """Turn a picture of an orientation, 1 to 8 as EXIF and TIFF count them, as it is meant to be seen."""
+    picture = picture.T if orientation in (5, 6, 7, 8) else picture
+    return picture[:: -1 if orientation in (3, 4, 7, 8) else 1, :: -1 if orientation in (2, 3, 6, 7) else 1]
