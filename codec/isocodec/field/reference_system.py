@@ -18,7 +18,7 @@ DEGREES = "4326"
 Transform = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 _SHORT = 60
 _DEFINITION = re.compile(r"\s*([A-Za-z]\w*\s*\[|\{)")
-"""How a definition in WKT or PROJJSON begins."""
+"""Beginning of a definition in WKT or PROJJSON."""
 _FILES = re.compile(r"PARAMETERFILE|grids=|\+init", re.IGNORECASE)
 """Parts of definitions that name files, which are read when coordinates are transformed."""
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...extras import optional
-from ...field.reference_system import crs_text
+from ...field.reference_system import DEGREES, crs_text, named_system
 from .from_rasterio import PACKAGE
 from .mesh_formats import HEIGHT, MeshFormat, MeshRead
 from .reading import reading
@@ -31,7 +31,7 @@ _STEPS = 1_000_000
 def _vector(source: InputFile) -> MeshRead:
     geopandas = optional("geopandas", extra="vector", purpose=f"reading {source.path.suffix}")
     with reading("vector file"):
-        found = _table(geopandas, source)
+        found, crs = _table(geopandas, source)
         shapes = found.geometry
         kinds = set(shapes.geom_type)
         if kinds != {"Point"}:
@@ -46,15 +46,16 @@ def _vector(source: InputFile) -> MeshRead:
         }
         if shapes.has_z.all():
             values.setdefault(HEIGHT, shapes.z.to_numpy())
-    return MeshRead(points.astype(np.float64), None, values, crs=crs_text(found.crs))
+    return MeshRead(points.astype(np.float64), None, values, crs=crs)
 
 
-def _table(geopandas: Any, source: InputFile) -> Any:
-    """The points of a file as a table; those of the layer of points if there is one among several."""
+def _table(geopandas: Any, source: InputFile) -> tuple[Any, str | None]:
+    """The points of a file as a table, those of the layer of points if there is one, and their reference system."""
     if source.named(_TEXT):
         whole = json.loads(source.path.read_text(encoding="utf-8"))
-        named = whole.get("crs", {}).get("properties", {}).get("name", "EPSG:4326")
-        return geopandas.GeoDataFrame.from_features(whole["features"], crs=named)
+        named = whole.get("crs", {}).get("properties", {}).get("name")
+        system = f"EPSG:{DEGREES}" if named is None else named_system(named)
+        return geopandas.GeoDataFrame.from_features(whole["features"]), system
     first, at, further = _BEGINNINGS[source.path.suffix.lower()]
     with source.path.open("rb") as file:
         head = file.read(at + 4)
@@ -62,7 +63,8 @@ def _table(geopandas: Any, source: InputFile) -> Any:
         raise InputError("is not a file of the format that its suffix names", code="unreadable")
     layers = optional("pyogrio", extra="vector", purpose=f"reading {source.path.suffix}").list_layers(source.path)
     points = [name for name, kind in layers if "Point" in str(kind)]
-    return geopandas.read_file(source.path, layer=points[0] if len(points) == 1 else layers[0][0])
+    found = geopandas.read_file(source.path, layer=points[0] if len(points) == 1 else layers[0][0])
+    return found, crs_text(found.crs)
 
 
 def _holds_points(path: Path) -> bool:

@@ -44,6 +44,8 @@ _MOSAIC_TAGS = re.compile(
 """Elements of a mosaic, of which one names files."""
 _FURTHER = "OVERVIEW_FILE"
 """Note by which GDAL finds another file."""
+_RAW, _PACKED = ("EHdr", "ENVI"), b"\x1f\x8b"
+"""Drivers that give zeros for samples that are not there; beginning of a file that is packed."""
 _LISTED = 20
 
 
@@ -51,7 +53,7 @@ _LISTED = 20
 def _gdal(source: InputFile) -> Iterator[Any]:
     """Rasterio, with GDAL kept from servers that nobody named and its errors turned into ours."""
     rasterio = optional("rasterio", extra="raster", purpose=f"reading {source.path.suffix}")
-    options = {"GDAL_VRT_ENABLE_PYTHON": "NO", "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO"}
+    options = {"GDAL_VRT_ENABLE_PYTHON": "NO", "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO", "DTED_VERIFY_CHECKSUM": "YES"}
     if not (source.follow or source.virtual):
         options["CPL_VSIL_CURL_ALLOWED_FILENAME"] = "none"
     with reading("raster"), warnings.catch_warnings(), rasterio.Env(**options):
@@ -59,7 +61,9 @@ def _gdal(source: InputFile) -> Iterator[Any]:
         try:
             yield rasterio
         except rasterio.errors.RasterioError as exc:
-            raise InputError(f"cannot be read ({said(exc.__cause__ or exc)})", code="unreadable") from exc
+            text = said(exc.__cause__ or exc)
+            remedy = "save it with LZW, Deflate or Zstandard" if "missing codec" in text else None
+            raise InputError(f"cannot be read ({text})", code="unreadable", remedy=remedy) from exc
 
 
 def _dataset(source: InputFile, drivers: Sequence[str], key: str | None = None) -> Any:
@@ -76,8 +80,12 @@ def _dataset(source: InputFile, drivers: Sequence[str], key: str | None = None) 
             other = found.tags(ns="OVERVIEWS").get(_FURTHER)
             for each in map(Path, [other] if other else found.files if driver == "HFA" else []):
                 source.beside(each.name if each.parent == Path(source.target).parent else str(each))
+            if driver in _RAW and source.path.open("rb").read(2) != _PACKED:
+                bits = int(found.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8 * np.dtype(found.dtypes[0]).itemsize))
+                source.check_bytes(found.count * found.height * found.width * bits // 8)
         # GTIFF_DIR:1:path, GPKG:path:table
         names = {each.split(":")[1 if driver == "GTiff" else -1]: each for each in found.subdatasets}
+        names = names or ({"1": source.target} if driver == "GTiff" else {})
         listed = ", ".join(map(plain, [*names][:_LISTED]))
         if key is not None and key not in names:
             raise OptionError(f"there is no raster {plain(key)} in it", code="key",
