@@ -21,7 +21,7 @@ from .stretch import distance_of, largest_step
 PLACEMENT = "placement"
 """Name of the note that holds the numbers."""
 CRS = "crs"
-"""Name of the note that names their coordinate reference system, as ``EPSG:32631``."""
+"""Name of the note that names their coordinate reference system: ``EPSG:32631``, or a definition in WKT 2."""
 FRAME_STEP = "frame_step"
 """Name of the note with the time between two frames of a series: ``2 s``."""
 LEAST, MOST = 1e-30, 1e30
@@ -53,7 +53,7 @@ class Placement:
         along axis 1, in space x, y, z along the axes 0, 1, 2); or x, y (, z) as arrays of n axes that broadcast to the
         shape of the field. Those of a decoded file include the plane that closes a periodic axis.
     crs : str or None
-        Reference system of the coordinates, as ``EPSG:32631``.
+        Reference system of the coordinates: ``EPSG:32631``, or a definition in WKT 2 or PROJJSON if it has no number.
     periodic : tuple of int
         Axes along which the first sample follows on the last one. One number may be given.
     periods : tuple of float

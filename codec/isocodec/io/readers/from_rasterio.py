@@ -22,6 +22,7 @@ from ...field.missing import missing_samples
 from ...field.placement import Placement
 from ...field.reference_system import crs_text
 from ...field.sampled import Field
+from ...storage.ranges import PATIENCE
 from .opened import Choice, Format, Opened
 from .place_of_samples import placed
 from .reading import about, check_frame, reading, said, upright
@@ -53,7 +54,10 @@ _LISTED = 20
 def _gdal(source: InputFile) -> Iterator[Any]:
     """Rasterio, with GDAL kept from servers that nobody named and its errors turned into ours."""
     rasterio = optional("rasterio", extra="raster", purpose=f"reading {source.path.suffix}")
-    options = {"GDAL_VRT_ENABLE_PYTHON": "NO", "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO", "DTED_VERIFY_CHECKSUM": "YES"}
+    options = {
+        "GDAL_VRT_ENABLE_PYTHON": "NO", "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO", "DTED_VERIFY_CHECKSUM": "YES",
+        "GDAL_HTTP_TIMEOUT": str(PATIENCE), "GDAL_HTTP_CONNECTTIMEOUT": str(PATIENCE),
+    }
     if not (source.follow or source.virtual):
         options["CPL_VSIL_CURL_ALLOWED_FILENAME"] = "none"
     with reading("raster"), warnings.catch_warnings(), rasterio.Env(**options):
@@ -110,7 +114,7 @@ def _check_beside(source: InputFile, drivers: Sequence[str]) -> None:
         elements = [*ElementTree.parse(path).getroot().iter()]
     for each in elements:
         name = each.text or ""
-        if not _MOSAIC_TAGS.fullmatch(each.tag) or each.get("subClass"):
+        if not _MOSAIC_TAGS.fullmatch(each.tag) or each.get("subClass") or each.get("key") == _FURTHER:
             raise source.refused(each.get("subClass") or str(each.tag), "by more than its name")
         if each.tag == "SourceFilename":
             part = replace(source, path=source.beside(name))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
@@ -22,7 +23,7 @@ from .place_of_samples import in_steps
 from .reading import channel_of, pick_frame, reading
 from .source import InputFile
 
-_ORIENTATION, _NODATA = 274, 42113
+_ORIENTATION, _NODATA, _DEFLATE = 274, 42113, (8, 32946)
 _GEOGRAPHY = (33550, 33922, 34264)
 """Tags of scale, tie points and transformation."""
 
@@ -39,6 +40,8 @@ def _tiff(source: InputFile, choice: Choice) -> Opened:
         source.check_bytes(max(map(sum, parts), default=0))
         if not parts:
             raise InputError("states a size, but holds no samples", code="unreadable")
+        for each in tiff.pages if choice.bbox is None else []:
+            _check_deflated(each)
         turn = page.tags.valueof(_ORIENTATION)
         several = len(tiff.pages) == 1 and math.prod(tiff.series[0].shape) != math.prod(page.shape)
         if choice.key is None and (tiff.is_ome or tiff.is_imagej or several):
@@ -48,6 +51,17 @@ def _tiff(source: InputFile, choice: Choice) -> Opened:
         return raster.turned(turn)
     raster.close()
     return _Stack(source, choice)
+
+
+def _check_deflated(page: Any) -> None:
+    """Check parts that Deflate packs: GDAL stops at the last sample, before the checksum."""
+    if page.compression not in _DEFLATE:
+        return
+    most = math.prod(page.chunks) * page.dtype.itemsize
+    for start, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+        page.parent.filehandle.seek(start)
+        if len(zlib.decompressobj().decompress(page.parent.filehandle.read(count), most + 1) if count else b"") > most:
+            raise InputError("holds packed samples that unpack to more than its header states", code="unreadable")
 
 
 class _Stack(Opened):
