@@ -107,5 +107,5 @@ def test_a_compression_that_is_not_read(tmp_path: Path) -> None:
         tmp_path / "a.tif", iter([part]), shape=(32, 32), dtype=np.uint8, compression=50002, tile=(32, 32),
         photometric="minisblack",
     )
-    with pytest.raises(InputError, match="missing codec JXL.*: save it with LZW, Deflate or Zstandard"):
+    with pytest.raises(InputError, match=r"missing codec JXL.*: save it with LZW, Deflate or Zstandard"):
         read_field(tmp_path / "a.tif")
