@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import h5py
 import nibabel
 import numpy as np
+import rasterio
 import SimpleITK
 import tifffile
 from PIL import Image
@@ -65,6 +67,46 @@ def written(folder: Path, name: str) -> tuple[Path, np.ndarray]:
     else:
         SimpleITK.WriteImage(SimpleITK.GetImageFromArray(field.T.copy()), path, useCompression=True)
     return path, field
+
+
+DRIVERS = {
+    ".tif": "GTiff", ".asc": "AAIGrid", ".img": "HFA", ".bil": "EHdr", ".bip": "EHdr", ".bsq": "ENVI", ".flt": "EHdr",
+    ".jp2": "JP2OpenJPEG", ".sdat": "SAGA", ".rst": "RST", ".grd": "GS7BG", ".bt": "BT", ".gpkg": "GPKG", ".dem":
+    "USGSDEM", ".hgt": "SRTMHGT", ".dt0": "DTED", ".png": "PNG",
+}
+"""Drivers of GDAL that write rasters of these suffixes."""
+TYPES = {".flt": "float32", ".grd": "float64", ".png": "uint8"}
+
+
+def raster(folder: Path, suffix: str, field: np.ndarray | None = None, **profile: Any) -> Path:
+    """A raster that GDAL wrote; 40 x 30 steps of 1/1000 degrees if no field is given."""
+    if field is None:
+        field = np.add.outer(np.arange(30) * 3, np.arange(40))
+    path = folder / f"a{suffix}"
+    known = {".dt1": ".dt0", ".dt2": ".dt0", ".tiff": ".tif"}.get(suffix, suffix)
+    west, north, step = 6.0, 46.0, 1 / 1000
+    if known in (".hgt", ".dt0"):  # they cover a degree, samples on its border included
+        side = 1201 if known == ".hgt" else 121
+        field = np.resize(field, (side, side))
+        path, step = folder / f"N45E006{suffix}", 1 / (side - 1)
+        west, north = west - step / 2, north + step / 2
+    if suffix == ".vrt":
+        parts = raster(folder, ".tif", field, **profile)
+        height, width = field.shape
+        place = f"{west}, {step}, 0, {north}, 0, {-step}"
+        path.write_text(
+            f'<VRTDataset rasterXSize="{width}" rasterYSize="{height}"><SRS>EPSG:4326</SRS><GeoTransform>{place}'
+            '</GeoTransform><VRTRasterBand dataType="Int16" band="1"><SimpleSource><SourceFilename relativeToVRT="1">'
+            f"{parts.name}</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>"
+        )
+        return path
+    given = {
+        "driver": DRIVERS[known], "height": field.shape[0], "width": field.shape[1], "count": 1, "crs": "EPSG:4326",
+        "dtype": TYPES.get(known, "int16"), "transform": rasterio.Affine(step, 0, west, 0, -step, north), **profile,
+    }
+    with warnings.catch_warnings(action="ignore"), rasterio.open(path, "w", **given) as file:
+        file.write(field.astype(given["dtype"]), 1)
+    return path
 
 
 def virtual(file: Any, name: str, target: str, inner: str) -> None:

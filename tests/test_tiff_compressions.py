@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import resource
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +49,7 @@ def test_gdal(tmp_path: Path, compression: str, dtype: str, tiled: bool) -> None
         assert place.matrix.tolist() == [[0, 30, 500015], [-20, 0, 3999990]]
 
 
-@pytest.mark.parametrize("compression", ["lzw", "zstd", "lzma", "packbits", "jpeg2000", "png", "webp", "lerc"])
+@pytest.mark.parametrize("compression", ["lzw", "zstd", "lzma", "packbits", "webp", "lerc"])
 def test_tifffile(tmp_path: Path, compression: str) -> None:
     field = RAMP.astype(np.uint8)
     lossless: dict[str, Any] = {"compressionargs": {"lossless": True}} if compression == "webp" else {}
@@ -79,17 +81,24 @@ def test_parts_with_a_size_of_their_own(tmp_path: Path) -> None:
             path, iter([part]), shape=(32, 32), dtype=np.uint8, compression=compression, tile=(32, 32),
             photometric="minisblack",
         )
-        with pytest.raises(InputError, match="whose own header states another size"):
-            read_field(path)
+        tracemalloc.start()
+        try:
+            with pytest.raises(InputError, match="cannot be read"):
+                read_field(path)
+            assert tracemalloc.get_traced_memory()[1] < 8e6
+        finally:
+            tracemalloc.stop()
 
 
 def test_zstandard_that_unpacks_to_more(tmp_path: Path) -> None:
+    """GDAL unpacks as much as a tile holds."""
     bomb = imagecodecs.zstd_encode(bytes(100 << 20))
     tifffile.imwrite(
         tmp_path / "a.tif", iter([bomb]), shape=(32, 32), dtype=np.uint8, compression="zstd", tile=(32, 32)
     )
-    with pytest.raises(InputError, match="cannot be read as TIFF"):
-        read_field(tmp_path / "a.tif")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert not read_field(tmp_path / "a.tif").any()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 << 10
 
 
 def test_a_compression_that_is_not_read(tmp_path: Path) -> None:
@@ -98,5 +107,5 @@ def test_a_compression_that_is_not_read(tmp_path: Path) -> None:
         tmp_path / "a.tif", iter([part]), shape=(32, 32), dtype=np.uint8, compression=50002, tile=(32, 32),
         photometric="minisblack",
     )
-    with pytest.raises(InputError, match="JPEGXL, which is not read"):
+    with pytest.raises(InputError, match=r"missing codec JXL.*: save it with LZW, Deflate or Zstandard"):
         read_field(tmp_path / "a.tif")

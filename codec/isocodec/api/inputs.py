@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OptionError
+from ..field.cropping import PartWindows, part_of, spans_within
 from ..field.framed import Frames
 from ..field.labelling import ALL, labels_in
 from ..field.meshed import Mesh
@@ -21,6 +22,7 @@ from ..io.readers.input_formats import read_mesh
 from ..io.readers.load import ReadOptions, load, open_source
 from ..limits import in_units
 from ..tin.tin import Tin
+from .georeference import NOWHERE, Georeference
 from .isofile import IsoFile
 from .thinned import MEMORY
 
@@ -48,7 +50,7 @@ def read_input(source: Any, options: ReadOptions, values: str | None = None) -> 
     if values is None:
         return load(source, options)
     found = read_mesh(source, options.samples)
-    return Mesh(found.points, found.cells, found.values_named(values))
+    return Mesh(found.points, found.cells, found.values_named(values), crs=found.crs)
 
 
 def mesh_in(path: str) -> tuple[Any, Any]:
@@ -74,8 +76,13 @@ def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placeme
         As `isocodec.read`.
     """
     with open_source(source, options) as opened:
-        windows = opened.windows()
-        yield windows, opened.place(len(windows.shape))
+        windows = opened.windows(options.nodata)
+        place = opened.place(len(windows.shape))
+        if options.bbox is not None:
+            spans = spans_within(place, windows.shape, options.bbox)
+            place = part_of(place, spans, windows.shape)
+            windows = PartWindows(windows, spans)
+        yield windows, place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,8 +93,8 @@ class Added:
     ----------
     labels : sequence of float, or "all"
         Encode which samples have these labels; missing ones have none.
-    spacing : sequence of float, optional
-        Sample spacing along each axis, instead of what the input states.
+    where : Georeference
+        Where samples lie, instead of what the input states.
     placed : bool
         Whether to keep the placement that the input states.
     periodic, periods, error
@@ -99,7 +106,7 @@ class Added:
     """
 
     labels: Sequence[float] | str = ()
-    spacing: Sequence[float] | None = None
+    where: Georeference = NOWHERE
     placed: bool = True
     periodic: tuple[int, ...] = ()
     periods: tuple[float, ...] = ()
@@ -116,30 +123,35 @@ class Added:
             If there is not one spacing for each axis, or if one of the properties does not apply.
         """
         if isinstance(what, Mesh):
-            given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error}
+            given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error, "crs": self.where.crs}
             return replace(what, **{name: value for name, value in given.items() if value is not None})
         if isinstance(what, Frames):
             if self.labels == ALL:
                 every = {label for field in what.fields for label in labels_in(field.values, field.mask)}
                 return replace(self, labels=sorted(every)).to(what)
             fields = _Changed(what.fields, self._to_field)
-            fields.remarks = fields.remarks if self._placed else ()
+            fields.remarks = self.remarks(fields.remarks)
             return replace(what, fields=fields)
         return self._to_field(what)
 
-    @property
-    def _placed(self) -> bool:
-        """Whether samples lie where the input states."""
-        return self.placed and self.spacing is None
+    def remarks(self, remarks: Sequence[str]) -> tuple[str, ...]:
+        """Remarks on the input that are still of use: none on a placement that is not kept."""
+        return tuple(remarks) if self.placed and not self.where.places else ()
+
+    def placement(self, stated: Placement | None, shape: Sequence[int]) -> Placement | None:
+        """Place the samples of a field of that shape.
+
+        Raises
+        ------
+        OptionError
+            As `Georeference.placement`.
+        """
+        return self.where.placement(stated if self.placed else None, shape)
 
     def _to_field(self, field: Field) -> Field:
-        n = field.values.ndim
-        if self.spacing is not None and len(self.spacing) != n:
-            raise OptionError(f"the spacing has {len(self.spacing)} numbers; give one for each of the {n} axes",
-                              code="spacing")
-        placement: Any = field.placement if self._placed else self.spacing
-        crs = field.crs if self.placed else None
-        field = replace(field, placement=placement, crs=crs, remarks=field.remarks if self._placed else ())
+        placement = self.placement(field.placement, field.shape)
+        crs = self.where.crs or (field.crs if self.placed else None)
+        field = replace(field, placement=placement, crs=crs, remarks=self.remarks(field.remarks))
         about: dict[str, Any] = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
         given = {name: value for name, value in about.items() if value not in (None, ())}
         if given:

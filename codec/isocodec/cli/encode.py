@@ -49,11 +49,13 @@ from .report import (
 )
 
 if TYPE_CHECKING:
-    from ..api.inputs import Observed
+    from ..api.inputs import Added, Observed
 
 CRITERION = re.compile(r"[0-9]+|crossing|topology|(curvature|distortion|level)=.*")
-"""Values of ``--layers`` that are not the name of a plan file."""
-GRIDS = ("spacing", "no_placement", "coordinates_error", "periodic", "period", "labels", "missing", "channel")
+"""Layers that are not a plan in a file."""
+PLACES = ("spacing", "origin", "transform", "bounds")
+GRIDS = (*PLACES, "no_placement", "coordinates_error", "periodic", "period", "labels", "missing", "channel", "band",
+         "bbox")
 """Options of sampled grids."""
 APART = {
     "values": ("frames", "frame_axis", "key", *GRIDS),
@@ -123,7 +125,17 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
         "such; nearest, copy the nearest sample.",
     )
     spacing: tuple[float, ...] | None = option("--spacing", heading=INPUT, type=NumbersType(), metavar="S,S[,S]",
-                                               help="Sample spacing along each axis; may be negative.")
+                                               help="Distances of samples along the axes; may be negative.")
+    origin: tuple[float, ...] | None = option("--origin", heading=INPUT, type=NumbersType(), metavar="X,Y[,Z]",
+                                              help="Coordinates of the first sample.")
+    transform: tuple[float, ...] | None = option(
+        "--transform", heading=INPUT, type=NumbersType(), metavar="A,B,C,D,E,F",
+        help="Place pixels as rasterio does: x = A column + B row + C, y = D column + E row + F at their corners.",
+    )
+    bounds: tuple[float, ...] | None = option("--bounds", heading=INPUT, type=NumbersType(), metavar="X,Y,X,Y",
+                                              help="Least x and y, largest x and y of pixels, the first row on top.")
+    crs: str | None = option("--crs", heading=INPUT, metavar="CRS",
+                             help="Reference system of the coordinates: EPSG:32631, WKT or PROJJSON.")
     no_placement: bool = option("--no-placement", heading=INPUT, is_flag=True,
                                 help="Ignore the coordinates that INPUT gives its samples.")
     coordinates_error: float | None = option("--coordinates-error", heading=INPUT, type=float, metavar="D",
@@ -182,7 +194,9 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
             self.choose("isovalues", "interval", "labels", required=self.plan is None)
         if "all" in self.labels and len(self.labels) > 1:
             raise click.UsageError("--label all takes no other labels")
-        self.choose("spacing", "no_placement")
+        for several in (PLACES[:1], PLACES[1:2]):
+            self.choose(*several, "transform", "bounds", "no_placement")
+        self.choose("crs", "no_placement")
         self.choose("labels", "missing")
         self.choose("workers", "scheduler")
 
@@ -214,18 +228,26 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
 
     def observed(self) -> Observed:
         """Read the input, and add what options state about it."""
-        from ..api.inputs import Added, observed
+        from ..api.inputs import observed
 
         given = {"frames": self.frames, "axis": self.frame_axis, "missing": self.missing}
         more = {name: value for name, value in given.items() if value is not None}
         what = self.read(self.source, self.values, **more)
-        added = Added(
-            labels="all" if "all" in self.labels else self.labels, spacing=self.spacing,
-            placed=not self.no_placement, periodic=self.periodic,
-            periods=self.period or (), error=self.coordinates_error, stored=self.stored, mesh_error=self.mesh_error,
-        )
         with concerning(self.source):
-            return observed(what, added)
+            return observed(what, self.added())
+
+    def added(self) -> Added:
+        """Collect what options state about the input."""
+        from ..api.georeference import Georeference, named_system
+        from ..api.inputs import Added
+
+        where = {name: getattr(self, name) for name in PLACES}
+        return Added(
+            labels="all" if "all" in self.labels else self.labels,
+            where=Georeference(**where, crs=None if self.crs is None else named_system(self.crs)),
+            placed=not self.no_placement, periodic=self.periodic, periods=self.period or (),
+            error=self.coordinates_error, stored=self.stored, mesh_error=self.mesh_error,
+        )
 
 
 @command("encode", EncodeArguments, "Encode the isocontour of a picture, terrain, volume or mesh.")
@@ -299,10 +321,11 @@ def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
         concerning(options.source), windows_of(options.source, options.reading(options.source)) as (what, place),
         engine_of(options.workers, options.scheduler) as engine, progress_bar("encoding tiles") as progress,
     ):
-        if place.remark and not options.no_placement:
-            warn(options.source, place.remark)
-        if not options.no_placement:
-            keywords["metadata"] = {**place.notes(), **keywords["metadata"]}
+        added = options.added()
+        for remark in added.remarks([place.remark] if place.remark else []):
+            warn(options.source, remark)
+        placed = added.placement(place, what.shape)
+        keywords["metadata"] = {**(placed.notes() if placed else {}), **keywords["metadata"]}
         save(
             options.output, what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
             workers=options.workers if engine else None, progress=progress, **keywords,

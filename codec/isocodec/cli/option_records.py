@@ -324,6 +324,12 @@ class Reading(Arguments):
                              help="Array of a file with several; series, stack or segment of DICOM; values of a mesh.")
     channel: int | None = option("--channel", heading=INPUT, type=WHOLE, metavar="N",
                                  help="Channel of a colour picture, from 0.")
+    band: int | None = option("--band", heading=INPUT, type=COUNT, metavar="N",
+                              help="Band of a raster or picture, from 1.")
+    bbox: tuple[float, ...] | None = option(
+        "--bbox", heading=INPUT, type=NumbersType(), metavar="X,Y,X,Y",
+        help="Read samples within these coordinates only: least x and y, largest x and y.",
+    )
     kind: str | None = option("--kind", heading=INPUT, metavar="SUFFIX",
                               help="Format of standard input or of a URL, for example .tif.")
     frame: int | None = option("--frame", heading=INPUT, type=WHOLE, metavar="N",
@@ -345,7 +351,8 @@ class Reading(Arguments):
             raise click.UsageError("--kind is for standard input and URLs; the suffix of a file names its format")
         return ReadOptions(
             key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=self.kind,
-            samples=self.limit_samples, follow=self.follow, slice_tolerance=self.slice_tolerance, **more,
+            samples=self.limit_samples, follow=self.follow, slice_tolerance=self.slice_tolerance, band=self.band,
+            bbox=self.bbox, **more,
         )
 
     def read(self, source: str, values: str | None = None, **more: Any) -> Any:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 OF_MAPS = ("map_interval", "offset", "index", "title", "size", "dpi", "dark", "no_relief")
 OF_STEPS = ("steps", "draw_mesh", "seen_from", "partial", "smooth")
-OF_FIELDS = ("metadata", "nodata", "key", "channel", "follow")
+OF_FIELDS = ("metadata", "nodata", "key", "channel", "band", "bbox", "follow")
 
 
 @dataclass(frozen=True, kw_only=True)

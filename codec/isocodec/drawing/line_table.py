@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..extras import optional
-from ..field.reference_system import epsg_of
+from ..field.reference_system import system_of
 from .areas import areas_of, lifted
 from .bands import bands
 from .curve import Curve
@@ -21,8 +21,9 @@ def table_of(
 ) -> Any:
     """Make a ``GeoDataFrame`` with a row for each line or, with ``side``, for the areas of each isovalue or the bands.
 
-    Columns are ``isovalue``, ``closed`` (for lines) or ``side`` (for areas), ``complete`` and ``geometry``; for bands
-    ``lower``, ``upper`` and ``geometry``. The reference system is that of the file if it names an EPSG number.
+    Columns are ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete`` and ``geometry``; of bands ``lower``,
+    ``upper`` and ``geometry``. An isocontour of the plane has lines; the system is that of the file if it names one by
+    its EPSG number or a definition.
 
     Raises
     ------
@@ -37,7 +38,7 @@ def table_of(
         return _table_of_bands(list(contours), valid, geopandas, shapely)
     columns: dict[str, list[Any]] = {"isovalue": [], "side" if side else "closed": [], "complete": []}
     shapes: list[Any] = []
-    system: str | None = None
+    system: Any = None
     for contour in contours:
         if contour.n != 2:
             raise OptionError("only an isocontour (n = 2) has lines for a map", code="dimension")
@@ -54,8 +55,7 @@ def table_of(
         columns["isovalue"] += [float(contour.isovalue)] * len(parts)
         columns["side" if side else "closed"] += kinds
         columns["complete"] += [bool(contour.complete)] * len(parts)
-        number = epsg_of(contour.placement)
-        system = None if number is None else f"EPSG:{number}"
+        system = system_of(contour.placement)
         del contour
     return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system)
 
@@ -64,10 +64,9 @@ def _table_of_bands(
     contours: list[Curve], valid: NDArray[np.bool_] | None, geopandas: Any, shapely: Any
 ) -> Any:
     found = bands(contours, valid=valid)
-    number = epsg_of(contours[0].placement)
     columns = {
         "lower": np.array([band.lower for band in found], float),
         "upper": np.array([band.upper for band in found], float),
     }
     shapes = [shapely.geometry.shape(band.geometry) for band in found]
-    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=None if number is None else f"EPSG:{number}")
+    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system_of(contours[0].placement))

@@ -23,7 +23,7 @@ from .units import DEGREE, METRES, distance_of, units_of
 PLACEMENT = "placement"
 """Name of the note that holds the numbers."""
 CRS = "crs"
-"""Name of the note that names their coordinate reference system, as ``EPSG:32631``."""
+"""Name of the note that names their coordinate reference system: ``EPSG:32631``, or a definition in WKT 2."""
 RAS, LPS = "right-anterior-superior", "left-posterior-superior"
 SPACES = {RAS: "RAS", LPS: "LPS"}
 """Reference systems of bodies, by the sides of these that x, y, z run to, as NRRD names them, and in short; files of
@@ -68,8 +68,8 @@ class Placement:
         along axis 1, in space x, y, z along the axes 0, 1, 2); or x, y (, z) as arrays of n axes that broadcast to the
         shape of the field. Those of a decoded file include the plane that closes a periodic axis.
     crs : str or None
-        Reference system of the coordinates, as ``EPSG:32631``; of a body ``"right-anterior-superior"`` or
-        ``"left-posterior-superior"``, the sides that x, y, z run to.
+        Reference system of the coordinates: ``EPSG:32631``, or a definition in WKT 2 or PROJJSON if it has no number;
+        in a body ``"right-anterior-superior"`` or ``"left-posterior-superior"``, the sides that x, y, z run to.
     periodic : tuple of int
         Axes along which the first sample follows on the last one. One number may be given.
     periods : tuple of float

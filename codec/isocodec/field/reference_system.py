@@ -2,23 +2,103 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OptionError
+from ..errors import OptionError, one_line, plain
 from ..extras import optional
 from .placement import Placement
 
 DEGREES = "4326"
 """EPSG number of longitude and latitude on WGS 84."""
 Transform = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+_SHORT = 60
+_DEFINITION = re.compile(r"\s*([A-Za-z]\w*\s*\[|\{)")
+"""Beginning of a definition in WKT or PROJJSON."""
+_FILES = re.compile(r"PARAMETERFILE|grids=|\+init", re.IGNORECASE)
+"""Parts of definitions that name files, which are read when coordinates are transformed."""
 
 
 def epsg_of(placement: Placement | None) -> str | None:
     """EPSG number of the reference system of coordinates; None without coordinates, or without such a number."""
     return None if placement is None else placement.epsg
+
+
+def is_named(placement: Placement | None) -> bool:
+    """Whether coordinates have a reference system by its EPSG number, or by a definition that names no files."""
+    if placement is None or not placement.placed or not placement.crs:
+        return False
+    return placement.epsg is not None or bool(_DEFINITION.match(placement.crs) and not _FILES.search(placement.crs))
+
+
+def system_of(placement: Placement | None) -> Any:
+    """The reference system that coordinates have, as pyproj knows it.
+
+    Returns
+    -------
+    pyproj.CRS or None
+        None unless the system `is_named`.
+
+    Raises
+    ------
+    OptionError
+        If there is no such system.
+    MissingExtraError
+        If pyproj is not installed.
+    """
+    if not is_named(placement):
+        return None
+    assert placement is not None and placement.crs
+    name = short_name(placement.crs)
+    pyproj = optional("pyproj", extra="geo", purpose=f"the reference system {name}")
+    try:
+        return pyproj.CRS.from_user_input(placement.crs)
+    except pyproj.exceptions.CRSError as exc:
+        raise OptionError(f"there is no reference system {name}", code="crs",
+                          remedy="--keep-crs writes GeoJSON with the coordinates as they are") from exc
+
+
+def short_name(crs: str) -> str:
+    """A reference system in a few words: ``EPSG:32631``, or the name within its definition."""
+    named = crs.split('"')[1:2] if "[" in crs else crs.partition('"name":')[2].split('"')[1:2]
+    return one_line(named[0] if named else crs, _SHORT)
+
+
+def crs_text(system: Any) -> str | None:
+    """Name a reference system as files do: by its EPSG number, or else by its definition (WKT 2).
+
+    Parameters
+    ----------
+    system : pyproj.CRS, rasterio.crs.CRS or None
+    """
+    if not system:
+        return None
+    text = str(system.to_wkt(version="WKT2_2019"))
+    # one that is bound to a datum shift differs from the one of the number
+    number = None if text.startswith("BOUNDCRS") else system.to_epsg()
+    return text if number is None else f"EPSG:{number}"
+
+
+def named_system(text: str) -> str:
+    """Name the reference system that a user gives: an EPSG number, WKT, PROJJSON, or a text of PROJ.
+
+    Raises
+    ------
+    OptionError
+        If it is none.
+    MissingExtraError
+        If pyproj is not installed.
+    """
+    pyproj = optional("pyproj", extra="geo", purpose="--crs")
+    try:
+        return crs_text(pyproj.CRS.from_user_input(f"EPSG:{text}" if text.isdigit() else text)) or ""
+    except pyproj.exceptions.CRSError as exc:
+        raise OptionError(f"{plain(text[:_SHORT])!r} is not a reference system", code="crs",
+                          remedy="give EPSG:32631, for example, or a definition in WKT or PROJJSON") from exc
 
 
 def to_degrees(placement: Placement | None) -> Transform:
@@ -29,18 +109,19 @@ def to_degrees(placement: Placement | None) -> Transform:
     Raises
     ------
     OptionError
-        If there is no reference system with this number.
+        If no system has that number, or longitudes and latitudes do not follow from it.
     MissingExtraError
         If pyproj is not installed.
     """
-    number = epsg_of(placement)
-    if number in (None, DEGREES):
+    system = None if epsg_of(placement) == DEGREES else system_of(placement)
+    if system is None or placement is None:
         return lambda points: points
-    pyproj = optional("pyproj", extra="geo", purpose=f"writing GeoJSON of EPSG:{number}, in longitude and latitude")
+    pyproj = optional("pyproj", extra="geo", purpose="longitude and latitude")
+    name = short_name(placement.crs or "")
     try:
-        transformer = pyproj.Transformer.from_crs(f"EPSG:{number}", f"EPSG:{DEGREES}", always_xy=True)
+        transformer = pyproj.Transformer.from_crs(system, f"EPSG:{DEGREES}", always_xy=True)
     except pyproj.exceptions.ProjError as exc:
-        raise OptionError(f"unknown reference system EPSG:{number}", code="crs",
+        raise OptionError(f"the reference system {name} has no longitude and latitude", code="crs",
                           remedy="--keep-crs writes the coordinates as they are") from exc
 
     def degrees(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -49,7 +130,7 @@ def to_degrees(placement: Placement | None) -> Transform:
         out = np.column_stack([*transformer.transform(points[:, 0], points[:, 1]), points[:, 2:]])
         if not np.isfinite(out).all():
             raise OptionError(
-                f"coordinates lie outside the area of EPSG:{number}, and have no longitude and latitude", code="crs",
+                f"coordinates lie outside of what {name} covers, and have no longitude and latitude", code="crs",
                 remedy="is the placement right? --keep-crs writes the coordinates as they are",
             )
         return np.asarray(out)

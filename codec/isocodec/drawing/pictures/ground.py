@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import one_line
+from ...errors import OptionError
 from ...extras import optional
-from ...field.reference_system import DEGREES
+from ...field.reference_system import DEGREES, is_named, short_name, system_of
 from ..curve import Curve
 
 
@@ -71,18 +71,17 @@ def ground_of(contour: Curve) -> Ground:
     placement = contour.placement
     if placement is None or not placement.placed:
         return Ground()
-    said = one_line(placement.crs or "", 60)
-    bare = Ground(said or "reference system not stated", ("x", "y"), True, unit="")
-    number = placement.epsg
-    if number is None:
+    text = short_name(placement.crs or "")
+    bare = Ground(text or "reference system not stated", ("x", "y"), True, unit="")
+    if not is_named(placement):
         return bare
-    pyproj = optional("pyproj", extra="geo", purpose=f"a map in EPSG:{number}")
+    pyproj = optional("pyproj", extra="geo", purpose=f"a map in {text}")
     try:
-        system = pyproj.CRS.from_epsg(int(number))
+        system = system_of(placement)
         degrees = pyproj.Transformer.from_crs(system, f"EPSG:{DEGREES}", always_xy=True)
-    except pyproj.exceptions.ProjError:
+    except (pyproj.exceptions.ProjError, OptionError):
         return bare
-    name = f"{system.name} (EPSG:{number})"
+    name = system.name if placement.epsg is None else f"{system.name} ({placement.crs})"
     shape = np.array(contour.shape) - 1.0
     (middle,) = contour.place(shape[None] / 2)
     step = float(np.abs(contour.place(np.array([[0.0, 0.0], shape])) - middle).max() / 100)

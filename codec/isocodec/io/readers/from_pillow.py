@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...extras import optional
+from ...field.placement import Placement
+from .from_rasterio import place_beside
 from .opened import Choice, Format, Opened
-from .reading import channel_of, pick_frame, reading
+from .reading import channel_of, pick_frame, reading, upright
 
 _PNG, _JPEG = b"\x89PNG", b"\xff\xd8\xff"
 _PLUGINS = {_PNG: ("PIL.PngImagePlugin", "PngImageFile"), _JPEG: ("PIL.JpegImagePlugin", "JpegImageFile")}
 """Who reads a picture, by its first bytes."""
+_ORIENTATION = 274
 
 
 class _Picture(Opened):
@@ -36,7 +39,6 @@ class _Picture(Opened):
             self._mode = image.palette.mode if image.mode == "P" else image.mode
             self._bands = len(self._mode) if image.mode == "P" else len(image.getbands())
             kind = optional("PIL.ImageMode", extra="image", purpose=purpose).getmode(self._mode).typestr
-        self.shape = (image.size[1], image.size[0])
         # 32 bits are what older versions make of 16-bit grey
         self.dtype = np.dtype(np.uint16 if self._mode == "I" else np.uint8 if kind == "|b1" else kind)
         self._source.check_count(math.prod(image.size) * self._bands)
@@ -47,6 +49,9 @@ class _Picture(Opened):
                 remedy="save it as 16-bit grey PNG, or as TIFF",
             )
         self._channel = channel_of(self._bands, choice.channel)
+        # coordinates beside a picture are those of the picture as it is stored
+        self._turn = 1 if self._place(2, None).placed else image.getexif().get(_ORIENTATION)
+        self.shape = upright(np.broadcast_to(0, image.size[::-1]), self._turn).shape
 
     def _values(self, frame: int | None) -> NDArray[Any]:
         with reading("picture"):
@@ -54,7 +59,15 @@ class _Picture(Opened):
             picture = np.asarray(image.convert(self._mode) if image.mode == "P" else image)
         if self._mode == "I":
             picture = picture.astype(np.uint16)
-        return pick_frame(picture if picture.ndim == 2 else picture[..., self._channel], frame)
+        return pick_frame(upright(picture if picture.ndim == 2 else picture[..., self._channel], self._turn), frame)
+
+    def _place(self, n: int, frame: int | None) -> Placement:
+        path = self._source.path
+        kind = path.suffix[1:]
+        beside = (f".{kind[0]}{kind[-1]}w", f".{kind}w", ".wld", f"{path.suffix}.aux.xml")
+        if not any(path.with_suffix(each).exists() for each in beside):
+            return Placement()
+        return place_beside(self._source, self._image.format)
 
 
 FORMATS = (

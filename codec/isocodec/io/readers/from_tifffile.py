@@ -1,128 +1,130 @@
-"""Tifffile reads TIFF: pictures, stacks, GeoTIFF and what microscopes write."""
+"""Tifffile knows stacks of TIFF, and the sizes of pixels that microscopes write; GDAL unpacks them."""
 
 from __future__ import annotations
 
-import lzma
 import math
 import zlib
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
-from functools import cached_property
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, MissingExtraError, plain
+from ...errors import InputError, plain
 from ...extras import optional
 from ...field.placement import Placement
-from .from_rasterio import RasterWindows
+from .from_rasterio import TIFF, Raster, RasterWindows
 from .opened import Choice, Format, Opened
-from .place_of_samples import in_steps, placed
-from .reading import channel_of, pick_frame, reading, said
+from .place_of_samples import in_steps
+from .reading import channel_of, pick_frame, reading
 from .source import InputFile
-from .tile_sizes import LERC, PICTURES, stated_samples, unpacked_lerc
 
-_UNPACKERS: dict[int, Any] = {8: zlib.decompressobj, 32946: zlib.decompressobj, 34925: lzma.LZMADecompressor}
-"""Compressions of a TIFF that tifffile undoes without a bound: Deflate by its two numbers, LZMA."""
-_RATIO = 1 << 13
-"""Bytes that come out of a byte of these at most."""
-_BOUNDED = frozenset((1, 2, 3, 4, 5, 32771, 32773, 50000))
-"""Compressions whose decoders fill no more than the room made for them: none, CCITT, LZW, PackBits, Zstandard."""
-_LERC_PARAMETERS = 50674
-"""Tag of a TIFF file: what packs LERC parts once more."""
-_SMALL = 1 << 26
-_NODATA = 42113
-"""Tag of a TIFF file: the number as text."""
-_SCALE, _TIEPOINT, _TRANSFORMATION = 33550, 33922, 34264
-# Values of GeoKeys.
-_GEOGRAPHIC = 2
-_IS_POINT = 2
-"""Raster type whose coordinates are those of the samples; otherwise samples are half a pixel further on."""
-_EPSG = range(1024, 32767)
-"""Numbers of systems that the EPSG registry has."""
+_ORIENTATION, _NODATA, _DEFLATE = 274, 42113, (8, 32946)
+_GEOGRAPHY = (33550, 33922, 34264)
+"""Tags of scale, tie points and transformation."""
 
 
-class _Tiff(Opened):
-    """The only picture or stack of a TIFF file, or one of its channels."""
+def _tiff(source: InputFile, choice: Choice) -> Opened:
+    """Open a stack, or else a raster or picture."""
+    if source.virtual:
+        return Raster(source, choice)
+    with reading("TIFF"), _opened(source) as tiff:
+        page = tiff.pages[0]
+        parts = [part for part in zip(page.dataoffsets, page.databytecounts, strict=True) if part[1]]
+        # a tile is unpacked as a whole, however small the picture
+        source.check_count(math.prod(page.chunks))
+        source.check_bytes(max(map(sum, parts), default=0))
+        if not parts:
+            raise InputError("states a size, but holds no samples", code="unreadable")
+        for each in tiff.pages if choice.bbox is None else []:
+            _check_deflated(each)
+        turn = page.tags.valueof(_ORIENTATION)
+        several = len(tiff.pages) == 1 and math.prod(tiff.series[0].shape) != math.prod(page.shape)
+        if choice.key is None and (tiff.is_ome or tiff.is_imagej or several):
+            return _Stack(source, choice)
+    raster = Raster(source, choice)
+    if choice.key is not None or not raster.pages:
+        return raster.turned(turn)
+    raster.close()
+    return _Stack(source, choice)
+
+
+def _check_deflated(page: Any) -> None:
+    """Check parts that Deflate packs: GDAL stops at the last sample, before the checksum."""
+    if page.compression not in _DEFLATE:
+        return
+    most = math.prod(page.chunks) * page.dtype.itemsize
+    for start, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+        page.parent.filehandle.seek(start)
+        if len(zlib.decompressobj().decompress(page.parent.filehandle.read(count), most + 1) if count else b"") > most:
+            raise InputError("holds packed samples that unpack to more than its header states", code="unreadable")
+
+
+class _Stack(Opened):
+    """The stack of a TIFF file, or one of its channels."""
 
     def _open(self, choice: Choice) -> None:
-        self._chosen = choice.channel
         with reading("TIFF"):
             self._tiff = self.hold(_opened(self._source))
-            self._first = self._tiff.pages[0]
+            self._tags, every = self._tiff.pages[0].tags, self._tiff.series
+            if len(every) != 1:
+                shapes = ", ".join(str(each.shape) for each in every[:20])
+                raise InputError(
+                    f"holds {len(every)} pictures of different kinds: {shapes}", code="series",
+                    remedy="choose a page with --key, counted from 1",
+                )
+            (self._stack,) = every
+            if every[0].keyframe.photometric == 3:
+                raise InputError("holds indices of a palette, not samples", code="palette", remedy="save it as grey")
+            self._source.check_array(every[0].shape, every[0].dtype)
+            axes = str(every[0].axes)
             try:
-                self.nodata = float(str(self._first.tags[_NODATA].value).strip(" \0"))
+                self.nodata = float(str(self._tags[_NODATA].value).strip(" \0"))
             except (KeyError, ValueError):
                 self.nodata = None
-
-    @cached_property
-    def _picture(self) -> tuple[Any, int | None, int]:
-        """The series, the axis of its channels or None, and which channel to take."""
-        tifffile = optional("tifffile", extra="image", purpose=f"reading {self._source.path.suffix}")
-        with reading("TIFF"):
-            series = self._tiff.series
-            if not series:
-                raise InputError("holds no picture", code="unreadable")
-            if len(series) != 1:
-                shapes = ", ".join(str(each.shape) for each in series[:20])
-                raise InputError(
-                    f"holds {len(series)} pictures of different kinds: {shapes}", code="series",
-                    remedy="save the one you want as a separate file",
-                )
-            if series[0].keyframe.photometric == tifffile.PHOTOMETRIC.PALETTE:
-                raise InputError("holds indices of a palette, not samples", code="palette", remedy="save it as grey")
-            _check_series(self._source, series[0])
-            axes = str(series[0].axes)
         colour = next((axes.index(letter) for letter in "SC" if letter in axes), None)
-        return series[0], colour, channel_of(1 if colour is None else series[0].shape[colour], self._chosen)
-
-    @cached_property
-    def shape(self) -> tuple[int, ...]:  # type: ignore[override]
-        """Samples along each axis."""
-        series, colour, _ = self._picture
-        return tuple(count for axis, count in enumerate(series.shape) if axis != colour)
-
-    @cached_property
-    def dtype(self) -> np.dtype[Any]:  # type: ignore[override]
-        """Type of the samples."""
-        return np.dtype(self._picture[0].dtype)
+        self._colour, self._inner = colour, "S" in axes
+        self._channel = channel_of(1 if colour is None else every[0].shape[colour], choice.channel)
+        self.shape = tuple(count for axis, count in enumerate(every[0].shape) if axis != colour)
+        self.dtype = np.dtype(np.uint8 if every[0].dtype.kind == "b" else every[0].dtype)
 
     def _values(self, frame: int | None) -> NDArray[Any]:
-        series, colour, channel = self._picture
+        series = self._stack
         with reading("TIFF"):
-            picture = _samples(series)
-        return pick_frame(picture if colour is None else np.take(picture, channel, axis=colour), frame)
+            if series.dataoffset is not None:
+                self._source.check_bytes(series.dataoffset + math.prod(series.shape) * self.dtype.itemsize)
+                picture = np.asarray(series.asarray())
+            else:
+                picture = np.stack([self._page(page) for page in series.pages]).astype(self.dtype, casting="same_kind")
+                picture = picture.reshape(self.shape if self._inner else series.shape)
+        if self._colour is not None and picture.ndim > len(self.shape):
+            picture = np.take(picture, self._channel, axis=self._colour)
+        return pick_frame(picture, frame)
+
+    def _page(self, page: Any) -> NDArray[Any]:
+        if page is None:
+            raise InputError("lacks some of the pages that it states", code="unreadable")
+        source = replace(self._source, path=Path(page.parent.filehandle.path))
+        choice = Choice(str(page.index + 1), self._channel if self._inner else 0)
+        band = RasterWindows(source, ("GTiff",), choice)
+        with closing(band):
+            return band[:, :].data
 
     def _place(self, n: int, frame: int | None) -> Placement:
         with reading("TIFF"):
-            place = _of_picture(self._first, n)
-            return _of_microscope(self._tiff, n) if not place.placed and not place.remark else place
-
-    def _windows(self) -> RasterWindows:
-        with reading("TIFF"):
-            return RasterWindows(self._source.path)
-
-
-def _samples(series: Any) -> NDArray[Any]:
-    try:
-        return np.asarray(series.asarray())
-    except (ValueError, ImportError) as exc:
-        # without the library some compressions raise an error that names it, others one of a missing module
-        if isinstance(exc, ValueError) and "imagecodecs" not in str(exc):
-            raise
-        raise MissingExtraError(
-            f"reading this TIFF needs another library ({said(exc)})", code="missing-extra",
-            remedy="pip install 'isocodec[image]', or save it without compression",
-        ) from exc
+            if any(tag in self._tags for tag in _GEOGRAPHY):
+                return Placement(remark="the coordinates of a stack of pages are ignored; take a page with --key")
+            return _of_microscope(self._tiff, n)
 
 
 @contextmanager
 def _opened(source: InputFile) -> Iterator[Any]:
     """A TIFF as tifffile has it, which may go on in files beside it, and elsewhere if these are to be followed."""
-    tifffile = optional("tifffile", extra="image", purpose=f"reading {source.path.suffix}")
+    tifffile = optional("tifffile", extra="raster", purpose=f"reading {source.path.suffix}")
     # the index of an NDTiff is another file, which names further ones
     whole = {} if source.follow else {"is_ndtiff": False}
     with tifffile.TiffFile(source.path, **whole) as tiff:
@@ -141,46 +143,6 @@ def _check_companions(source: InputFile, notes: str) -> None:
     for name in names:
         if name.lower() != source.path.name.lower():
             source.beside(name)
-
-
-def _check_series(source: InputFile, series: Any) -> None:
-    """Check that the samples of a series may be read, and no part of it unpacks to more than they take."""
-    size = source.check_array(series.shape, series.dtype)
-    if series.dataoffset is not None:
-        source.check_bytes(series.dataoffset + size)
-    page = series.keyframe
-    # a tile is unpacked as a whole, however small the picture
-    tile = source.check_count(math.prod(page.chunks)) * page.dtype.itemsize
-    if page.compression in _UNPACKERS:
-        for packed in _parts(series):
-            if len(packed) * _RATIO <= _SMALL:
-                continue
-            unpacker = _UNPACKERS[page.compression]()
-            if len(unpacker.decompress(packed, 2 * tile + _SMALL)) > tile + _SMALL:
-                raise InputError("holds packed samples that unpack to more than its header states", code="unreadable")
-    elif page.compression in PICTURES:
-        tag = page.tags.get(_LERC_PARAMETERS)
-        most = math.prod(page.chunks)
-        for packed in _parts(series):
-            part = unpacked_lerc(packed, tag and tag.value, most) if page.compression in LERC else packed
-            stated = stated_samples(part, int(page.compression))
-            if stated is None or stated > most:
-                raise InputError("holds a part whose own header states another size", code="unreadable")
-    elif page.compression not in _BOUNDED:
-        raise InputError(
-            f"is a TIFF of compression {plain(str(getattr(page.compression, 'name', page.compression)))}, which is "
-            "not read", code="compression", remedy="save it with LZW, Deflate or Zstandard",
-        )
-
-
-def _parts(series: Any) -> Iterator[bytes]:
-    """Strips and tiles of all pages of a series, as they are stored."""
-    for one in series.pages:
-        for offset, count in () if one is None else zip(one.dataoffsets, one.databytecounts, strict=True):
-            if count:
-                file = one.parent.filehandle
-                file.seek(offset)
-                yield file.read(count)
 
 
 def _of_microscope(tiff: Any, n: int) -> Placement:
@@ -225,57 +187,9 @@ def _imagej_sizes(tiff: Any) -> dict[str, float]:
     return sizes | ({"Z": float(notes["spacing"])} if "spacing" in notes else {})
 
 
-def _of_picture(page: Any, n: int) -> Placement:
-    """Read the tags of a GeoTIFF, which may have any type and any number of values."""
-    scale, tiepoint, matrix = (_numbers(page, tag) for tag in (_SCALE, _TIEPOINT, _TRANSFORMATION))
-    if not (len(scale) or len(tiepoint) or len(matrix)):
-        return Placement()
-    if n != 2:
-        return Placement(remark="the coordinates of a stack of pages are ignored")
-    try:
-        keys = dict(page.geotiff_tags or {})
-    except Exception:  # of any kind, where the tag is damaged
-        keys = {}
-    # numbers may be of any size
-    with np.errstate(all="ignore"):
-        if len(matrix) == 16 and matrix.any():
-            across, down, start = matrix.reshape(4, 4)[:2, [0, 1, 3]].T
-        elif len(scale) >= 2 and len(tiepoint) >= 6:
-            across, down = np.array([scale[0], 0.0]), np.array([0.0, -scale[1]])
-            start = tiepoint[3:5] - tiepoint[0] * across - tiepoint[1] * down
-        else:
-            return Placement(remark="its coordinates are ignored: it has single points only, no steps between pixels")
-        if keys.get("GTRasterTypeGeoKey") != _IS_POINT:
-            start = start + (across + down) / 2
-    place = placed(np.column_stack([down, across, start]), n)
-    if not place.placed or not keys:
-        return place
-    crs = _system(keys)
-    remark = "" if crs else "its reference system is ignored, as it has no EPSG number"
-    return replace(place, crs=crs, remark=remark)
-
-
-def _numbers(page: Any, tag: int) -> NDArray[np.float64]:
-    """Values of a tag; none if it is not there or holds none."""
-    try:
-        return np.atleast_1d(np.asarray(page.tags[tag].value, np.float64))
-    except (KeyError, TypeError, ValueError):
-        return np.zeros(0)
-
-
-def _system(keys: Mapping[str, Any]) -> str | None:
-    """The reference system that GeoKeys name: of the model that they state, or the one that is there."""
-    names = ["ProjectedCSTypeGeoKey", "GeographicTypeGeoKey"]
-    if keys.get("GTModelTypeGeoKey") == _GEOGRAPHIC:
-        names.reverse()
-    numbers = [keys.get(name) for name in names]
-    number = next((number for number in numbers if isinstance(number, int) and number > 0), 0)
-    return f"EPSG:{int(number)}" if number in _EPSG else None
-
-
 FORMATS = (
     Format(
-        "TIFF", (".tif", ".tiff"), _Tiff, extra="image", channels=True,
-        signatures=tuple((0, sign, ".tif") for sign in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")),
+        "TIFF", TIFF, _tiff, extra="raster", channels=True, keyed=True,
+        signatures=tuple((0, sign, TIFF[0]) for sign in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")),
     ),
 )

@@ -20,6 +20,7 @@ from . import (
     from_numpy,
     from_pillow,
     from_pydicom,
+    from_rasterio,
     from_simpleitk,
     from_tifffile,
     from_vtk,
@@ -32,7 +33,7 @@ from .source import source_of
 
 FORMATS: tuple[Format, ...] = (
     *from_numpy.FORMATS, *from_h5py.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pydicom.FORMATS,
-    *from_pillow.FORMATS, *from_tifffile.FORMATS, *from_nibabel.FORMATS, *from_xarray.FORMATS,
+    *from_pillow.FORMATS, *from_tifffile.FORMATS, *from_nibabel.FORMATS, *from_xarray.FORMATS, *from_rasterio.FORMATS,
 )
 """Formats of fields."""
 MESH_FORMATS: tuple[MeshFormat, ...] = (
@@ -105,12 +106,12 @@ def open_file(
     MissingExtraError
         If its library is not installed.
     """
-    path = Path(path)
+    named, path = path, Path(path)
     choice = choice or Choice()
     label = plain(os.fspath(path)) if label is None else label
     with about(label):
         found = _format_of(path)
-        source = source_of(path, samples, follow, found is not None and found.folder)
+        source = source_of(named, samples, follow, found is not None and found.folder)
         if found is None:
             raise InputError(
                 f"{plain(path.suffix) or 'a name without a suffix'} is not a supported format of fields",
@@ -122,7 +123,7 @@ def open_file(
         if choice.key is not None and not found.keyed:
             raise OptionError(f"a key names an array of a file that holds several, not of {suffix}", code="key")
         if choice.channel is not None and not found.channels:
-            raise OptionError(f"a channel is part of a picture, not of {suffix}", code="channel")
+            raise OptionError(f"a channel or band is part of a picture, not of {suffix}", code="channel")
         opened = found.open(source, choice)
     opened.label = label
     return opened
@@ -173,4 +174,4 @@ def read_mesh(path: str | os.PathLike[str], samples: int | None = None) -> MeshR
         source.check_count(len(points) + (0 if cells is None else len(cells)))
     if cells is not None and cells.shape[1] == 3 and points.shape[1] == 3 and (points[:, 2] == points[:1, 2]).all():
         points = np.ascontiguousarray(points[:, :2])
-    return MeshRead(points, cells, mesh.values, mesh.of_cells)
+    return MeshRead(points, cells, mesh.values, mesh.of_cells, mesh.crs)

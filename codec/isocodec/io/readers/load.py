@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError, OptionError, plain
+from ...field.cropping import Box, cropped
 from ...field.framed import Frames
 from ...field.meshed import Mesh
 from ...field.missing import HOLE, missing_samples
@@ -35,7 +36,7 @@ class ReadOptions:
 
     Attributes
     ----------
-    key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance
+    key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance, band, bbox
         As of `read`.
     """
 
@@ -50,12 +51,15 @@ class ReadOptions:
     samples: int | None = None
     follow: bool = False
     slice_tolerance: float | None = None
+    band: int | None = None
+    bbox: Box | None = None
 
 
 def read(
     source: Any, *, key: str | None = None, channel: int | None = None, frame: int | None = None,
     frames: bool = False, axis: int | None = None, missing: str = HOLE, nodata: float | None = None,
     kind: str | None = None, samples: int | None = None, follow: bool = False, slice_tolerance: float | None = None,
+    band: int | None = None, bbox: Box | None = None,
 ) -> Field | Frames | Mesh:
     """Read a sampled field, a series of them, or values on a mesh, with all that its source states.
 
@@ -91,6 +95,11 @@ def read(
         Read other files that a file names by a path.
     slice_tolerance : float, optional
         Distance in mm that slices of DICOM may lie from even steps; a hundredth of a step if not given.
+    band : int, optional
+        Band of a raster, counted from 1; channel ``band - 1`` of a picture.
+    bbox : sequence of float, optional
+        Read only samples within these coordinates of the placement: least x, y (, z), then largest x, y (, z). Rasters
+        are read as far as that goes.
 
     Returns
     -------
@@ -120,7 +129,9 @@ def read(
         Of what the source states and a field cannot keep; also in ``Field.remarks``.
     """
     found = load(
-        source, ReadOptions(key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance)
+        source, ReadOptions(
+            key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance, band, bbox
+        )
     )
     for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):
         warnings.warn(remark, stacklevel=2)
@@ -157,8 +168,10 @@ def load(source: Any, options: ReadOptions) -> Field | Frames | Mesh:
         return _mesh(source, options)
     with open_source(source, options) as opened:
         if not options.frames:
-            return replace(opened.field(options.frame, nodata=options.nodata), missing=options.missing)
+            field = replace(opened.field(options.frame, nodata=options.nodata), missing=options.missing)
+            return field if options.bbox is None else cropped(field, options.bbox)
         slices = opened.frames(options.axis, options.frame)
+        slices = slices if options.bbox is None else slices.within(options.bbox)
         # the samples may be read later
         make, left_out = opened.fields(slices, options.nodata), opened.remarks
         return Frames(FieldsInTurn(slices, make, options.missing, opened.hand_over(), left_out))
@@ -173,7 +186,7 @@ def _mesh(source: str | os.PathLike[str], options: ReadOptions) -> Mesh:
     name = options.key
     if name is None and (len(found.values) == 1 or HEIGHT in found.values):
         name = HEIGHT if HEIGHT in found.values else next(iter(found.values))
-    return Mesh(found.points, found.cells, None if name is None else found.values_named(name))
+    return Mesh(found.points, found.cells, None if name is None else found.values_named(name), crs=found.crs)
 
 
 def open_source(source: Any, options: ReadOptions) -> Opened:
@@ -187,9 +200,15 @@ def open_source(source: Any, options: ReadOptions) -> Opened:
     key = options.key
     if hasattr(source, "data_vars"):
         source, key = variable(source, key), None
-    choice = Choice(key, options.channel, options.slice_tolerance)
+    channel = options.channel
+    if options.band is not None:
+        if options.band < 1 or channel is not None:
+            raise OptionError("a band is counted from 1, and the same as a channel", code="channel",
+                              remedy="give one of them")
+        channel = options.band - 1
+    choice = Choice(key, channel, options.slice_tolerance, options.bbox)
     if is_described(source) or isinstance(source, np.ndarray):
-        asked = {"key": key, "channel": options.channel, "kind": options.kind}
+        asked = {"key": key, "channel": channel, "kind": options.kind}
         for name, value in asked.items():
             if value is not None:
                 raise OptionError(f"{name} is for files, not for a {type(source).__name__}", code=name)

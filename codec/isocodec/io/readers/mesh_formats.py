@@ -31,12 +31,15 @@ class MeshRead:
         Numbers at points, by name; with two axes, those of F frames.
     of_cells : list of str
         Names of numbers that cells have.
+    crs : str or None
+        Reference system of the points.
     """
 
     points: NDArray[np.float64]
     cells: NDArray[np.int64] | None
     values: dict[str, NDArray[Any]] = field(default_factory=dict)
     of_cells: list[str] = field(default_factory=list)
+    crs: str | None = None
 
     def values_named(self, name: str) -> NDArray[Any]:
         """Values at points, by name.

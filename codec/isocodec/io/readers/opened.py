@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError
+from ...field.cropping import PartWindows
 from ...field.missing import missing_samples
 from ...field.placement import FRAME_STEP, Placement
 from ...field.sampled import Field
@@ -36,14 +37,17 @@ class Choice:
     key : str or None
         Name of an array, or of a series of DICOM.
     channel : int or None
-        Channel of a colour picture, counted from 0.
+        Channel of a colour picture, or band of a raster, counted from 0.
     slice_tolerance : float or None
         Distance in mm that slices of DICOM may lie from even steps.
+    bbox : tuple of float, or None
+        Coordinates within which samples are read, of formats that are read a window at a time.
     """
 
     key: str | None = None
     channel: int | None = None
     slice_tolerance: float | None = None
+    bbox: tuple[float, ...] | None = None
 
 
 class Opened:
@@ -145,13 +149,14 @@ class Opened:
         with about(self.label):
             return self._place(n, frame)
 
-    def windows(self) -> Any:
+    def windows(self, nodata: float | None = None) -> Any:
         """Give the samples as an object with ``shape``, ``dtype`` and slices, which reads only what is asked for.
 
-        Formats that cannot be read a window at a time are read whole.
+        Formats that cannot be read a window at a time are read whole. What equals ``nodata`` is masked.
         """
         with about(self.label):
-            return self._windows()
+            found = self._windows()
+            return found if nodata is None else PartWindows(found, [slice(None)] * len(found.shape), nodata)
 
     def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
         """Read a field with all that the input states.

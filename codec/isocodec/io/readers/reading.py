@@ -99,3 +99,9 @@ def named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any
     which = f"{len(names)} {what}" if key is None else f"{len(found) or 'no'} {what} '{plain(key)}'"
     listed = "; ".join(plain(names[each][-1]) for each in [*(found or names)][:LISTED])
     raise InputError(f"holds {which}: {listed}", code="key", remedy="choose one with --key")
+
+
+def upright(picture: NDArray[Any], orientation: Any) -> NDArray[Any]:
+    """Turn a picture of an orientation, 1 to 8 as EXIF and TIFF count them, as it is meant to be seen."""
+    picture = picture.T if orientation in (5, 6, 7, 8) else picture
+    return picture[:: -1 if orientation in (3, 4, 7, 8) else 1, :: -1 if orientation in (2, 3, 6, 7) else 1]

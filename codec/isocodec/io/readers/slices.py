@@ -9,6 +9,7 @@ from typing import Any, overload
 
 from numpy.typing import NDArray
 
+from ...field.cropping import Box, part_of, spans_within
 from ...field.placement import Placement
 from ...field.sampled import Field
 
@@ -42,6 +43,20 @@ class Slices:
 
     def __len__(self) -> int:
         return self.shape[self.axis]
+
+    def within(self, box: Box) -> Slices:
+        """Take the part of each frame within a box of coordinates.
+
+        Raises
+        ------
+        OptionError
+            As `isocodec.field.cropping.spans_within`.
+        """
+        spans = spans_within(self.place, self.frame_shape, box)
+        return replace(
+            self, frame=lambda number: self.frame(number)[spans], place=part_of(self.place, spans, self.frame_shape),
+            frame_shape=tuple(span.stop - span.start for span in spans),
+        )
 
 
 def one_slice(samples: NDArray[Any], place: Placement) -> Slices:

@@ -28,11 +28,19 @@ class InputFile:
         How many samples may be read at most.
     follow : bool
         Whether other files are read that it names by a path, or links to.
+    virtual : str
+        Name by which GDAL knows an input that is no file: ``/vsicurl/https://..``; else empty.
     """
 
     path: Path
     samples: int = FIELD_SAMPLES
     follow: bool = False
+    virtual: str = ""
+
+    @property
+    def target(self) -> str:
+        """The name for libraries that know virtual files: whole, so that it cannot be taken for a URL."""
+        return self.virtual or os.path.abspath(self.path)
 
     def named(self, *suffixes: str) -> bool:
         """Whether the name ends in one of these, in small letters or capitals."""
@@ -117,9 +125,11 @@ def source_of(
     OptionError
         If ``samples`` is not a number of samples.
     """
-    path = Path(path)
+    virtual, path = os.fspath(path), Path(path)
     if samples is not None and samples < 1:
         raise OptionError(f"at most {samples} samples; it must be a number from 1 on", code="limit-samples")
+    if virtual.startswith("/vsi"):
+        return InputFile(path, FIELD_SAMPLES if samples is None else int(samples), follow, virtual)
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise InputError(

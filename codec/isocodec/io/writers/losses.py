@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...drawing.contour import Contour
-from ...field.reference_system import epsg_of
+from ...field.reference_system import epsg_of, is_named
 from .output_formats import Output, OutputOptions
 
 LOST = 0.01
@@ -30,14 +30,14 @@ class Losses:
         self._points = 0
         self._largest = 0.0
         self._step = 0.0
-        self._placed = self._named = False
+        self._placed = self._named = self._numbered = False
 
     def see(self, contour: Contour) -> None:
         """Take another contour into account."""
         self._points += len(contour.points)
         # contours on a mesh have the mesh's coordinates
         self._placed = contour.frame is not None or not contour.shape
-        self._named = epsg_of(contour.placement) is not None
+        self._named, self._numbered = is_named(contour.placement), epsg_of(contour.placement) is not None
         matrix = None if contour.placement is None else contour.placement.matrix
         self._step = 0.0 if matrix is None else float(np.linalg.norm(matrix[:, :-1], axis=0).min())
         if self._output.single and len(contour.points):
@@ -64,6 +64,8 @@ class Losses:
             found.append(
                 f"{self._suffix} is written without a reference system, and its coordinates are {where}; {remedy}"
             )
+        elif options.keep_crs and self._named and not self._numbered:
+            found.append(f"{self._suffix} is written without the reference system, which has no EPSG number")
         if output.single and self._step:
             lost = float(np.spacing(np.float32(self._largest)))
             if lost > LOST * self._step:

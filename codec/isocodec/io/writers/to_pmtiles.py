@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import OptionError
 from ...extras import optional
-from ...field.reference_system import epsg_of, to_degrees
+from ...field.reference_system import is_named, to_degrees
 from .output_formats import Cost, Output, OutputOptions
 from .things import Pyramid
 
@@ -102,7 +102,7 @@ def mercator_lines(contour: Contour) -> list[NDArray[np.float64]]:
 
 def _placed(contour: Contour) -> Contour:
     contour = contour.flat
-    if epsg_of(contour.placement) is None:
+    if not is_named(contour.placement):
         raise OptionError(
             "vector tiles need to know where the curve lies, but the file has no placement or names no reference "
             "system",

@@ -1,0 +1,94 @@
+"""Placement of samples by what a user states: steps, a transform, bounds, a reference system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import OptionError
+from ..field.placement import Placement, matrix_of, unplaced
+from ..field.reference_system import named_system
+
+__all__ = ["NOWHERE", "Georeference", "named_system"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Georeference:
+    """Numbers that place samples, instead of what an input states.
+
+    Attributes
+    ----------
+    spacing : sequence of float, optional
+        Distances of samples along the axes of the array.
+    origin : sequence of float, optional
+        Coordinates x, y (, z) of the first sample.
+    transform : sequence of float, optional
+        In the plane six numbers, as rasterio and Affine have them, from columns and rows to x and y, (0, 0) being the
+        corner of the first pixel, whose sample is in its middle. In space the twelve of `Placement.matrix`, by rows.
+    bounds : sequence of float, optional
+        Least x and y, largest x and y of pixels in the plane; the first row is the one of the largest y.
+    crs : str, optional
+        Reference system.
+    """
+
+    spacing: Sequence[float] | None = None
+    origin: Sequence[float] | None = None
+    transform: Sequence[float] | None = None
+    bounds: Sequence[float] | None = None
+    crs: str | None = None
+
+    @property
+    def places(self) -> bool:
+        """Whether these replace the steps or the origin that an input states."""
+        return not self.spacing is self.origin is self.transform is self.bounds is None
+
+    def placement(self, stated: Placement | None, shape: Sequence[int]) -> Placement | None:
+        """Place the samples of a field of that shape, whose input states a placement or none.
+
+        Raises
+        ------
+        OptionError
+            If these are not numbers for so many axes, or the input has coordinates in uneven steps where an origin
+            alone is given.
+        """
+        system = self.crs if self.crs is not None else stated.crs if stated is not None else None
+        if self.places:
+            return Placement(matrix_of(self._matrix(stated, shape), len(shape)), crs=system)
+        return stated if stated is None or self.crs is None else replace(stated, crs=system)
+
+    def _matrix(self, stated: Placement | None, shape: Sequence[int]) -> NDArray[np.float64]:
+        n = len(shape)
+        if self.transform is not None:
+            numbers = _numbers("transform", self.transform, n * (n + 1))
+            if n == 3:
+                return numbers.reshape(n, n + 1)
+            (a, b, c), (d, e, f) = numbers.reshape(2, 3)
+            return np.array([[b, a, c + (a + b) / 2], [e, d, f + (d + e) / 2]])
+        if self.bounds is not None:
+            if n != 2:
+                raise OptionError("bounds are for fields of two axes", code="bounds", remedy="give spacing and origin")
+            left, low, right, high = _numbers("bounds", self.bounds, 4)
+            down, across = (high - low) / shape[0], (right - left) / shape[1]
+            return np.array([[0, across, left + across / 2], [-down, 0, high - down / 2]])
+        if self.spacing is not None:
+            matrix = matrix_of(_numbers("spacing", self.spacing, n), n)
+        elif stated is not None and stated.coordinates is not None:
+            raise OptionError("an origin moves a field with even steps", code="origin", remedy="give a spacing, too")
+        else:
+            matrix = unplaced(n) if stated is None or stated.matrix is None else matrix_of(stated.matrix, n).copy()
+        if self.origin is not None:
+            matrix[:, n] = _numbers("origin", self.origin, n)
+        return matrix
+
+
+def _numbers(name: str, given: Sequence[float], count: int) -> NDArray[np.float64]:
+    if len(given) != count:
+        raise OptionError(f"the {name} has {len(given)} numbers; give {count}", code=name)
+    return np.array(given, np.float64)
+
+
+NOWHERE = Georeference()
+"""States nothing."""
