@@ -13,7 +13,6 @@ import numpy as np
 from ...errors import InputError, OptionError, plain
 from . import (
     from_geopandas,
-    from_h5py,
     from_laspy,
     from_meshio,
     from_nibabel,
@@ -23,6 +22,7 @@ from . import (
     from_tifffile,
     from_vtk,
     from_xarray,
+    from_zarr,
 )
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import Choice, Format, Opened
@@ -30,7 +30,7 @@ from .reading import about
 from .source import source_of
 
 FORMATS: tuple[Format, ...] = (
-    *from_numpy.FORMATS, *from_h5py.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pillow.FORMATS,
+    *from_numpy.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pillow.FORMATS,
     *from_tifffile.FORMATS, *from_nibabel.FORMATS, *from_xarray.FORMATS,
 )
 """Formats of fields."""
@@ -128,6 +128,8 @@ def open_file(
 def _format_of(path: Path) -> Format | None:
     if from_simpleitk.is_dicom_series(path):
         return from_simpleitk.DICOM_FOLDER
+    if path.is_dir() and from_zarr.is_store(path):
+        return from_xarray.ZARR
     return next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
 
 
