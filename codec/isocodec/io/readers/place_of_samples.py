@@ -44,7 +44,7 @@ def goes_round(longitude: Array, axis: int, size: int) -> bool:
         last, first = (steps.take([i], axis=axis) * np.sign(turn) for i in (-1, 0))
         # on curvilinear grids rows beyond a pole do not go around anything
         round_it = np.abs(np.abs(turn) - TURN) < 1e-3
-        typical = np.abs(steps).max(axis=axis, keepdims=True)
+        typical = np.abs(steps.take(range(size - 1), axis)).max(axis=axis, keepdims=True)
         closes = (last <= (1 + _CLOSES) * typical) & (last > 0) & (np.abs(first) > 0)
     return bool(np.count_nonzero(round_it & closes) * 2 > round_it.size)
 
