@@ -119,8 +119,8 @@ def without_folds(
     places = np.argwhere(some)
     out[tuple((places % shape).T)] = True
     warnings.warn(
-        f"{count:,} {'cell folds' if count == 1 else 'cells fold'} or all but vanish in their coordinates: left out, "
-        f"as if {len(places):,} samples were missing", stacklevel=6,
+        f"cells that fold or all but vanish in their coordinates: {count:,}, which are left out; samples that are taken "
+        f"for missing therefore: {len(places):,}", stacklevel=6,
     )
     return out
 

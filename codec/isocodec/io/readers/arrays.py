@@ -22,6 +22,8 @@ class ArrayInFile:
         Whether any samples are there.
     coordinates : mapping of str to (array, mapping)
         Coordinates along axes, with attributes, that are no arrays of the file.
+    packings : int
+        How many times samples are packed.
     """
 
     stored: Any
@@ -29,6 +31,7 @@ class ArrayInFile:
     attributes: Mapping[str, Any]
     written: bool = True
     coordinates: Mapping[str, tuple[Any, Mapping[str, Any]]] = field(default_factory=dict)
+    packings: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,8 @@ from .arrays import ArrayInFile, Arrays
 from .reading import reading
 from .source import InputFile
 
+_NO_PACKING = (2, 3, 5, 6)
+"""Filters that shuffle, check and round, with which nothing becomes much smaller."""
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
 
@@ -25,15 +27,21 @@ def arrays_of_hdf5(source: InputFile) -> Iterator[Arrays]:
     h5py = optional("h5py", extra="hdf5", purpose=f"reading {source.path.suffix}")
     with reading("HDF5 file"), h5py.File(source.path, "r") as file:
         there: dict[str, Any] = {}
+        links: dict[str, Any] = {}
         file.visititems(lambda name, item: there.update({name: item} if isinstance(item, h5py.Dataset) else {}))
+        file.visititems_links(lambda name, link: links.update({name: link}))
+        outside = {name: link.filename for name, link in links.items() if isinstance(link, h5py.ExternalLink)}
         # even the shape of an array whose samples lie elsewhere may be looked up there
-        away = {} if source.follow else {n: f for n in there if (f := _other_file(n, there)) is not None}
+        away = outside | {n: f for n in there if (f := _other_file(n, there)) is not None}
+        if source.follow:
+            there |= {name: item for name in outside if isinstance(item := file.get(name), h5py.Dataset)}
+            away = {}
         found = {name: item for name, item in there.items() if name not in away and item.shape is not None}
         attributes = {name: _attributes(item) for name, item in found.items()}
         lengths = {name for name, notes in attributes.items() if str(notes.get("NAME")).startswith(_NO_VARIABLE)}
         names = {item.id: name for name, item in found.items()}
         yield Arrays(
-            {name: ArrayInFile(item, _dims(item, names), attributes[name], _written(item))
+            {name: ArrayInFile(item, _dims(item, names), attributes[name], _written(item), packings=_packings(item))
              for name, item in found.items() if name not in lengths},
             away, "_NCProperties" in file.attrs,
         )
@@ -49,6 +57,11 @@ def _dims(item: Any, names: Mapping[Any, str]) -> list[str | None]:
 
 def _written(item: Any) -> bool:
     return bool(item.is_virtual or item.external or not item.size or item.id.get_storage_size())
+
+
+def _packings(item: Any) -> int:
+    layout = item.id.get_create_plist()
+    return sum(layout.get_filter(number)[0] not in _NO_PACKING for number in range(layout.get_nfilters()))
 
 
 def _attributes(item: Any) -> dict[str, Any]:

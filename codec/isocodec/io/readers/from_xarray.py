@@ -290,13 +290,14 @@ def _labelled(source: InputFile, arrays: Arrays, key: str | None) -> Any:
     inside = {name: name.rpartition("/")[0] for name in found}
     aside = {
         other for name, one in found.items() for word in _words(one.attributes)
-        if (other := _visible(word, inside[name], found)) is not None
+        if (other := _visible(word, inside[name], {**found, **arrays.away})) is not None
     } | {name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attributes)}
     shapes = {name: tuple(one.stored.shape) for name, one in found.items()}
     fields = {name: shape for name, shape in shapes.items() if name not in aside}
-    key = _choose(fields, key, found, arrays.away, arrays.default)
-    if key in arrays.away:
-        raise source.refused(arrays.away[key], "in which samples lie")
+    away = {name: file for name, file in arrays.away.items() if name not in aside or key == name}
+    key = _choose(fields, key, found, away, arrays.default)
+    if key in away:
+        raise source.refused(away[key], "in which samples lie")
     if not found[key].written:
         raise InputError(f"holds the shape of '/{plain(key)}', {shapes[key]}, but no samples", code="empty")
     main = _as_variable(source, found[key])
@@ -348,6 +349,9 @@ def _as_variable(source: InputFile, one: ArrayInFile) -> Any:
     chunk = getattr(stored, "shards", None) or getattr(stored, "chunks", None) or ()
     # a chunk is unpacked as a whole, however few of its samples are wanted
     source.check_count(math.prod(chunk))
+    if one.packings > 1:
+        raise InputError(f"holds samples that are packed {one.packings} times, and may unpack to any size",
+                         code="unreadable", remedy="write it with one compression")
     dims: list[Any] = []
     for dim, size in zip(one.dims, stored.shape, strict=True):
         unnamed = f"axis of {size}"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,8 @@ from .arrays import ArrayInFile, Arrays
 from .reading import reading
 from .source import InputFile
 
+_PACKED = ("zstd", "blosc", "gzip", "zlib", "bz2", "lzma", "lz4", "pcodec", "zfpy")
+_ZSTD = b"\x28\xb5\x2f\xfd"
 _METADATA = ("zarr.json", ".zarray", ".zgroup")
 
 
@@ -67,7 +71,56 @@ def _array(stored: Any) -> ArrayInFile:
     else:
         dims = stored.metadata.dimension_names
     named = dims is not None and len(dims) == len(set(dims)) == stored.ndim
-    return ArrayInFile(stored, list(dims) if named else [None] * stored.ndim, attributes)
+    packings = sum(getattr(one, "codec_id", type(one).__name__).lower().startswith(_PACKED)
+                   for one in (*stored.compressors, *stored.filters))
+    return ArrayInFile(_Checked(stored), list(dims) if named else [None] * stored.ndim, attributes, packings=packings)
+
+
+class _Checked:
+    """An array of which no chunk is unpacked that states another size than it has to have.
+
+    Attributes
+    ----------
+    shape, dtype, chunks, shards
+    """
+
+    def __init__(self, stored: Any) -> None:
+        self._stored = stored
+        self.shape, self.dtype, self.chunks, self.shards = stored.shape, stored.dtype, stored.chunks, stored.shards
+        self.ndim = stored.ndim
+
+    def __getitem__(self, key: tuple[Any, ...]) -> Any:
+        stored, sizes = self._stored, self.shards or self.chunks
+        most = math.prod(sizes) * stored.dtype.itemsize
+        folder = Path(stored.store.root) / stored.path
+        ranges = [
+            range(size)[part] if isinstance(part, slice) else range(size)[part : part + 1 or None]
+            for part, size in zip(key, self.shape, strict=True)
+        ]
+        for chunk in product(*(
+            range(min(part) // size, max(part) // size + 1) if part else part
+            for part, size in zip(ranges, sizes, strict=True)
+        )):
+            path = folder / stored.metadata.encode_chunk_key(chunk)
+            if path.is_file():
+                with path.open("rb") as file:
+                    stated = _unpacked(file.read(18), stored)
+                if stated > most:
+                    raise InputError(f"holds a chunk that states {stated:,} bytes, and has {most:,}", code="unreadable")
+        return stored[key]
+
+
+def _unpacked(start: bytes, stored: Any) -> int:
+    """Bytes that a chunk states by its first ones, packed by Blosc or Zstandard: of others it is bounded."""
+    names = [getattr(one, "codec_id", type(one).__name__).lower() for one in stored.compressors]
+    if any(name.startswith("blosc") for name in names):
+        return int.from_bytes(start[4:8], "little")
+    if any(name.startswith("zstd") for name in names) and start[:4] == _ZSTD:
+        flags = start[4]
+        at = 5 + (not flags >> 5 & 1) + (0, 1, 2, 4)[flags & 3]
+        size = (flags >> 5 & 1, 2, 4, 8)[flags >> 6]
+        return int.from_bytes(start[at : at + size], "little") + 256 * (size == 2) if size else 1 << 62
+    return 0
 
 
 def _levels(group: str, attributes: Mapping[str, Any], arrays: Mapping[str, ArrayInFile]) -> dict[str, ArrayInFile]:
