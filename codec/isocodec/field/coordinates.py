@@ -231,10 +231,10 @@ def folds(
             up = np.count_nonzero(whole & (size > 0))
             turned = turned or (1 if 2 * up >= np.count_nonzero(whole) else -1)
             bad |= size * turned <= 0
-            for column, most in zip(columns, finest, strict=True):
-                bad |= column > most
+            for column, least in zip(columns, finest, strict=True):
+                bad |= column > least
     bad &= whole
-    count = np.count_nonzero(bad)
+    count = int(np.count_nonzero(bad))
     if not 0 < count <= MOST_FOLDS * np.count_nonzero(whole):
         return None
     near = np.zeros(shape, np.int64)
@@ -246,7 +246,7 @@ def folds(
     # those that most of these cells have in common first
     for place in sorted(np.argwhere(near).tolist(), key=lambda place: -near[tuple(place)]):
         around = [tuple(place - corner) for corner in corners]
-        around = [cell for cell in around if all(0 <= i < most for i, most in zip(cell, bad.shape, strict=True))]
+        around = [cell for cell in around if all(0 <= i < end for i, end in zip(cell, bad.shape, strict=True))]
         if any(bad[cell] for cell in around):
             out[tuple(place)] = True
             for cell in around:

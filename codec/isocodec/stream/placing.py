@@ -107,6 +107,7 @@ def without_folds(
     if placement is None or placement.coordinates is None:
         return gone
     periodic = placement.periodic
+    check_axes(periodic, shape)
     closed_shape = tuple(size + (axis in periodic) for axis, size in enumerate(shape))
     arrays, _, _, periods, error, _ = _arguments(placement, closed_shape, None)
     if all(np.count_nonzero(np.array(array.shape) > 1) == 1 for array in arrays):
@@ -119,8 +120,8 @@ def without_folds(
     places = np.argwhere(some)
     out[tuple((places % shape).T)] = True
     warnings.warn(
-        f"cells that fold or all but vanish in their coordinates: {count:,}, which are left out; samples that are taken "
-        f"for missing therefore: {len(places):,}", stacklevel=6,
+        f"cells that fold or all but vanish in their coordinates: {count:,}; they are left out, with {len(places):,} "
+        "of their samples", stacklevel=6,
     )
     return out
 

@@ -71,7 +71,7 @@ def _attributes(item: Any) -> dict[str, Any]:
             value = item.attrs[name]
         except (KeyError, TypeError, ValueError, OSError):  # of a type that NumPy does not have
             continue
-        if getattr(value, "size", 0) == 1 and value.dtype.kind in "OSU" or np.shape(value) == (1,):
+        if (getattr(value, "size", 0) == 1 and value.dtype.kind in "OSU") or np.shape(value) == (1,):
             value = value.ravel()[0]
         value = value.decode(errors="replace") if isinstance(value, bytes) else value
         if isinstance(value, str) or getattr(value, "dtype", np.dtype("V")).kind in "biufSU":

@@ -62,14 +62,14 @@ class OpenedLabels(Opened):
         with about(self.label):
             array = self._field_of(self._taken(frame))
             self._mark(nodata)
-            self._where, values = located(array), self.read(array)
+            self._where, values = self._locate(array), self.read(array)
             if self._where.repeated:
                 axis, count = self._where.repeated
-                ends = [np.ma.filled(values.take(range(start, start + count), axis), 0)
-                        for start in (0, array.shape[axis] - count)]
-                if np.array_equal(*ends, equal_nan=values.dtype.kind == "f"):
+                first, last = (np.ma.filled(values.take(range(start, start + count), axis), 0)
+                               for start in (0, array.shape[axis] - count))
+                if np.array_equal(first, last, equal_nan=values.dtype.kind == "f"):
                     array = array.isel({array.dims[axis]: slice(0, -count)})
-                    self._where, values = located(array), values.take(range(array.shape[axis]), axis)
+                    self._where, values = self._locate(array), values.take(range(array.shape[axis]), axis)
             found = self._described(values, self._where.place, nodata, notes_of(array))
             return replace(found, crs=self._where.place.crs)
 
@@ -97,6 +97,12 @@ class OpenedLabels(Opened):
                 remarks = (*remarks, f"{count:,} samples have no coordinates, and are left out as missing")
                 gone = gone | (there & self._where.lost)
         return replace(found, mask=gone if gone.any() else None, remarks=(*found.remarks, *remarks))
+
+    def _locate(self, array: Any) -> Located:
+        for one in array.coords.values():
+            self._source.check_count(one.size)
+        with reading("coordinates"):
+            return located(array)
 
     def read(self, array: Any) -> Any:
         """Samples of a part of the array: integers masked where they are missing."""
@@ -137,13 +143,13 @@ class OpenedLabels(Opened):
         array = self._taken(frame)
         while array.ndim > n:
             array = array.isel({array.dims[_axis_of_frames(array)]: 0})
-        return located(array).place if array.ndim in (2, 3) else Placement()
+        return self._locate(array).place if array.ndim in (2, 3) else Placement()
 
     def _place_of_slices(self, axis: int, n: int) -> Placement:
         array = self._array
         if array.ndim > n + 1:
             array = array.isel({array.dims[_axis_of_frames(array)]: 0})
-        self._where = located(array.isel({array.dims[axis]: 0}))
+        self._where = self._locate(array.isel({array.dims[axis]: 0}))
         place = self._where.place
         if not place.periodic:
             return place
@@ -246,7 +252,7 @@ def _step(array: Any, dim: Any) -> str:
     times = array.coords[dim].values if dim in array.coords else np.zeros(0)
     if times.dtype.kind not in "mM" or len(times) < 2:
         return ""
-    steps = np.unique(np.diff(times) / np.timedelta64(1, "s"))
+    steps = np.unique(np.diff(times).astype("m8[ns]").astype(np.int64) / 1e9)
     if len(steps) > 1 or not math.isfinite(steps[0]) or steps[0] <= 0:
         return ""
     unit = next((unit for unit, seconds in _UNITS.items() if steps[0] % seconds == 0), "s")
@@ -375,7 +381,9 @@ def _stored_class() -> Any:
     xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
     indexing = xarray.core.indexing
 
-    class Stored(xarray.backends.BackendArray):  # type: ignore[misc]
+    base: Any = xarray.backends.BackendArray
+
+    class Stored(base):
         def __init__(self, shape: tuple[int, ...], dtype: np.dtype[Any], get: Callable[[Any], Any]) -> None:
             self.shape, self.dtype, self._get = shape, dtype, get
 

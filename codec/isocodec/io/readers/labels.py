@@ -37,7 +37,7 @@ _WORDS = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinate:
+class Along:
     """Coordinates along an axis or at each sample.
 
     Attributes
@@ -64,7 +64,7 @@ class Coordinate:
     rounding: float = 0.0
 
     @classmethod
-    def of(cls, name: Any, one: Any) -> Coordinate:
+    def of(cls, name: Any, one: Any) -> Along:
         """Coordinates of a DataArray, unpacked."""
         unit, role = str(one.attrs.get("units", "")).strip(), _role(name, one.attrs)
         word, named = unit.lower(), (str(name).lower(), str(one.attrs.get("standard_name", "")).lower())
@@ -88,7 +88,7 @@ class Coordinate:
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Where the samples of an array with labels lie.
+    """Placement of the samples of an array with labels.
 
     Attributes
     ----------
@@ -112,9 +112,9 @@ def located(array: Any) -> Located:
     the one before, z along the first of three. Longitude and latitude of each sample come before axes in an unknown
     reference system.
     """
-    dims, remarks = list(array.dims), []
-    n = len(dims)
-    found = [Coordinate.of(name, one) for name, one in array.coords.items() if one.dims and not _is_mapping(one)]
+    dims, n = list(array.dims), array.ndim
+    remarks: list[str] = []
+    found = [Along.of(name, one) for name, one in array.coords.items() if one.dims and not _is_mapping(one)]
     axes = [_along(dim, found, remarks) for dim in dims]
     nodes = _of_nodes(dims, found)
     mapping = _mapping(array, [one.name for one in axes if one is not None])
@@ -194,7 +194,7 @@ def is_globe(name: Any, attributes: Mapping[str, Any]) -> bool:
     )
 
 
-def _along(dim: Any, found: Sequence[Coordinate], remarks: list[str]) -> Coordinate | None:
+def _along(dim: Any, found: Sequence[Along], remarks: list[str]) -> Along | None:
     """Coordinates along an axis: those of its name, or others that vary along it alone."""
     some = [one for one in found if one.dims == (dim,)]
     some.sort(key=lambda one: (one.name != dim, not one.globe))
@@ -218,7 +218,7 @@ def _unwrapped(values: Numbers) -> Numbers:
     return np.where(np.abs(out - values) < 1.0, values, out)
 
 
-def _filled(one: Coordinate) -> Numbers:
+def _filled(one: Along) -> Numbers:
     """Coordinates along an axis; missing ones between, or on the line through the two that are nearest."""
     values = one.values
     assert values is not None
@@ -233,9 +233,9 @@ def _filled(one: Coordinate) -> Numbers:
     return np.asarray(out)
 
 
-def _of_nodes(dims: list[Any], found: Sequence[Coordinate]) -> dict[str, Coordinate]:
+def _of_nodes(dims: list[Any], found: Sequence[Along]) -> dict[str, Along]:
     """x and y (and z) of each sample, if the array has both."""
-    nodes: dict[str, Coordinate] = {}
+    nodes: dict[str, Along] = {}
     for one in sorted(found, key=lambda one: not one.globe):
         if one.role is not None and one.values is not None and len(one.dims) > 1 and set(one.dims) <= set(dims):
             nodes.setdefault(one.role, one)
@@ -245,7 +245,7 @@ def _of_nodes(dims: list[Any], found: Sequence[Coordinate]) -> dict[str, Coordin
 
 
 def _on_nodes(
-    dims: list[Any], shape: Sequence[int], axes: Sequence[Coordinate | None], nodes: Mapping[str, Coordinate],
+    dims: list[Any], shape: Sequence[int], axes: Sequence[Along | None], nodes: Mapping[str, Along],
     system: str | None, remarks: list[str],
 ) -> Located:
     """Place samples at longitude and latitude, or others, of each of them; z is that of the axis that is left."""
@@ -268,8 +268,8 @@ def _on_nodes(
             return Located(Placement(remark="its coordinates are ignored: those of each sample have no height"))
     globe = nodes["x"].globe
     lost = np.zeros((1,) * len(dims), np.bool_)
-    for one in coordinates:
-        lost = lost | np.isnan(one)
+    for each in coordinates:
+        lost = lost | np.isnan(each)
     place = replace(placed_grid(coordinates, shape, globe, system), remark="; ".join(remarks))
     axis = max(range(len(dims)), key=lambda a: coordinates[0].shape[a] > 1 and a)
     repeated = _repeated(coordinates, axis) if globe and not place.periodic else ()
@@ -295,7 +295,7 @@ def _repeated(coordinates: Sequence[Numbers], axis: int) -> tuple[int, ...]:
     return ()
 
 
-def _is_even(along: Numbers, one: Coordinate) -> bool:
+def _is_even(along: Numbers, one: Along) -> bool:
     """Whether steps along an axis are the same, but for rounding."""
     step = (along[-1] - along[0]) / (len(along) - 1)
     off = float(np.abs(along - (along[0] + step * np.arange(len(along)))).max())
@@ -308,12 +308,12 @@ def _counted(dim: Any, remarks: list[str]) -> None:
         remarks.append(f"samples along {plain(str(dim))} are counted, as it has no coordinates")
 
 
-def _on_globe(axes: Sequence[Coordinate | None]) -> bool:
+def _on_globe(axes: Sequence[Along | None]) -> bool:
     """Whether longitude and latitude are among the axes."""
     return {"x", "y"} <= {one.role for one in axes if one is not None and one.globe}
 
 
-def _in_metres(axes: Sequence[Coordinate | None], along: list[Numbers], mapping: Mapping[str, Any]) -> list[Numbers]:
+def _in_metres(axes: Sequence[Along | None], along: list[Numbers], mapping: Mapping[str, Any]) -> list[Numbers]:
     """Coordinates in metres, as projected systems have them, of those in kilometres or angles of a satellite."""
     height = number_of(mapping.get("perspective_point_height")) or 1.0
     factors = {**dict.fromkeys(_KILOMETRES, 1e3), **dict.fromkeys(("rad", "radian", "radians"), height)}
@@ -340,7 +340,7 @@ def _role(name: Any, attributes: Mapping[str, Any]) -> str | None:
 
 
 def _order(roles: Sequence[str | None]) -> list[int]:
-    """Coordinate, 0 for x, that each axis is: by its role, or what is left, x along the last one."""
+    """Along, 0 for x, that each axis is: by its role, or what is left, x along the last one."""
     n = len(roles)
     rows: list[int | None] = ["xyz".index(role) if role in ("x", "y", "z")[:n] else None for role in roles]
     if any(rows.count(row) > 1 for row in rows if row is not None):

@@ -1,4 +1,4 @@
-"""Stored numbers and the samples that they stand for, by the attributes of NetCDF: markers, valid ranges, scales."""
+"""Stored numbers and the samples that they become, by the attributes of NetCDF: markers, valid ranges, scales."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _MARKERS = ("_FillValue", "missing_value", "nodata")
 _RANGE = ("valid_min", "valid_max")
 _UNWRITTEN = {"f4": 9.969209968386869e36, "f8": 9.969209968386869e36, "i2": -32767, "u2": 65535, "i4": -2147483647,
               "u4": 4294967295, "i8": -9223372036854775806, "u8": 18446744073709551614}
-"""What NetCDF fills arrays without a marker with; bytes may have any value."""
+"""Numbers of NetCDF where nothing was written and no marker is stated; bytes may have any value."""
 
 
 @dataclass(frozen=True, eq=False)
 class Packing:
-    """How stored numbers become samples.
+    """Rule by which stored numbers become samples.
 
     Attributes
     ----------
