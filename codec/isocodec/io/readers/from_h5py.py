@@ -32,7 +32,7 @@ def arrays_of_hdf5(source: InputFile) -> Iterator[Arrays]:
         file.visititems_links(lambda name, link: links.update({name: link}))
         outside = {name: link.filename for name, link in links.items() if isinstance(link, h5py.ExternalLink)}
         # even the shape of an array whose samples lie elsewhere may be looked up there
-        away = outside | {n: f for n in there if (f := _other_file(n, there)) is not None}
+        away = {n: f for n in there if (f := _other_file(n, there)) is not None} | outside
         if source.follow:
             there |= {name: item for name in outside if isinstance(item := file.get(name), h5py.Dataset)}
             away = {}

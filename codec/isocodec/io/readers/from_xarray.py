@@ -268,7 +268,8 @@ def _choose(
     several = {name: shape for name, shape in fields.items() if sum(size > 1 for size in shape) > 1}
     names = [*several, *away]
     if key is None:
-        found = DEFAULT_KEY if DEFAULT_KEY in names else default or (names[0] if len(names) == 1 else None)
+        only = names[0] if names and (len(names) == 1 or not several) else None
+        found = DEFAULT_KEY if DEFAULT_KEY in names else default or only
         if found is not None:
             return found
         some = _listing(several if names else fields, away)
@@ -304,9 +305,10 @@ def _labelled(source: InputFile, arrays: Arrays, key: str | None) -> Any:
     key = _choose(fields, key, found, away, arrays.default)
     if key in away:
         raise source.refused(away[key], "in which samples lie")
-    if not found[key].written:
-        raise InputError(f"holds the shape of '/{plain(key)}', {shapes[key]}, but no samples", code="empty")
     main = _as_variable(source, found[key])
+    if not found[key].written:
+        source.check_array(shapes[key], main.dtype)
+        raise InputError(f"holds the shape of '/{plain(key)}', {shapes[key]}, but no samples", code="empty")
     main.encoding[_NETCDF] = arrays.netcdf
     coordinates = {}
     named = {_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref")}
