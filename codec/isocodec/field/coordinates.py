@@ -246,7 +246,7 @@ def folds(
     # those that most of these cells have in common first
     for place in sorted(np.argwhere(near).tolist(), key=lambda place: -near[tuple(place)]):
         around = [tuple(place - corner) for corner in corners]
-        around = [cell for cell in around if all(0 <= i < end for i, end in zip(cell, bad.shape, strict=True))]
+        around = [cell for cell in around if min(cell) >= 0 and (np.array(cell) < bad.shape).all()]
         if any(bad[cell] for cell in around):
             out[tuple(place)] = True
             for cell in around:
