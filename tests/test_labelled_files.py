@@ -28,6 +28,8 @@ import zarr
 import isocodec
 from isocodec import Field, Frames
 from isocodec.errors import InputError, IsoError, LimitError, OptionError
+from isocodec.io.readers.input_formats import open_file
+from isocodec.io.readers.opened import Choice
 
 Array = np.ndarray[Any, Any]
 Variable = tuple[tuple[str, ...], Array, dict[str, Any]]
@@ -330,6 +332,17 @@ def test_seams(tmp_path: Path, container: str, count: int, kind: str) -> None:
     field = read(CONTAINERS[container](tmp_path, content))
     assert field.placement is not None and field.placement.periodic == (1,) and field.placement.periods == (360,)
     assert field.shape == (ROWS, count)
+
+
+def test_no_seam_in_windows(tmp_path: Path) -> None:
+    """Tiles have a matrix: even steps around the globe stay one, with a remark."""
+    lon = np.arange(0, 360, 10.0)
+    content: Content = {"v": (("lat", "lon"), np.zeros((ROWS, 36), "f4"), {}), "lat": (("lat",), LAT, NORTH),
+                        "lon": (("lon",), lon, EAST)}
+    with open_file(netcdf4(tmp_path, content), Choice("v")) as opened:
+        assert opened.windows()[1:3, 2:5].shape == (2, 3)
+        place = opened.place(2)
+        assert place.matrix.tolist() == [[0, 10, 0], [-2, 0, 50]] and "not joined" in place.remark
 
 
 @pytest.mark.parametrize("lon", [np.arange(0, 350, 10.0), np.linspace(0, 360, 37) + 1e-1 * (np.arange(37) == 36)])

@@ -51,7 +51,7 @@ class OpenedLabels(Opened):
             array = self._array = array.astype(np.uint8)
         netcdf = bool(array.encoding.get(_NETCDF))
         self._packing = Packing.of(array.dtype, array.attrs, array.encoding, netcdf)
-        self._marked, self._where = True, Located(Placement())
+        self._marked, self._joined, self._where = True, True, Located(Placement())
         self.shape, self.dtype = tuple(array.shape), self._packing.dtype
         self.nodata = next(map(float, self._packing.markers), None) if self._packing.plain else None
         unit, name = array.attrs.get("units"), array.name or array.attrs.get("long_name")
@@ -102,7 +102,7 @@ class OpenedLabels(Opened):
         for one in array.coords.values():
             self._source.check_count(one.size)
         with reading("coordinates"):
-            return located(array)
+            return located(array, self._joined)
 
     def read(self, array: Any) -> Any:
         """Samples of a part of the array: integers masked where they are missing."""
@@ -143,7 +143,11 @@ class OpenedLabels(Opened):
         array = self._taken(frame)
         while array.ndim > n:
             array = array.isel({array.dims[_axis_of_frames(array)]: 0})
-        return self._locate(array).place if array.ndim in (2, 3) else Placement()
+        place = self._locate(array).place if array.ndim in (2, 3) else Placement()
+        if self._joined or place.coordinates is None:
+            return place
+        remark = "its coordinates are left out, as windows are placed by even steps alone"
+        return Placement(crs=place.crs, remark="; ".join(filter(None, (place.remark, remark))))
 
     def _place_of_slices(self, axis: int, n: int) -> Placement:
         array = self._array
@@ -160,6 +164,7 @@ class OpenedLabels(Opened):
         return LabelledWindows(self, self._taken(frame))
 
     def _windows(self) -> LabelledWindows:
+        self._joined = False
         return LabelledWindows(self, self._array)
 
 

@@ -105,12 +105,12 @@ class Located:
     repeated: tuple[int, ...] = ()
 
 
-def located(array: Any) -> Located:
+def located(array: Any, joined: bool = True) -> Located:
     """Find where the samples of a DataArray of two or three axes lie, without reading them.
 
     x, y and z are the axes that CF conventions call so; where these do not apply, x runs along the last axis, y along
     the one before, z along the first of three. Longitude and latitude of each sample come before axes in an unknown
-    reference system.
+    reference system. Ends of even steps around the globe are left apart unless they may be ``joined``.
     """
     dims, n = list(array.dims), array.ndim
     remarks: list[str] = []
@@ -153,8 +153,11 @@ def located(array: Any) -> Located:
     shaped = [values.reshape([-1 if a == axis else 1 for a in range(n)]) for axis, values in enumerate(along)]
     coordinates = [shaped[rows.index(row)] for row in range(n)]
     grid = placed_grid(coordinates, array.shape, globe, system)
+    even = all(one is None or _is_even(each, one) for one, each in zip(axes, along, strict=True))
+    if grid.periodic and even and not joined:
+        remarks.append(f"its ends along axis {grid.periodic[0]} are not joined, as it is read in windows")
     remark = "; ".join(remarks)
-    if grid.periodic or not all(one is None or _is_even(each, one) for one, each in zip(axes, along, strict=True)):
+    if (grid.periodic and joined) or not even:
         repeated = _repeated(coordinates, rows.index(0)) if globe and not grid.periodic else ()
         return Located(replace(grid, remark=remark), lost, repeated)
     matrix = np.zeros((n, n + 1))
