@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import zlib
 from collections.abc import Callable
 from typing import Any
@@ -184,16 +185,51 @@ def test_holes_may_have_any_coordinates() -> None:
     assert max(sizes) < 4 * sizes[0]
 
 
-def folded() -> list[Array]:
+@pytest.mark.parametrize(("right", "up"), [(0.3, 0.1), (0.0, 0.2), (0.5, 0.5), (0.1, -0.5)])
+@pytest.mark.parametrize("missing", [False, True])
+def test_cells_that_fold_are_left_out(right: float, up: float, missing: bool) -> None:
+    """Ocean grids with the pole in a cell, on an edge, at a node: the rest is encoded and placed."""
+    y, x = np.mgrid[:24, :24] - 11.5 - np.array([up, right])[:, None, None]
+    field = np.sin(x / 3) * np.cos(y / 4) + 0.1 * x
+    arrays = [np.degrees(np.arctan2(x, -y)), 90 - 3 * np.hypot(x, y)]
+    if missing:
+        field[:5, :5] = arrays[0][:4, :4] = np.nan
+    placed = grids.placed(field, arrays, periods=360)
+    with pytest.warns(UserWarning, match=r"cells that fold .*: [12]; they are left out, with [12] of their samples"):
+        data = isocodec.encode(placed, 0.3)
+    file = isocodec.open(data)
+    gone = ~file.valid()
+    assert 1 <= gone.sum() - np.isnan(field).sum() <= 2 and (np.hypot(x, y)[gone & ~np.isnan(field)] < 2).all()
+    contour = isocodec.decode(data)
+    close = np.hypot(*(contour.points.T - np.array([11.5 + up, 11.5 + right])[:, None])) < 3
+    places, found = contour.placed[~close], contour.points[~close]
+    back = np.stack([-np.cos(np.radians(places[:, 0])), np.sin(np.radians(places[:, 0]))], 1) * (90 - places[:, 1:]) / 3
+    assert len(found) > 30 and np.abs(back + 11.5 + np.array([up, right]) - found).max() < 0.2
+    with warnings.catch_warnings(action="ignore"):
+        assert all(one.kept for one in file.verify(placed))
+
+
+def test_cells_that_fold_in_frames() -> None:
     arrays = grids.polar()[1]
     arrays[0][5, 7] += 1.0
-    return arrays
+    field = grids.polar()[0]
+    with pytest.warns(UserWarning, match="fold"):
+        frames = [grids.placed(field + 0.01 * number, arrays, periodic=1) for number in range(3)]
+        data = isocodec.encode(isocodec.Frames(frames), 0.05)
+    assert np.argwhere(~isocodec.open(data).valid()).tolist() == [[5, 7]]
+    with pytest.warns(UserWarning, match="3; they are left out, with 1 of"):
+        isocodec.encode(grids.placed(field, arrays), 0.05)
+
+
+def folded() -> list[Array]:
+    rng = np.random.default_rng(0)
+    return [a + rng.uniform(-1, 1, a.shape) for a in grids.polar()[1]]
 
 
 @pytest.mark.parametrize(
     ("change", "options", "words"),
     [
-        (lambda c: folded(), {}, "fold: the cell at sample (5, 6)"),
+        (lambda c: folded(), {}, "fold: the cell at sample"),
         (lambda c: c[:1], {}, "2 arrays"),
         (lambda c: [c[0].T, c[1]], {}, "shape (60, 24)"),
         (lambda c: [c[0].astype(str), c[1]], {}, "arrays of numbers"),

@@ -313,7 +313,7 @@ def test_hdf5_without_a_plane(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="but: nothing"):
         read_field(tmp_path / "e.h5")
     (tmp_path / "old.nc").write_bytes(b"CDF\1" + bytes(100))
-    with pytest.raises(InputError, match="holds these arrays: nothing"):
+    with pytest.raises(InputError, match="holds no array of two or more axes, but: nothing"):
         read_field(tmp_path / "old.nc")
 
 

@@ -112,11 +112,13 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
         assert isinstance(held, WholeFile)
         return _on_mesh(held, field, frame, within)
     from ..io.readers.load import read_field
+    from ..stream.placing import without_folds
 
     known = read_field(field)
     if held.kind == "surface":
         return _surface(held, known, within)
     values, gone = without_holes(known.values, known.mask)
+    gone = without_folds(known.placement, values.shape, gone)
     contours = held.contours(Viewed(frame=frame))
     placement = _placement(known, contours[0].placement, held.info.metadata)
     if isinstance(held, TileFile):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -17,6 +17,8 @@ MOST_UNITS = 1 << 50
 """Largest number of units between two coordinates."""
 MOST_PERIOD = 1 << 32
 """Periods have fewer units than this, so that values beyond many periods still fit 64 bits (clause 3.7.4)."""
+MOST_FOLDS = 0.25
+"""Share of the cells that may fold: more are no coordinates."""
 PARTS = 8.5
 """Units per permitted error: half a quantum of coding, and half a unit of rounding (clause 3.7.4)."""
 
@@ -202,23 +204,83 @@ def _along_axis(array: Array, axis: int, period: float, periodic: Sequence[int])
     return float(1 / np.abs(steps).min())
 
 
-def _inverse(
-    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], periodic: Sequence[int]
-) -> list[float]:
-    """Largest number of cells that a unit of each coordinate amounts to, over all corners; cells must not fold."""
+def folds(
+    arrays: Sequence[Array], shape: tuple[int, ...], gone: NDArray[np.bool_] | None, periods: Sequence[float],
+    error: float,
+) -> tuple[int, NDArray[np.bool_]] | None:
+    """Find samples without which no cell folds or all but vanishes, if few cells do.
+
+    Parameters
+    ----------
+    arrays, shape, gone, periods, error
+        As of `check_coordinates`.
+
+    Returns
+    -------
+    int, (s0, .., sn-1) bool
+        How many cells fold, and a sample of each; None if none does, or more than `MOST_FOLDS` of them.
+    """
+    whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
+    bad = np.zeros(whole.shape, np.bool_)
+    turned, n = 0, len(arrays)
+    finest = []
+    for array, period in zip(arrays, periods, strict=True):
+        most = MOST_PERIOD / period if period else MOST_UNITS / (float(np.ptp(array[np.isfinite(array)])) or 1.0)
+        finest.append(most * error / (2 * n * PARTS))
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for size, columns in _corners(arrays, periods, whole.shape):
+            up = np.count_nonzero(whole & (size > 0))
+            turned = turned or (1 if 2 * up >= np.count_nonzero(whole) else -1)
+            bad |= size * turned <= 0
+            for column, least in zip(columns, finest, strict=True):
+                bad |= column > least
+    bad &= whole
+    count = int(np.count_nonzero(bad))
+    if not 0 < count <= MOST_FOLDS * np.count_nonzero(whole):
+        return None
+    near = np.zeros(shape, np.int64)
+    corners = [np.array(corner) for corner in product((0, 1), repeat=n)]
+    cells = np.argwhere(bad)
+    for corner in corners:
+        near[tuple((cells + corner).T)] += 1
+    out = np.zeros(shape, np.bool_)
+    # those that most of these cells have in common first
+    for place in sorted(np.argwhere(near).tolist(), key=lambda place: -near[tuple(place)]):
+        around = [tuple(place - corner) for corner in corners]
+        around = [cell for cell in around if min(cell) >= 0 and (np.array(cell) < bad.shape).all()]
+        if any(bad[cell] for cell in around):
+            out[tuple(place)] = True
+            for cell in around:
+                bad[cell] = False
+    return count, out
+
+
+def _corners(
+    arrays: Sequence[Array], periods: Sequence[float], shape: tuple[int, ...]
+) -> Iterator[tuple[Array, list[Array]]]:
+    """At each corner of all cells their size, and for each coordinate the cells by a unit of it."""
     n = len(arrays)
     steps = [
         [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
         for array, period in zip(arrays, periods, strict=True)
     ]
-    far = [0.0] * n
+    for corner in product((0, 1), repeat=n):
+        j = [[at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
+        cofactors = [_cofactors(j[(c + 1) % n], j[(c + n - 1) % n]) for c in range(n)]
+        size = np.broadcast_to(np.asarray(sum(j[0][a] * cofactors[0][a] for a in range(n))), shape)
+        yield size, [
+            np.broadcast_to(np.sqrt(sum(part * part for part in cofactors[c])) / np.abs(size), shape) for c in range(n)
+        ]
+
+
+def _inverse(
+    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], periodic: Sequence[int]
+) -> list[float]:
+    """For each coordinate the most cells by a unit of it, over all corners of whole cells, none of which may fold."""
+    far = [0.0] * len(arrays)
     turned = 0
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for corner in product((0, 1), repeat=n):
-            j = [[at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
-            cofactors = [_cofactors(j[(c + 1) % n], j[(c + n - 1) % n]) for c in range(n)]
-            size = sum(j[0][a] * cofactors[0][a] for a in range(n))
-            size = np.broadcast_to(np.asarray(size), whole.shape)
+        for size, columns in _corners(arrays, periods, whole.shape):
             up = np.count_nonzero(whole & (size > 0))
             turned = turned or (1 if 2 * up >= np.count_nonzero(whole) else -1)
             bad = whole & ~(size * turned > 0)
@@ -229,9 +291,8 @@ def _inverse(
                     f"{np.count_nonzero(bad) - 1:,} more", code="coordinates",
                     remedy=_no_wrap(periodic, periods) or "mask those samples, or remove repeated rows",
                 )
-            for c in range(n):
-                column = np.sqrt(sum(part * part for part in cofactors[c])) / np.abs(size)
-                far[c] = max(far[c], float(np.max(np.broadcast_to(column, whole.shape), where=whole, initial=0.0)))
+            for c, column in enumerate(columns):
+                far[c] = max(far[c], float(np.max(column, where=whole, initial=0.0)))
     return [reach or 1.0 for reach in far]
 
 

@@ -22,6 +22,7 @@ from ..field.samples import Samples, isovalue_of, missing_of, without_holes
 from .grid_encoder import sampled
 from .isovalues import isovalues_of, range_of
 from .options import COORDINATES_SHARE, PROMISE, Options, Precision
+from .placing import without_folds
 
 
 def field_of(what: Any) -> Field:
@@ -228,6 +229,7 @@ def samples_of(
     bare, hole = without_holes(values, mask)
     if field.labels is None:
         periodic = () if placement is None else placement.periodic
+        hole = without_folds(placement, bare.shape, hole)
         return sampled(bare, hole, isovalues, options.precision.step, periodic)
     if bare.ndim not in (2, 3) or bare.dtype.kind not in "biuf":
         raise InputError(f"labels of shape {bare.shape} and type {bare.dtype}", code="labels",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..entropy.run import Account
 from ..errors import InputError, LimitError
-from ..field.coordinates import Given, arrays_of, check_coordinates
+from ..field.coordinates import Given, arrays_of, check_coordinates, folds
 from ..field.filling import filled_smoothly
 from ..field.mapped import Mapped
 from ..field.placement import DEFAULT_ERROR, Placement, closed, coded_placement, read_placement
@@ -81,6 +83,51 @@ def given_of(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool
     InputError
         If they cannot be coordinates of samples.
     """
+    return check_coordinates(*_arguments(placement, shape, gone))
+
+
+def without_folds(
+    placement: Placement | None, shape: tuple[int, ...], gone: NDArray[np.bool_] | None
+) -> NDArray[np.bool_] | None:
+    """Leave cells that fold out of a field, by a sample of each that is taken for missing; a warning counts them.
+
+    Parameters
+    ----------
+    placement : Placement or None
+    shape : tuple of int
+        Of the field, periodic axes open.
+    gone : (s0, .., sn-1) bool, optional
+        Which samples are missing.
+
+    Returns
+    -------
+    (s0, .., sn-1) bool or None
+        Which are then.
+    """
+    if placement is None or placement.coordinates is None:
+        return gone
+    periodic = placement.periodic
+    check_axes(periodic, shape)
+    closed_shape = tuple(size + (axis in periodic) for axis, size in enumerate(shape))
+    arrays, _, _, periods, error, _ = _arguments(placement, closed_shape, None)
+    if all(np.count_nonzero(np.array(array.shape) > 1) == 1 for array in arrays):
+        return gone
+    found = folds(arrays, closed_shape, None if gone is None else closed(gone, periodic), periods, error)
+    if found is None:
+        return gone
+    count, some = found
+    out = np.zeros(shape, np.bool_) if gone is None else gone.copy()
+    places = np.argwhere(some)
+    out[tuple((places % shape).T)] = True
+    warnings.warn(
+        f"cells that fold or all but vanish in their coordinates: {count:,}; they are left out, with {len(places):,} "
+        "of their samples", stacklevel=6,
+    )
+    return out
+
+
+def _arguments(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool_] | None) -> tuple[Any, ...]:
+    """Arguments of `check_coordinates`."""
     n = len(shape)
     periodic = placement.periodic
     before = tuple(size - (axis in periodic) for axis, size in enumerate(shape))
@@ -94,7 +141,7 @@ def given_of(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool
         periods = placement.periods_of(n)
     arrays = [closed(array, periodic) for array in arrays]
     error = DEFAULT_ERROR if placement.error is None else float(placement.error)
-    return check_coordinates(arrays, shape, gone, periods, error, periodic)
+    return arrays, shape, gone, periods, error, periodic
 
 
 def coordinates_payload(

@@ -1,65 +1,171 @@
-"""Xarray reads Zarr, NetCDF of the classic kind and GRIB, and arrays with labels that are in memory."""
+"""Xarray reads NetCDF, HDF5, Zarr and GRIB, and arrays with labels that are in memory, all in one way.
+
+Samples are read when they are asked for: a frame or a window takes no more than it needs.
+"""
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, plain
+from ...errors import InputError, one_line, plain
 from ...extras import optional
-from ...field.missing import missing_samples
 from ...field.placement import Placement
 from ...field.sampled import Field
-from .labels import labelled_field, labels_of
+from .arrays import ArrayInFile, Arrays
+from .from_h5py import arrays_of_hdf5
+from .from_zarr import arrays_of_zarr, is_store
+from .labels import Located, is_globe, is_time, located, notes_of
 from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened
-from .reading import about, check_frame, reading
-from .source import InputFile
+from .packing import Packing
+from .reading import about, channel_of, check_frame, reading
+from .slices import Slices
+from .source import InputFile, check_kind
 
-_ZARR, _GRIB = (".zarr",), (".grib", ".grib2", ".grb", ".grb2")
 _LISTED = 20
+_CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")
+_UNITS = {"D": 86400, "h": 3600, "min": 60, "s": 1}
+"""Seconds of the units that a step in time is written in."""
 
 
 class OpenedLabels(Opened):
-    """An array with labels in memory."""
+    """An array with labels in memory: a DataArray of xarray, or a DataFrame of pandas with its index and columns."""
 
     def __init__(self, array: Any) -> None:
+        if not hasattr(array, "dims"):
+            array = optional("xarray", extra="xarray", purpose="reading a DataFrame").DataArray(array)
         self._array = array
         super().__init__(IN_MEMORY, Choice())
 
     def _open(self, choice: Choice) -> None:
-        self.shape, self.dtype = tuple(self._array.shape), self._array.dtype
-
-    def _taken(self, frame: int | None) -> Any:
-        if frame is None:
-            return self._array
-        check_frame(frame, self._array.shape[0] if self._array.ndim > 2 else 0)
-        return self._array.isel({self._array.dims[0]: frame})
-
-    def _labelled(self, frame: int | None) -> Field:
-        """Samples in memory with their labels."""
-        return labelled_field(self._taken(frame))
+        array = self._array = self._array.squeeze(drop=False)
+        if array.dtype.kind == "b" and self._source is not IN_MEMORY:
+            array = self._array = array.astype(np.uint8)
+        netcdf = bool(array.encoding.get(_NETCDF))
+        self._packing = Packing.of(array.dtype, array.attrs, array.encoding, netcdf)
+        self._marked, self._joined, self._where = True, True, Located(Placement())
+        self.shape, self.dtype = tuple(array.shape), self._packing.dtype
+        self.nodata = next(map(float, self._packing.markers), None) if self._packing.plain else None
+        unit, name = array.attrs.get("units"), array.name or array.attrs.get("long_name")
+        self.unit, self.name = (one_line(str(text)) if text else None for text in (unit, name))
 
     def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
         """Read a field with all that its labels state; see `Opened.field`."""
         with about(self.label):
-            found = self._labelled(frame)
-            if nodata is None:
-                return found
-            gone = missing_samples(found.values, nodata) & ~missing_samples(found.values, None)
-            return replace(found, mask=gone if gone.any() else None)
+            array = self._field_of(self._taken(frame))
+            self._mark(nodata)
+            self._where, values = self._locate(array), self.read(array)
+            if self._where.repeated:
+                axis, count = self._where.repeated
+                first, last = (np.ma.filled(values.take(range(start, start + count), axis), 0)
+                               for start in (0, array.shape[axis] - count))
+                if np.array_equal(first, last, equal_nan=values.dtype.kind == "f"):
+                    array = array.isel({array.dims[axis]: slice(0, -count)})
+                    self._where, values = self._locate(array), values.take(range(array.shape[axis]), axis)
+            found = self._described(values, self._where.place, nodata, notes_of(array))
+            return replace(found, crs=self._where.place.crs)
+
+    def fields(self, slices: Slices, nodata: float | None = None) -> Callable[[int], Field]:
+        """Give what makes a field of each of some slices; see `Opened.fields`."""
+        self._mark(nodata)
+        return super().fields(slices, nodata)
+
+    def frames(self, axis: int | None = None, frame: int | None = None, *, placed: bool = True) -> Slices:
+        """Give the samples as a series, in time if one of the axes is; see `Opened.frames`."""
+        with about(self.label):
+            array = self._taken(frame)
+        found = super().frames(_axis_of_frames(array) if axis is None else axis, frame, placed=placed)
+        return replace(found, step=_step(array, array.dims[found.axis]))
+
+    def _described(
+        self, values: Any, place: Placement, nodata: float | None, notes: Mapping[str, str] | None = None
+    ) -> Field:
+        gone, bare, remarks = np.ma.getmaskarray(values), np.ma.getdata(values), self._packing.remarks
+        found = super()._described(bare, place, nodata, notes)
+        gone = gone if found.mask is None else gone | found.mask
+        if self._where.lost is not None:
+            there = ~gone if bare.dtype.kind != "f" else ~gone & ~np.isnan(bare)
+            if count := np.count_nonzero(there & self._where.lost):
+                remarks = (*remarks, f"{count:,} samples have no coordinates, and are left out as missing")
+                gone = gone | (there & self._where.lost)
+        return replace(found, mask=gone if gone.any() else None, remarks=(*found.remarks, *remarks))
+
+    def _locate(self, array: Any) -> Located:
+        for one in array.coords.values():
+            self._source.check_count(one.size)
+        with reading("coordinates"):
+            return located(array, self._joined)
+
+    def read(self, array: Any) -> Any:
+        """Samples of a part of the array: integers masked where they are missing."""
+        self._source.check_array(array.shape, array.dtype)
+        with reading("array"):
+            values, gone = self._packing.samples(np.asarray(array.values), self._marked)
+            values = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
+        return values if gone is None else np.ma.masked_array(values, gone)
+
+    def _mark(self, nodata: float | None) -> None:
+        """Let a marker take the place of those of the input, but where these are packed."""
+        self._marked = nodata is None or not self._packing.plain
+
+    def _taken(self, frame: int | None) -> Any:
+        array = self._array
+        if frame is None:
+            return array
+        dim = array.dims[_axis_of_frames(array)] if array.ndim > 2 else None
+        check_frame(frame, array.sizes[dim] if dim is not None else 0)
+        return array.isel({dim: frame})
+
+    def _field_of(self, array: Any) -> Any:
+        """The array, if it has as many axes as a field."""
+        check_kind(array.dtype)
+        if array.ndim in (2, 3):
+            return array
+        sizes = ", ".join(f"{plain(str(name))} {count}" for name, count in array.sizes.items())
+        first = plain(str(array.dims[_axis_of_frames(array)])) if array.dims else "time"
+        raise InputError(
+            f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
+            remedy=f"choose one along {first} with --frame (frame= in Python), or array.isel({first}=0)",
+        )
 
     def _values(self, frame: int | None) -> NDArray[Any]:
-        return values_of(self._labelled(frame))
+        return np.asarray(np.ma.getdata(self.read(self._taken(frame))))
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        labels = labels_of(self._taken(frame))
-        return replace(labels.record or Placement(crs=labels.crs), remark="; ".join(labels.remarks))
+        array = self._taken(frame)
+        while array.ndim > n:
+            array = array.isel({array.dims[_axis_of_frames(array)]: 0})
+        place = self._locate(array).place if array.ndim in (2, 3) else Placement()
+        if self._joined or place.coordinates is None:
+            return place
+        remark = "its coordinates are left out, as windows are placed by even steps alone"
+        return Placement(crs=place.crs, remark="; ".join(filter(None, (place.remark, remark))))
+
+    def _place_of_slices(self, axis: int, n: int) -> Placement:
+        array = self._array
+        if array.ndim > n + 1:
+            array = array.isel({array.dims[_axis_of_frames(array)]: 0})
+        self._where = self._locate(array.isel({array.dims[axis]: 0}))
+        place = self._where.place
+        if not place.periodic:
+            return place
+        remark = f"its ends along axis {place.periodic[0]} are not joined, as it is a series"
+        return replace(place, periodic=(), remark="; ".join(filter(None, (place.remark, remark))))
+
+    def _slices(self, frame: int | None) -> Any:
+        return LabelledWindows(self, self._taken(frame))
+
+    def _windows(self) -> LabelledWindows:
+        self._joined = False
+        return LabelledWindows(self, self._array)
 
 
 class _LabelledFile(OpenedLabels):
@@ -69,56 +175,54 @@ class _LabelledFile(OpenedLabels):
         Opened.__init__(self, source, choice)
 
     def _open(self, choice: Choice) -> None:
-        dataset = self.hold(_dataset(self._source))
-        key = choice.key
-        fields = {str(name): one.shape for name, one in dataset.data_vars.items() if sum(n > 1 for n in one.shape) > 1}
-        if key is None and (len(fields) == 1 or DEFAULT_KEY in fields):
-            key = DEFAULT_KEY if DEFAULT_KEY in fields else next(iter(fields))
-        if key not in dataset.data_vars:
-            listed = ", ".join(f"{plain(name)} {shape}" for name, shape in [*fields.items()][:_LISTED]) or "nothing"
-            raise InputError(f"holds these arrays: {listed}", code="key", remedy="choose one with --key")
-        self._array = dataset[key].squeeze(drop=False)
+        source, key = self._source, None if choice.key is None else choice.key.strip("/")
+        if source.named(*_GRIB):
+            arrays = self.hold(_grib(source))
+            self._array = arrays[_choose({name: one.shape for name, one in arrays.items()}, key)]
+        elif source.named(*_HDF5):
+            with source.path.open("rb") as file:
+                start = file.read(4)
+            opened = _classic(source, start) if start in _CLASSIC else arrays_of_hdf5(source)
+            self._array = _labelled(source, self.hold(opened), key)
+        else:
+            # an array of a group is placed by the attributes of the group
+            while is_store(source.path.resolve().parent):
+                path = source.path.resolve()
+                key = path.name if key is None else f"{path.name}/{key}"
+                source = replace(source, path=path.parent)
+            self._array = _labelled(source, self.hold(arrays_of_zarr(source)), key)
+            if "c" in self._array.dims or choice.channel is not None:
+                count = self._array.sizes.get("c", 1)
+                self._array = self._array.isel({"c": channel_of(count, choice.channel)}, missing_dims="ignore")
         super()._open(choice)
 
-    def _labelled(self, frame: int | None) -> Field:
-        array = self._taken(frame)
-        self._source.check_array(array.shape, array.dtype)
-        with reading("array"):
-            found = labelled_field(array.load())
-            return replace(found, values=np.ascontiguousarray(found.values, found.values.dtype.newbyteorder("=")))
 
-    def _windows(self) -> LabelledWindows:
-        return LabelledWindows(self._array)
+class LabelledWindows:
+    """An array, of which windows are read: NaN where floats are missing, masked where integers are.
 
+    Attributes
+    ----------
+    shape : tuple of int
+    dtype : dtype
+    ndim : int
+    """
 
-class OpenedClassic(_LabelledFile):
-    """An array of a NetCDF file of the classic kind."""
+    def __init__(self, opened: OpenedLabels, array: Any) -> None:
+        self._opened, self._array = opened, array
+        self.shape, self.dtype, self.ndim = tuple(array.shape), opened.dtype, array.ndim
 
+    def __getitem__(self, window: Any) -> Any:
+        return self._opened.read(self._array[window])
 
-class _BareZarr(Opened):
-    """An array of Zarr such as zarr.open(path, shape=..) makes: without names, without coordinates."""
-
-    def __init__(self, source: InputFile, choice: Choice, stored: Any) -> None:
-        self._stored = stored
-        super().__init__(source, choice)
-
-    def _open(self, choice: Choice) -> None:
-        self.shape, self.dtype = tuple(self._stored.shape), self._stored.dtype
-
-    def _values(self, frame: int | None) -> NDArray[Any]:
-        stored = self._stored
-        if frame is not None:
-            check_frame(frame, stored.shape[0] if stored.ndim > 2 else 0)
-        self._source.check_array(stored.shape if frame is None else stored.shape[1:], stored.dtype)
-        with reading("Zarr store"):
-            return np.squeeze(np.asarray(stored[...] if frame is None else stored[frame]))
-
-    def _windows(self) -> Any:
-        return LabelledWindows(self._stored)
+    def transpose(self, order: Sequence[int]) -> LabelledWindows:
+        """The array with its axes in another order."""
+        return LabelledWindows(self._opened, self._array.transpose(*(self._array.dims[axis] for axis in order)))
 
 
 def is_labelled(thing: Any) -> bool:
     """Whether this is an array with labels in memory."""
+    if all(hasattr(thing, name) for name in ("index", "columns", "iloc")) and not hasattr(thing, "geometry"):
+        return True
     return all(hasattr(thing, name) for name in ("dims", "coords", "values", "isel"))
 
 
@@ -130,78 +234,247 @@ def variable(dataset: Any, key: str | None) -> Any:
     InputError
         If the choice is open.
     """
-    fields = [name for name, one in dataset.data_vars.items() if one.ndim > 1]
-    if key is None and len(fields) == 1:
-        key = fields[0]
-    if key not in dataset.data_vars:
-        names = ", ".join(plain(str(name)) for name in fields[:_LISTED]) or "none"
-        raise InputError(f"a Dataset with the arrays {names}", code="key", remedy="choose one with key=")
-    return dataset[key]
+    aside = {word for one in dataset.variables.values() for word in _words(one.attrs)}
+    aside |= {name for name, one in dataset.data_vars.items() if is_globe(name, one.attrs)}
+    fields = {str(name): one.shape for name, one in dataset.data_vars.items() if name not in aside}
+    array = dataset[_choose(fields, key, dataset.variables, remedy="choose one with key=")]
+    more = {name: dataset[name] for name in aside if name in dataset.data_vars and name != array.name}
+    return array.assign_coords({name: one for name, one in more.items() if set(one.dims) <= set(array.dims)})
 
 
-def values_of(field: Field) -> NDArray[Any]:
-    """Samples with NaN where they are missing, for those who know of no mask."""
-    if field.mask is None:
-        return field.values
-    values = field.values.astype(np.result_type(field.values.dtype, np.float32))
-    values[field.mask] = np.nan
-    return values
+def _axis_of_frames(array: Any) -> int:
+    """The axis along which frames are counted: that of times, or the first one."""
+    times = [axis for axis, dim in enumerate(array.dims) if _is_time_axis(array, dim)]
+    return times[0] if times else 0
 
 
-def _zarr(source: InputFile, choice: Choice) -> Opened:
-    """Open a Zarr store, which is an array or a group of them."""
-    zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
-    with reading("Zarr store"):
-        found = zarr.open(str(source.path), mode="r")
-    return _BareZarr(source, choice, found) if hasattr(found, "dtype") else _LabelledFile(source, choice)
+def _is_time_axis(array: Any, dim: Any) -> bool:
+    return is_time(array.coords[dim]) if dim in array.coords else str(dim).lower() in ("time", "t")
 
 
-class LabelledWindows:
-    """An array of Zarr or of NetCDF of the classic kind, NaN where samples are missing.
+def _step(array: Any, dim: Any) -> str:
+    """Time from one frame to the next with its unit, if it is known and always the same."""
+    times = array.coords[dim].values if dim in array.coords else np.zeros(0)
+    if times.dtype.kind not in "mM" or len(times) < 2:
+        return ""
+    steps = np.unique(np.diff(times).astype("m8[ns]").astype(np.int64) / 1e9)
+    if len(steps) > 1 or not math.isfinite(steps[0]) or steps[0] <= 0:
+        return ""
+    unit = next((unit for unit, seconds in _UNITS.items() if steps[0] % seconds == 0), "s")
+    return f"{steps[0] / _UNITS[unit]:g} {unit}"
 
-    Attributes
-    ----------
-    shape : tuple of int
-    dtype : dtype
-    """
 
-    def __init__(self, array: Any) -> None:
-        self._array = array
-        self.shape, self.dtype = tuple(array.shape), array.dtype
+def _choose(
+    fields: Mapping[str, tuple[int, ...]], key: str | None, others: Iterable[Any] = (),
+    away: Mapping[str, str] | None = None, default: str | None = None, remedy: str = "choose one with --key",
+) -> str:
+    """The name of the array that a key names, or of the only one of two axes or more."""
+    away = away or {}
+    several = {name: shape for name, shape in fields.items() if sum(size > 1 for size in shape) > 1}
+    names = [*several, *away]
+    if key is None:
+        only = names[0] if names and (len(names) == 1 or not several) else None
+        found = DEFAULT_KEY if DEFAULT_KEY in names else default or only
+        if found is not None:
+            return found
+        some = _listing(several if names else fields, away)
+        what = f"{len(names)} arrays: {some}" if names else f"no array of two or more axes, but: {some}"
+        raise InputError(f"holds {what}", code="key", remedy=remedy if names else None)
+    if key not in fields and key not in others and key not in away:
+        raise InputError(f"holds no array '{plain(key)}', but: {_listing(fields, away)}", code="key")
+    return key
 
-    def __getitem__(self, window: tuple[slice, ...]) -> NDArray[Any]:
-        with reading("array"):
-            return np.asarray(self._array[window])
+
+def _listing(shapes: Mapping[str, tuple[int, ...]], away: Mapping[str, str]) -> str:
+    parts = [f"{plain(name)} {shape}" for name, shape in shapes.items() if shape]
+    parts += [f"{plain(name)} in another file" for name in away]
+    return ", ".join(parts[:_LISTED] + ["..."] * (len(parts) > _LISTED)) or "nothing"
+
+
+def _words(attributes: Mapping[str, Any]) -> list[str]:
+    """Names of other arrays in attributes: of coordinates, bounds and grid mappings."""
+    return [word.rstrip(":") for name in _POINTERS for word in str(attributes.get(name, "")).split()]
+
+
+def _labelled(source: InputFile, arrays: Arrays, key: str | None) -> Any:
+    """The array of a file that a key names, or the only one, with its coordinates."""
+    found = arrays.found
+    inside = {name: name.rpartition("/")[0] for name in found}
+    aside = {
+        other for name, one in found.items() for word in _words(one.attributes)
+        if (other := _visible(word, inside[name], {**found, **arrays.away})) is not None
+    } | {name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attributes)}
+    shapes = {name: tuple(one.stored.shape) for name, one in found.items()}
+    fields = {name: shape for name, shape in shapes.items() if name not in aside}
+    away = {name: file for name, file in arrays.away.items() if name not in aside or key == name}
+    key = _choose(fields, key, found, away, arrays.default)
+    if key in away:
+        raise source.refused(away[key], "in which samples lie")
+    main = _as_variable(source, found[key])
+    if not found[key].written:
+        source.check_array(shapes[key], main.dtype)
+        raise InputError(f"holds the shape of '/{plain(key)}', {shapes[key]}, but no samples", code="empty")
+    main.encoding[_NETCDF] = arrays.netcdf
+    coordinates = {}
+    named = {_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref")}
+    for name in sorted(found, key=len):
+        short = name.rpartition("/")[2]
+        if name == key or not f"{inside[key]}/".startswith(f"{inside[name]}/" if inside[name] else ""):
+            scale = name in main.dims
+            if not scale:
+                continue
+        one = _as_variable(source, found[name])
+        along = one.dims[0] if one.dims in ((name,), (short,)) else None
+        fits = all(main.sizes.get(dim) == size for dim, size in one.sizes.items())
+        if fits and (along or name in named or (one.ndim and is_globe(short, one.attrs))):
+            coordinates[along or short] = one
+    for dim, (values, attributes) in found[key].coordinates.items():
+        coordinates[dim] = type(main)((dim,), values, attributes)
+    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
+    decoded = {name: _in_time(name, one) for name, one in coordinates.items()}
+    return xarray.DataArray(main, decoded, name=key.rpartition("/")[2] or None)
+
+
+def _visible(word: str, folder: str, found: Mapping[str, Any]) -> str | None:
+    """The array of that name in a group, or the nearest one around it."""
+    while True:
+        name = f"{folder}/{word}".strip("/")
+        if name in found or not folder:
+            return name if name in found else None
+        folder = folder.rpartition("/")[0]
+
+
+def _in_time(name: str, one: Any) -> Any:
+    """Coordinates, times as such where their calendar is known."""
+    if " since " not in str(one.attrs.get("units")):
+        return one
+    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return xarray.conventions.decode_cf_variable(name, one).load()
+    except Exception:  # they stay numbers with a unit
+        return one
+
+
+def _as_variable(source: InputFile, one: ArrayInFile) -> Any:
+    """An array of a file as a variable of xarray, of which slices are read."""
+    stored = one.stored
+    chunk = getattr(stored, "shards", None) or getattr(stored, "chunks", None) or ()
+    # a chunk is unpacked as a whole, however few of its samples are wanted
+    source.check_count(math.prod(chunk))
+    if one.packings > 1:
+        raise InputError(f"holds samples that are packed {one.packings} times, and may unpack to any size",
+                         code="unreadable", remedy="write it with one compression")
+    dims: list[Any] = []
+    for dim, size in zip(one.dims, stored.shape, strict=True):
+        unnamed = f"axis of {size}"
+        while dim is None and unnamed in dims:
+            unnamed += " again"
+        dims.append(unnamed if dim is None else dim)
+    return _lazy(dims, tuple(stored.shape), stored.dtype, lambda key: np.asarray(stored[key]), one.attributes)
+
+
+def _lazy(
+    dims: Sequence[Any], shape: tuple[int, ...], dtype: Any, get: Callable[[Any], Any], attributes: Mapping[str, Any]
+) -> Any:
+    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
+    made = xarray.core.indexing.LazilyIndexedArray(_stored_class()(shape, np.dtype(dtype), get))
+    return xarray.Variable(dims, made, dict(attributes))
+
+
+@cache
+def _stored_class() -> Any:
+    """The class of arrays whose slices are read by a function."""
+    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
+    indexing = xarray.core.indexing
+
+    base: Any = xarray.backends.BackendArray
+
+    class Stored(base):
+        def __init__(self, shape: tuple[int, ...], dtype: np.dtype[Any], get: Callable[[Any], Any]) -> None:
+            self.shape, self.dtype, self._get = shape, dtype, get
+
+        def __getitem__(self, key: Any) -> Any:
+            basic = indexing.IndexingSupport.BASIC
+            return indexing.explicit_indexing_adapter(key, self.shape, basic, self._get)
+
+    return Stored
 
 
 @contextmanager
-def _dataset(source: InputFile) -> Iterator[Any]:
-    options: dict[str, Any]
-    xarray = optional("xarray", extra="xarray", purpose=f"reading {source.path.suffix}")
-    if source.named(*_ZARR):
-        optional("zarr", extra="xarray", purpose="reading .zarr")
-        what, options = "Zarr store", {"engine": "zarr", "chunks": None}
-    elif source.named(*_GRIB):
-        optional("cfgrib", extra="grib", purpose="reading GRIB")
-        # the index that it would leave beside the file is another's to write
-        what, options = "GRIB file", {"engine": "cfgrib", "backend_kwargs": {"indexpath": ""}}
-    else:
-        optional("scipy.io", extra="geo", purpose="reading NetCDF of the classic kind")
-        what, options = "NetCDF file", {"engine": "scipy"}
-    with reading(what), warnings.catch_warnings():
-        # about speed, of stores that have no copy of all their metadata in one place
-        warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated")
-        try:
-            opened = xarray.open_dataset(source.path, **options)
-        except (ValueError, OverflowError) as exc:
-            if "decode_times" not in str(exc):
-                raise
-            opened = xarray.open_dataset(source.path, decode_times=False, **options)
-    with reading(what), opened:
-        yield opened
+def _classic(source: InputFile, start: bytes) -> Iterator[Arrays]:
+    """Open a NetCDF file of the classic kind."""
+    xarray = optional("xarray", extra="xarray", purpose="reading NetCDF of the classic kind")
+    library, engine = ("netCDF4", "netcdf4") if start == _CLASSIC[-1] else ("scipy.io", "scipy")
+    optional(library, extra="xarray", purpose="reading NetCDF of the classic kind")
+    with reading("NetCDF file"), xarray.open_dataset(source.path, engine=engine, decode_cf=False, cache=False) as file:
+        found = {str(name): ArrayInFile(one, [*map(str, one.dims)], one.attrs) for name, one in file.variables.items()}
+        yield Arrays(found, netcdf=True)
 
 
+@contextmanager
+def _grib(source: InputFile) -> Iterator[dict[str, Any]]:
+    """Open a GRIB file: arrays of two axes in space, in whatever order their points come."""
+    cfgrib = optional("cfgrib", extra="grib", purpose="reading GRIB")
+    # the index that it would leave beside the file is another's to write
+    options = {"indexpath": "", "values_dtype": np.dtype(np.float64), "encode_cf": ("parameter", "time", "vertical"),
+               "read_keys": ["alternativeRowScanning"]}
+    with reading("GRIB file"):
+        parts = [
+            (str(name), one) for dataset in cfgrib.open_datasets(str(source.path), backend_kwargs=options, cache=False)
+            for name, one in dataset.data_vars.items()
+        ]
+        names = [name for name, _ in parts]
+        out: dict[str, Any] = {}
+        for name, one in parts:
+            level = f"{name}:{one.attrs.get('GRIB_typeOfLevel')}" if names.count(name) > 1 else name
+            count = sum(other.partition("#")[0] == level for other in out)
+            out[f"{level}#{count + 1}" if count else level] = _in_rows(one)
+    yield out
+
+
+def _in_rows(one: Any) -> Any:
+    """An array of GRIB with rows and columns, of which each message has the points one after the other."""
+    columns, rows = (one.attrs.get(f"GRIB_{name}") for name in ("Nx", "Ny"))
+    if columns is None or rows is None or rows * columns != one.sizes["values"]:
+        return one
+    consecutive, turning = one.attrs.get("GRIB_jPointsAreConsecutive"), one.attrs.get("GRIB_alternativeRowScanning")
+
+    def grid(points: Any) -> Any:
+        shaped = np.array(points).reshape((*points.shape[:-1], *((columns, rows) if consecutive else (rows, columns))))
+        if turning:
+            shaped[..., 1::2, :] = shaped[..., 1::2, ::-1].copy()
+        return shaped.swapaxes(-1, -2) if consecutive else shaped
+
+    def read(key: tuple[Any, ...]) -> Any:
+        return grid(one.variable[key[:-2]].values)[(..., *key[-2:])]
+
+    dims = [*one.dims[:-1], "y", "x"]
+    made = _lazy(dims, (*one.shape[:-1], rows, columns), one.dtype, read, one.attrs)
+    coordinates = {name: each for name, each in one.coords.items() if "values" not in each.dims}
+    for name in ("latitude", "longitude"):
+        if name in one.coords:
+            coordinates[name] = _least(grid(one.coords[name].values), one.coords[name].attrs)
+    return type(one)(made, coordinates, name=one.name)
+
+
+def _least(points: Any, attributes: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Coordinates of each sample, or those along an axis if they vary along it alone."""
+    if (points == points[:1]).all():
+        return "x", points[0], attributes
+    return ("y", points[:, 0], attributes) if (points == points[:, :1]).all() else (("y", "x"), points, attributes)
+
+
+_ZARR, _GRIB, _HDF5 = (".zarr",), (".grib", ".grib2", ".grb", ".grb2"), (".h5", ".hdf5", ".nc")
+_NETCDF = "of netcdf"
+"""Name of the encoding of an array of a NetCDF file."""
+_POINTERS = ("coordinates", "bounds", "grid_mapping")
+ZARR = Format("Zarr", _ZARR, _LabelledFile, extra="xarray", keyed=True, channels=True, folder=True)
 FORMATS = (
-    Format("Zarr", _ZARR, _zarr, extra="xarray", keyed=True, folder=True),
+    Format(
+        "HDF5", _HDF5, _LabelledFile, extra="hdf5", keyed=True,
+        signatures=((0, b"\x89HDF\r\n\x1a\n", ".h5"), *((0, start, ".nc") for start in _CLASSIC)),
+    ),
+    ZARR,
     Format("GRIB", _GRIB, _LabelledFile, extra="grib", keyed=True, signatures=((0, b"GRIB", ".grib"),)),
 )

@@ -13,7 +13,6 @@ import numpy as np
 from ...errors import InputError, OptionError, plain
 from . import (
     from_geopandas,
-    from_h5py,
     from_laspy,
     from_meshio,
     from_nibabel,
@@ -25,6 +24,7 @@ from . import (
     from_tifffile,
     from_vtk,
     from_xarray,
+    from_zarr,
 )
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import Choice, Format, Opened
@@ -32,8 +32,8 @@ from .reading import about
 from .source import source_of
 
 FORMATS: tuple[Format, ...] = (
-    *from_numpy.FORMATS, *from_h5py.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pydicom.FORMATS,
-    *from_pillow.FORMATS, *from_tifffile.FORMATS, *from_nibabel.FORMATS, *from_xarray.FORMATS, *from_rasterio.FORMATS,
+    *from_numpy.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pydicom.FORMATS, *from_pillow.FORMATS,
+    *from_tifffile.FORMATS, *from_nibabel.FORMATS, *from_xarray.FORMATS, *from_rasterio.FORMATS,
 )
 """Formats of fields."""
 MESH_FORMATS: tuple[MeshFormat, ...] = (
@@ -131,8 +131,11 @@ def open_file(
 
 def _format_of(path: Path) -> Format | None:
     named = next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
-    if (named is None or not named.folder) and from_pydicom.is_dicom_series(path):
-        return from_pydicom.DICOM_FOLDER
+    if (named is None or not named.folder) and path.is_dir():
+        if from_pydicom.is_dicom_series(path):
+            return from_pydicom.DICOM_FOLDER
+        if from_zarr.is_store(path):
+            return from_xarray.ZARR
     return named
 
 

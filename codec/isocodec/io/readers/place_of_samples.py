@@ -29,22 +29,24 @@ def open_grid(axes: Sequence[Array]) -> list[Array]:
 
 def placed_grid(coordinates: Sequence[Array], shape: Sequence[int], turns: bool, crs: str | None = None) -> Placement:
     """Place samples at coordinates of which x is a longitude, if it ``turns``, with the axes that are periodic then."""
-    periodic = [a for a in range(len(shape)) if turns and _goes_round(coordinates[0], a, shape[a])]
+    periodic = [a for a in range(len(shape)) if turns and goes_round(coordinates[0], a, shape[a])]
     return Placement(None, coordinates, crs, periodic, TURN if turns else 0.0, inferred=True)
 
 
-def _goes_round(longitude: Array, axis: int, size: int) -> bool:
+def goes_round(longitude: Array, axis: int, size: int) -> bool:
     """Whether steps of longitudes along an axis, that from the last to the first included, make up a whole turn."""
     if longitude.shape[axis] != size or size < 3:
         return False
     steps = np.diff(longitude, axis=axis, append=longitude.take([0], axis=axis))
     steps = (steps + TURN / 2) % TURN - TURN / 2
     with np.errstate(invalid="ignore"):
-        last, first = (np.abs(steps.take([i], axis=axis)) for i in (-1, 0))
+        turn = steps.sum(axis=axis, keepdims=True)
+        # the last step goes on, also where columns repeat
+        last, first = (steps.take([i], axis=axis) * np.sign(turn) for i in (-1, 0))
         # on curvilinear grids rows beyond a pole do not go around anything
-        round_it = np.abs(np.abs(steps.sum(axis=axis, keepdims=True)) - TURN) < 1e-3
-        typical = np.abs(steps).max(axis=axis, keepdims=True)
-        closes = (last <= (1 + _CLOSES) * typical) & (last > 0) & (first > 0)
+        round_it = np.abs(np.abs(turn) - TURN) < 1e-3
+        typical = np.abs(steps.take(range(size - 1), axis)).max(axis=axis, keepdims=True)
+        closes = (last <= (1 + _CLOSES) * typical) & (last > 0) & (np.abs(first) > 0)
     return bool(np.count_nonzero(round_it & closes) * 2 > round_it.size)
 
 

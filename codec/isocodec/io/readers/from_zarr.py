@@ -1,0 +1,155 @@
+"""Zarr reads the arrays of its stores, OME-Zarr among them, for `from_xarray`."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...extras import optional
+from .arrays import ArrayInFile, Arrays
+from .reading import reading
+from .source import InputFile
+
+_PACKED = ("zstd", "blosc", "gzip", "zlib", "bz2", "lzma", "lz4", "pcodec", "zfpy")
+_ZSTD = b"\x28\xb5\x2f\xfd"
+_METADATA = ("zarr.json", ".zarray", ".zgroup")
+
+
+def is_store(path: Path) -> bool:
+    """Whether a folder is a group or an array of Zarr."""
+    return any((path / name).is_file() for name in _METADATA)
+
+
+@contextmanager
+def arrays_of_zarr(source: InputFile) -> Iterator[Arrays]:
+    """Open a store, which is an array or a group of them; its arrays by their paths."""
+    zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
+    with reading("Zarr store"):
+        top = source.path.resolve()
+        if not source.follow:
+            _check_links(source, top)
+        found = zarr.open(str(top), mode="r")
+        if hasattr(found, "dtype"):
+            yield Arrays({"": _array(found)})
+            return
+        members = dict(found.members(max_depth=None))
+        arrays = {name: _array(one) for name, one in members.items() if hasattr(one, "dtype")}
+        levels: dict[str, ArrayInFile] = {}
+        for name, group in {"": found, **members}.items():
+            if not hasattr(group, "dtype"):
+                levels |= _levels(f"{name}/" if name else "", dict(group.attrs), arrays)
+        yield Arrays({**arrays, **levels}, default=next(iter(levels), None))
+
+
+def _check_links(source: InputFile, top: Path) -> None:
+    """Refuse a store that links to something elsewhere: chunks are files."""
+    folders = [str(top)]
+    while folders:
+        with os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                if entry.is_symlink() and not Path(entry.path).resolve().is_relative_to(top):
+                    raise source.refused(os.path.relpath(entry.path, top), "which links to another directory")
+                if entry.is_dir(follow_symlinks=False):
+                    folders.append(entry.path)
+
+
+def _array(stored: Any) -> ArrayInFile:
+    attributes = dict(stored.attrs)
+    if stored.metadata.zarr_format == 2:
+        dims = attributes.pop("_ARRAY_DIMENSIONS", None)
+        # 0 is what Zarr itself begins with, not a marker; xarray has no other place for its own
+        if "_FillValue" not in attributes and stored.fill_value is not None and stored.fill_value != 0:
+            attributes["_FillValue"] = stored.fill_value
+    else:
+        dims = stored.metadata.dimension_names
+    named = dims is not None and len(dims) == len(set(dims)) == stored.ndim
+    packings = sum(getattr(one, "codec_id", type(one).__name__).lower().startswith(_PACKED)
+                   for one in (*stored.compressors, *stored.filters))
+    return ArrayInFile(_Checked(stored), list(dims) if named else [None] * stored.ndim, attributes, packings=packings)
+
+
+class _Checked:
+    """An array of which no chunk is unpacked that states another size than it has to have.
+
+    Attributes
+    ----------
+    shape, dtype, chunks, shards
+    """
+
+    def __init__(self, stored: Any) -> None:
+        self._stored = stored
+        self.shape, self.dtype, self.chunks, self.shards = stored.shape, stored.dtype, stored.chunks, stored.shards
+        self.ndim = stored.ndim
+
+    def __getitem__(self, key: tuple[Any, ...]) -> Any:
+        stored, sizes = self._stored, self.shards or self.chunks
+        most = math.prod(sizes) * stored.dtype.itemsize
+        folder = Path(stored.store.root) / stored.path
+        ranges = [
+            range(size)[part] if isinstance(part, slice) else range(size)[part : part + 1 or None]
+            for part, size in zip(key, self.shape, strict=True)
+        ]
+        for chunk in product(*(
+            range(min(part) // size, max(part) // size + 1) if part else part
+            for part, size in zip(ranges, sizes, strict=True)
+        )):
+            path = folder / stored.metadata.encode_chunk_key(chunk)
+            if path.is_file():
+                with path.open("rb") as file:
+                    stated = _unpacked(file.read(18), stored)
+                if stated > most:
+                    raise InputError(f"holds a chunk that states {stated:,} bytes, and has {most:,}", code="unreadable")
+        return stored[key]
+
+
+def _unpacked(start: bytes, stored: Any) -> int:
+    """Bytes that a chunk states by its first ones, packed by Blosc or Zstandard: of others it is bounded."""
+    names = [getattr(one, "codec_id", type(one).__name__).lower() for one in stored.compressors]
+    if any(name.startswith("blosc") for name in names):
+        return int.from_bytes(start[4:8], "little")
+    if any(name.startswith("zstd") for name in names) and start[:4] == _ZSTD:
+        flags = start[4]
+        at = 5 + (not flags >> 5 & 1) + (0, 1, 2, 4)[flags & 3]
+        size = (flags >> 5 & 1, 2, 4, 8)[flags >> 6]
+        return int.from_bytes(start[at : at + size], "little") + 256 * (size == 2) if size else 1 << 62
+    return 0
+
+
+def _levels(group: str, attributes: Mapping[str, Any], arrays: Mapping[str, ArrayInFile]) -> dict[str, ArrayInFile]:
+    """The arrays of a multiscale image of OME-Zarr, the finest first, with coordinates along their axes in space."""
+    out: dict[str, ArrayInFile] = {}
+    ome = attributes.get("ome")
+    images = (ome if isinstance(ome, Mapping) else attributes).get("multiscales")
+    for image in images if isinstance(images, list) else ():
+        axes = [axis if isinstance(axis, dict) else {"name": str(axis)} for axis in image.get("axes", "tczyx")]
+        names = [str(axis["name"]) for axis in axes]
+        for level in image["datasets"]:
+            name = group + str(level["path"]).strip("/")
+            if name not in arrays or arrays[name].stored.ndim != len(axes):
+                continue
+            scale, start = np.ones(len(axes)), np.zeros(len(axes))
+            for step in (*level.get("coordinateTransformations", ()), *image.get("coordinateTransformations", ())):
+                if step["type"] == "scale":
+                    factor = np.array(step["scale"], np.float64)
+                    scale, start = scale * factor, start * factor
+                elif step["type"] == "translation":
+                    start = start + np.array(step["translation"], np.float64)
+                elif step["type"] != "identity":
+                    raise InputError(f"places its samples by '{step['type']}'; a scale and a translation can be read",
+                                     code="placement")
+            given = arrays[name]
+            along = {
+                one: (start[i] + scale[i] * np.arange(given.stored.shape[i]),
+                      {"axis": one, **({"units": axis["unit"]} if "unit" in axis else {})})
+                for i, (one, axis) in enumerate(zip(names, axes, strict=True)) if axis.get("type", "space") == "space"
+            }
+            out[name] = ArrayInFile(given.stored, names, given.attributes, given.written, along)
+    return out
