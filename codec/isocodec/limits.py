@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 
 from .errors import LimitError, OptionError
@@ -20,6 +21,30 @@ FIELD_SAMPLES = 1 << 30
 Volumes of 1024 samples a side and terrains of 32,768 pass, the largest that are common: 8.6 GB in double precision. A
 file that only claims to hold more is refused before anything is allocated for it.
 """
+TIMEOUT = "ISOCODEC_TIMEOUT"
+"""Environment variable with the seconds that are waited for others, instead of `PATIENCE`."""
+PATIENCE = 8.0
+"""Seconds that are waited for others: a server that answers, a library that reads a foreign file in a process apart."""
+RATE = 1 << 20
+"""Bytes for which one second more is waited."""
+
+
+def patience(size: int = 0) -> float:
+    """Seconds that are waited for others, of whom so many bytes are expected.
+
+    Raises
+    ------
+    OptionError
+        If the environment variable `TIMEOUT` is not a number of seconds.
+    """
+    asked = os.environ.get(TIMEOUT, "")
+    try:
+        seconds = float(asked) if asked else PATIENCE
+    except ValueError:
+        seconds = 0.0
+    if not 0 < seconds < 1e9:
+        raise OptionError(f"{TIMEOUT}={asked!r} is not a number of seconds", code="timeout", remedy="for example 60")
+    return seconds + size / RATE
 
 
 @dataclass(frozen=True)

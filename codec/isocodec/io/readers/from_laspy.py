@@ -23,4 +23,4 @@ def _cloud(source: InputFile) -> MeshRead:
     return MeshRead(points, None, values)
 
 
-MESHES = (MeshFormat("point cloud", (".las", ".laz"), _cloud, extra="points", scattered=True),)
+MESHES = (MeshFormat("point cloud", (".las", ".laz"), _cloud, extra="points", scattered=True, confined="laspy"),)

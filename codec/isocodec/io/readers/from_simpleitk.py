@@ -219,8 +219,11 @@ def _dicom_series(source: InputFile, key: str | None) -> tuple[list[str], tuple[
 
 
 FORMATS = (
-    Format("NRRD", _NRRD, _Volume, extra="itk", signatures=((0, b"NRRD", ".nrrd"),)),
-    Format("MetaImage", _META, _Volume, extra="itk", signatures=((0, b"ObjectType", ".mha"), (0, b"NDims", ".mha"))),
+    Format("NRRD", _NRRD, _Volume, extra="itk", signatures=((0, b"NRRD", ".nrrd"),), confined="SimpleITK"),
+    Format(
+        "MetaImage", _META, _Volume, extra="itk", confined="SimpleITK",
+        signatures=((0, b"ObjectType", ".mha"), (0, b"NDims", ".mha")),
+    ),
     Format("DICOM", (".dcm",), _Dicom, extra="itk", signatures=((128, b"DICM", ".dcm"),), keyed=True),
 )
 DICOM_FOLDER = Format("DICOM", (), _Dicom, extra="itk", keyed=True, folder=True)

@@ -269,6 +269,8 @@ class Format:
         Whether a file may hold several arrays, or channels of a colour picture.
     folder : bool
         Whether it is a folder.
+    confined : str
+        Library that is called in a process of its own, as it may crash or hang; empty if it is called here.
     """
 
     name: str
@@ -279,6 +281,7 @@ class Format:
     keyed: bool = False
     channels: bool = False
     folder: bool = False
+    confined: str = ""
 
 
 def numbers(array: Array) -> Array:
