@@ -32,6 +32,9 @@ class _Picture(Opened):
             raise InputError("is neither PNG nor JPEG", code="unreadable")
         plugin = getattr(optional(module, extra="image", purpose=purpose), name)
         with reading("picture"):
+            # checksums of a PNG, which pillow leaves out when it unpacks samples
+            with plugin(self._source.path) as checked:
+                checked.verify()
             image = self._image = self.hold(plugin(self._source.path))
             self._mode = image.palette.mode if image.mode == "P" else image.mode
             self._bands = len(self._mode) if image.mode == "P" else len(image.getbands())

@@ -152,7 +152,7 @@ def _header_of(source: InputFile) -> Any:
     """A reader of SimpleITK that knows a file's header, its samples known to be allowed; within `reading`."""
     sitk = optional("SimpleITK", extra="itk", purpose=f"reading {source.path.suffix}")
     of_meta = source.named(*_META)
-    files, plainly = (meta_files if of_meta else nrrd_files)(source)
+    stored = (meta_files if of_meta else nrrd_files)(source)
     reader = sitk.ImageFileReader()
     # left to itself it tries all formats that it knows, and some of these name files, too
     reader.SetImageIO("MetaImageIO" if of_meta else "NrrdImageIO")
@@ -161,8 +161,8 @@ def _header_of(source: InputFile) -> Any:
     count = source.check_count(math.prod(reader.GetSize()) * reader.GetNumberOfComponents())
     # such as "16-bit signed integer", or "vector of 32-bit float"
     bits = sitk.GetPixelIDValueAsString(reader.GetPixelIDValue()).partition("-bit")[0].split()[-1]
-    if plainly and bits.isdigit():
-        source.check_bytes(count * int(bits) // 8, sum(path.stat().st_size for path in files))
+    if bits.isdigit():
+        stored.check(source, count * int(bits) // 8)
     return reader
 
 

@@ -27,10 +27,12 @@ _WRITTEN = 1 << 20
 class Answers:
     """What may be asked for, of one file."""
 
-    _opened: Opened
+    _opened: Opened | None = None
 
     def field(self, source: InputFile, choice: Choice) -> dict[str, Any]:
-        """Open a field."""
+        """Open a field, instead of that which is open."""
+        if self._opened is not None:
+            self._opened.close()
         self._opened = open_here(source, choice)
         return self._with(None)
 
