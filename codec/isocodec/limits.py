@@ -85,7 +85,7 @@ class Limits:
     layers: int = 4096
     bytes: int = 1 << 33
     samples: int = 1 << 28
-    memory: int = 1 << 30
+    memory: int = 1 << 31
     work: int = 1 << 23
 
     @classmethod
@@ -123,10 +123,16 @@ class Budget:
 
     Sizes are those of the arrays, whether their pages have been touched or not: the same file needs the same on every
     machine, however it came in.
+
+    Attributes
+    ----------
+    peak : int
+        Most bytes that were held at a time, those for a moment included.
     """
 
     def __init__(self, most: int) -> None:
         self._most = most
+        self.peak = 0
         self._held: dict[int, int] = {}
 
     @property
@@ -145,6 +151,7 @@ class Budget:
         others = self.held - self._held.get(id(holder), 0)
         if others + size + passing > self._most:
             raise _over(self._most)
+        self.peak = max(self.peak, others + size + passing)
         self._held[id(holder)] = size
 
     def release(self, *holders: object) -> None:

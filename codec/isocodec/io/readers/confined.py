@@ -28,7 +28,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from ... import errors
@@ -56,12 +55,11 @@ _SMALL = 1 << 20
 _OUTPUT = 1 << 16
 """Characters of a library's complaints that are looked at."""
 _NO_MEMORY = re.compile(r"bad_alloc|out of memory|cannot allocate|failed to allocate|MemoryError", re.IGNORECASE)
-_SINGLE = {
-    name: "1" for name in (
-        "ITK_GLOBAL_DEFAULT_NUMBER_OF_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
-        "VTK_SMP_MAX_THREADS", "MALLOC_ARENA_MAX",
-    )
-}
+_THREADS = (
+    "ITK_GLOBAL_DEFAULT_NUMBER_OF_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
+    "VTK_SMP_MAX_THREADS", "MALLOC_ARENA_MAX",
+)
+_SINGLE = dict.fromkeys(_THREADS, "1")
 """Each thread takes memory, and files are read by one."""
 
 
@@ -126,8 +124,9 @@ class ReadingProcess:
         IsoError, OSError
             What its reader raises.
         """
+        stated = min(stated, _PACKED * self._size)
         memory = _ROOM + min(most, _TEXT * self._size + _COPIES * stated)
-        seconds = patience(max(self._size, min(stated, _PACKED * self._size)))
+        seconds = patience(max(self._size, stated))
         timer = threading.Timer(seconds, self._too_late)
         timer.start()
         try:
@@ -265,9 +264,8 @@ def mesh_by(format: MeshFormat, source: InputFile) -> MeshRead:
     """
     if not format.confined:
         return format.read(source)
-    most = min(_OF_A_SAMPLE * source.samples, _COPIES * _PACKED * _size_of(source.path))
     with ReadingProcess(format.confined, format.extra, source) as process:
-        found: MeshRead = process.ask("mesh", source, stated=most // _COPIES, most=most)
+        found: MeshRead = process.ask("mesh", source, stated=sys.maxsize, most=_OF_A_SAMPLE * source.samples)
         return found
 
 
@@ -284,7 +282,8 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 def _size_of(path: Path) -> int:
     """Bytes of a file, or of those in a folder."""
-    return sum(each.stat().st_size for each in path.rglob("*")) if path.is_dir() else path.stat().st_size
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(each.stat().st_size for each in files if each.exists())
 
 
 def _error_of(told: dict[str, Any]) -> Exception:

@@ -42,7 +42,7 @@ class _Picture(Opened):
         self.shape = (image.size[1], image.size[0])
         # 32 bits are what older versions make of 16-bit grey
         self.dtype = np.dtype(np.uint16 if self._mode == "I" else np.uint8 if kind == "|b1" else kind)
-        self._source.check_count(math.prod(image.size) * self._bands)
+        self._source.check_packed(self._source.check_count(math.prod(image.size) * self._bands))
         # signature, then IHDR with width, height, bit depth: pillow silently halves 16-bit colour to 8 bits
         if self._bands > 1 and head.startswith(_PNG) and head[24] == 16 and self.dtype.itemsize == 1:
             raise InputError(

@@ -146,6 +146,7 @@ def _check_companions(source: InputFile, notes: str) -> None:
 def _check_series(source: InputFile, series: Any) -> None:
     """Check that the samples of a series may be read, and no part of it unpacks to more than they take."""
     size = source.check_array(series.shape, series.dtype)
+    source.check_packed(size)
     if series.dataoffset is not None:
         source.check_bytes(series.dataoffset + size)
     page = series.keyframe

@@ -44,7 +44,7 @@ def send(file: IO[bytes], message: Any) -> None:
     line = json.dumps(_packed(message, arrays)).encode()
     file.write(line + b"\n")
     for array in arrays:
-        file.write(memoryview(array.reshape(-1).view(np.uint8)))
+        file.write(array.reshape(-1).view(np.uint8).data)
     file.flush()
 
 
@@ -109,7 +109,7 @@ def _array(dtype: np.dtype[Any], shape: list[int], file: IO[bytes], left: list[f
     if dtype.kind not in _KINDS or min(shape, default=0) < 0 or left[0] < 0:
         raise EOFError
     array = np.empty(shape, dtype)
-    view, at = memoryview(array.reshape(-1).view(np.uint8)), 0
+    view, at = array.reshape(-1).view(np.uint8).data, 0
     while at < size:
         got = file.readinto(view[at:])  # type: ignore[attr-defined]
         if not got:

@@ -27,11 +27,14 @@ _WRITTEN = 1 << 20
 class Answers:
     """What may be asked for, of one file."""
 
-    _opened: Opened | None = None
+    def __init__(self) -> None:
+        self._opened: Any = None
+        self._slices: Any = None
+        self._windows: Any = None
 
     def field(self, source: InputFile, choice: Choice) -> dict[str, Any]:
         """Open a field, instead of that which is open."""
-        if self._opened is not None:
+        if self._opened:
             self._opened.close()
         self._opened = open_here(source, choice)
         return self._with(None)
@@ -52,18 +55,17 @@ class Answers:
 
     def frame(self, number: int) -> dict[str, Any]:
         """Read one of these."""
-        assert self._slices is not None
         return self._with(self._slices.frame(number))
 
     def windowed(self) -> dict[str, Any]:
         """Whether windows can be read alone."""
-        found = type(self._opened)._windows is not Opened._windows and self._opened.windows()
-        self._windows = found
-        return self._with(isinstance(found, Windows))
+        own = type(self._opened)._windows is not Opened._windows
+        self._windows = self._opened.windows() if own else None
+        return self._with(isinstance(self._windows, Windows))
 
     def window(self, ranges: list[list[int]]) -> dict[str, Any]:
         """Read a window."""
-        if not hasattr(self, "_windows"):
+        if self._windows is None:
             self.windowed()
         return self._with(self._windows[tuple(slice(*each) for each in ranges)])
 

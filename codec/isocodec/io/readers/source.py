@@ -18,6 +18,8 @@ from ...limits import FIELD_SAMPLES
 
 _PIECE = 1 << 20
 """Bytes that are unpacked at once."""
+_PACKED, _LITTLE = 1 << 12, 1 << 25
+"""Bytes that a packed byte becomes at most: some 1,000 by deflate, JPEG and the like; and those that never harm."""
 _EITHER = 47
 """Window of zlib for what is packed by gzip as well as by zlib."""
 
@@ -80,6 +82,20 @@ class InputFile:
         if stated > there:
             raise InputError(
                 f"is cut short: its header states {stated:,} bytes, but there are {there:,}", code="unreadable"
+            )
+
+    def check_packed(self, stated: int, there: int | None = None) -> None:
+        """Check that samples which are packed in any way may come out of the file, or of as many bytes as there are.
+
+        Raises
+        ------
+        InputError
+        """
+        there = self.path.stat().st_size if there is None else there
+        if stated > _PACKED * there + _LITTLE:
+            raise InputError(
+                f"is cut short: its header states {stated:,} bytes, too many to be packed in {there:,}",
+                code="unreadable",
             )
 
     def check_deflated(self, stated: int, begin: int = 0, path: Path | None = None) -> None:
