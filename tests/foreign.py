@@ -1,6 +1,7 @@
 """Reads damaged and hostile files in a process of its own, and reports what they did: run by `test_foreign_files`.
 
-Arguments: folder of the files, how many edits of a file, seed, number of the first one, samples that may be read.
+Arguments: folder, name of a file in its folder ``files``, how many edits, seed, number of the first one, samples that
+may be read.
 """
 
 from __future__ import annotations
@@ -152,40 +153,29 @@ def read(path: Path, samples: int, watch: Watch) -> dict[str, object]:
     return out
 
 
-def main(folder: Path, count: int, seed: int, first: int, samples: int) -> None:
-    """Read each file of a folder as it is, or that many edits of it; print a line of JSON for each."""
-    import isocodec
-
-    secret, place = folder / "secret", folder / "edited"
+def main(folder: Path, name: str, count: int, seed: int, first: int, samples: int) -> None:
+    """Read a file as it is, or that many edits of it, with others beside it; print a line of JSON for each."""
+    secret, place, path = folder / "secret", folder / "edited", folder / "files" / name
     watch = Watch(secret)
     names = [os.fsencode(secret / "key"), b"../secret/key", f"http://127.0.0.1:{watch.port}/key".encode(),
              f"/vsicurl/http://127.0.0.1:{watch.port}/key".encode()]
-    # libraries are loaded, and their tables made, before memory is looked at
-    files = sorted((folder / "files").iterdir())
-    for path in files if count else []:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            isocodec.read(path)
     if count:
+        # libraries are loaded, and their tables made, before memory is looked at
+        read(path, samples, watch)
         keep_processes()
-    watch.touched()
-    for path in files:
-        for number in range(first, max(count, 1)):
-            name = path
-            if count:
-                shutil.rmtree(place, ignore_errors=True)
-                place.mkdir()
-                name = place / path.name
-                chance = random.Random(f"{path.name} {seed} {number}")
-                if path.is_dir():
-                    shutil.copytree(path, name)
-                    inner = chance.choice(sorted(each for each in name.rglob("*") if each.is_file()))
-                    inner.write_bytes(edited(inner.read_bytes(), chance, names))
-                else:
-                    name.write_bytes(edited(path.read_bytes(), chance, names))
-            print(json.dumps({"file": path.name, "number": number}), flush=True)
-            print(json.dumps({"file": path.name, "number": number, **read(name, samples, watch)}), flush=True)
+    for number in range(first, max(count, 1)):
+        target = path
+        if count:
+            shutil.rmtree(place, ignore_errors=True)
+            shutil.copytree(path.parent, place)
+            target = place / name
+            chance = random.Random(f"{name} {seed} {number}")
+            inner = [each for each in target.rglob("*") if each.is_file()] if path.is_dir() else [target]
+            one = chance.choice(sorted(inner))
+            one.write_bytes(edited(one.read_bytes(), chance, names))
+        print(json.dumps({"file": name, "number": number}), flush=True)
+        print(json.dumps({"file": name, "number": number, **read(target, samples, watch)}), flush=True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), *map(int, sys.argv[2:]))
+    main(Path(sys.argv[1]), sys.argv[2], *map(int, sys.argv[3:]))

@@ -1,4 +1,4 @@
-"""Files that are damaged or hostile: none crashes this process, hangs, takes more memory than allowed, or reaches others."""
+"""Damaged and hostile files: none crashes this process, hangs, takes too much memory, or reaches other files."""
 
 from __future__ import annotations
 
@@ -36,14 +36,15 @@ SAMPLES = 1 << 20
 VOLUME = np.random.default_rng(4).integers(0, 900, (6, 7, 8)).astype(np.int16)
 
 
-def outcomes(folder: Path, count: int, seed: int = 0, samples: int = SAMPLES) -> list[dict[str, Any]]:
-    """What the files in ``folder/files``, or that many edits of the only one there, did."""
+def outcomes(folder: Path, file: str, count: int, seed: int = 0, samples: int = SAMPLES) -> list[dict[str, Any]]:
+    """Results of reading a file of ``folder/files``, or that many edits of it."""
     for name in ("secret", "site", "edited", "temp"):
         (folder / name).mkdir(exist_ok=True)
     (folder / "secret/key").write_bytes(b"KEY!" * 100)
     (folder / "site/sitecustomize.py").write_text(foreign.AUDIT)
     log = folder / "log"
-    fine = [*(str(folder / name) for name in ("files", "edited", "temp")), *filter(None, map(os.path.abspath, sys.path)), str(HERE)]
+    fine = [str(folder / name) for name in ("files", "edited", "temp")]
+    fine += [str(HERE), *filter(None, map(os.path.abspath, sys.path))]
     environment = {
         **os.environ, "TMPDIR": str(folder / "temp"), "FOREIGN_LOG": str(log), "FOREIGN_FINE": os.pathsep.join(fine),
         "PYTHONPATH": os.pathsep.join([str(folder / "site"), *filter(None, sys.path)]),
@@ -51,7 +52,7 @@ def outcomes(folder: Path, count: int, seed: int = 0, samples: int = SAMPLES) ->
     found: list[dict[str, Any]] = []
     first = 0
     while True:
-        call = [sys.executable, str(HERE / "foreign.py"), str(folder), *map(str, (count, seed, first, samples))]
+        call = [sys.executable, str(HERE / "foreign.py"), str(folder), file, *map(str, (count, seed, first, samples))]
         done = subprocess.run(call, env=environment, capture_output=True, text=True)
         lines = [json.loads(line) for line in done.stdout.splitlines()]
         found += [line for line in lines if "result" in line]
@@ -73,16 +74,16 @@ def wrong(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_few_edits(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "files").mkdir()
-    made(tmp_path / "files", suffix)
-    assert wrong(outcomes(tmp_path, 8)) == []
+    path = made(tmp_path / "files", suffix)
+    assert wrong(outcomes(tmp_path, path.name, 8)) == []
 
 
 @pytest.mark.heavy
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_many_edits(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "files").mkdir()
-    made(tmp_path / "files", suffix)
-    found = outcomes(tmp_path, 500, seed=1)
+    path = made(tmp_path / "files", suffix)
+    found = outcomes(tmp_path, path.name, 500, seed=1)
     print(suffix, dict(Counter(each["result"] for each in found)))
     assert wrong(found) == []
 
@@ -188,14 +189,14 @@ BOMBS: dict[str, bytes | Callable[[Path], None]] = {
     "wide.nii": _nifti(1000, 1000, 1000),
     "wide.nii.gz": gzip.compress(_nifti(1000, 1000, 1000) + bytes(1 << 22)),
     "wide.vti": VTI % (b"", *[999] * 6, b"ascii", b"1 2 3"),
-    "packed.vti": VTI % (b' compressor="vtkZLibDataCompressor"', *[999] * 6, b"binary", b"AQAAAACAAAAAgAAAEAAAAA=="),
+    "packed.vti": VTI % (b' compressor="vtkZLibDataCompressor"', *[999] * 6, b"binary", b"AQAAAACAAAAAgAAAEAAA"),
     "laughs.vti": LAUGHS + (VTI % (b"", *[1] * 6, b"ascii", b"&g;")),
     "wide.vtu": VTU % (1 << 40, b"ascii", b"0 0 0"),
     "laughs.vtu": LAUGHS + (VTU % (1, b"ascii", b"&g;")),
-    "many.ply": b"ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\nproperty float z\n"
-    b"element face 4000000000\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n",
-    "binary.ply": b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n"
-    b"property float z\nend_header\n" + bytes(12),
+    "many.ply": b"ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n"
+    b"property float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n",
+    "binary.ply": b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\n"
+    b"property float y\nproperty float z\nend_header\n" + bytes(12),
     "ansys.msh": b'(1 "mesh',
     "many.msh": b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4000000000 1 4000000000\n2 1 0 4000000000\n1\n",
     "laughs.xdmf": LAUGHS + b"<Xdmf><Domain>&g;</Domain></Xdmf>",
@@ -220,7 +221,7 @@ def test_bombs(tmp_path: Path, name: str) -> None:
     path.write_bytes(bomb) if isinstance(bomb, bytes) else bomb(path)
     size = sum(each.stat().st_size for each in [path, *path.rglob("*")] if each.is_file())
     assert size < 1 << 18
-    (found,) = outcomes(tmp_path, 0, samples=1 << 30)
+    (found,) = outcomes(tmp_path, name, 0, samples=1 << 30)
     assert found["result"] in ("InputError", "LimitError") and wrong([found]) == []
 
 
@@ -289,7 +290,7 @@ def test_a_stack_that_ends_early(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "a.tif", VOLUME, metadata=None)
     data = (tmp_path / "a.tif").read_bytes()
     (tmp_path / "a.tif").write_bytes(data[: len(data) * 2 // 3])
-    with pytest.raises(InputError, match="a.tif"):
+    with pytest.raises(InputError, match=r"a\.tif"):
         isocodec.read(tmp_path / "a.tif")
 
 
@@ -299,7 +300,7 @@ def test_time_and_memory_have_remedies(tmp_path: Path, monkeypatch: pytest.Monke
     with pytest.raises(InputError, match=r"longer than .* read it with meshio.*ISOCODEC_TIMEOUT"):
         isocodec.read(tmp_path / "a.msh")
     monkeypatch.setattr("isocodec.io.readers.confined._SMALL", 0)
-    with pytest.raises(LimitError, match="longer than"):
+    with pytest.raises(LimitError, match=r"longer than"):
         isocodec.read(tmp_path / "a.msh")
     monkeypatch.setenv("ISOCODEC_TIMEOUT", "soon")
     with pytest.raises(isocodec.errors.OptionError, match="number of seconds"):

@@ -6,11 +6,11 @@ import os
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from ..errors import InputError, LimitError, TruncatedError
 from ..extras import optional
-from .content import is_url
+from ..limits import TIMEOUT, patience
+from .content import is_url, waiting
 
 Fetch = Callable[[int, int], bytes]
 """Bytes of a file from one place up to another."""
@@ -20,8 +20,6 @@ MOST_PIECES = 5
 GAP = 1 << 18
 BEHIND = 416
 """Status of a server's answer if a range begins behind the end of the file."""
-PATIENCE = 60.0
-"""Seconds that a server may take to answer."""
 
 
 class NoRangesError(InputError):
@@ -120,12 +118,8 @@ def ranges_of(source: str | os.PathLike[str]) -> Fetch:
 
 def _remote(url: str) -> Fetch:
     fsspec = optional("fsspec", extra="remote", purpose="reading URLs")
-    options: dict[str, Any] = {}
-    if url.startswith(("http:", "https:")):
-        aiohttp = optional("aiohttp", extra="remote", purpose="reading URLs")
-        options["client_kwargs"] = {"timeout": aiohttp.ClientTimeout(total=PATIENCE)}
     try:
-        system, path = fsspec.core.url_to_fs(url, **options)
+        system, path = fsspec.core.url_to_fs(url, **waiting(url))
     except (ImportError, ValueError) as exc:
         raise InputError(f"cannot be opened ({exc})", code="url") from exc
 
@@ -135,7 +129,8 @@ def _remote(url: str) -> Fetch:
         except TimeoutError as exc:
             # the messages of libraries are empty
             raise InputError(
-                f"the server has not answered within {PATIENCE:g} seconds", code="timeout", remedy="try again later"
+                f"the server has not answered within {patience():g} seconds", code="timeout",
+                remedy=f"try again later, or raise {TIMEOUT}",
             ) from exc
         except OSError:
             raise

@@ -1,4 +1,4 @@
-"""Libraries that a few bytes of a file can crash, hang or fill with memory, called in a process of their own.
+"""Libraries that a few bytes of a file can crash, hang or fill with memory, called in a process apart.
 
 A format is read so if its record names the library as ``confined``. The process loads the library, is then limited in
 memory and time by what the file holds and its header states, reads, and ends with what was opened.
@@ -249,14 +249,14 @@ class ConfinedWindows(Windows):
 
 
 def opened_by(format: Format) -> Callable[[InputFile, Choice], Opened]:
-    """Give what opens a source of a format, here or in a process of its own."""
+    """Give what opens a source of a format, here or in a process apart."""
     if not format.confined:
         return format.open
     return lambda source, choice: ConfinedOpened(format, source, choice)
 
 
 def mesh_by(format: MeshFormat, source: InputFile) -> MeshRead:
-    """Read a mesh here, or in a process of its own.
+    """Read a mesh here, or in a process apart.
 
     Raises
     ------

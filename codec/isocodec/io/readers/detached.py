@@ -122,7 +122,7 @@ def nrrd_files(source: InputFile) -> Stored:
 
 
 def _begin(source: InputFile, end: re.Pattern[bytes]) -> int:
-    """Where samples begin behind a header."""
+    """Find where samples begin behind a header."""
     with source.path.open("rb") as file:
         found = end.search(file.read(_HEADER))
     return found.end() if found else 0

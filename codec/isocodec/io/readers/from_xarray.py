@@ -203,5 +203,7 @@ def _dataset(source: InputFile) -> Iterator[Any]:
 
 FORMATS = (
     Format("Zarr", _ZARR, _zarr, extra="xarray", keyed=True, folder=True),
-    Format("GRIB", _GRIB, _LabelledFile, extra="grib", keyed=True, signatures=((0, b"GRIB", ".grib"),)),
+    Format(
+        "GRIB", _GRIB, _LabelledFile, extra="grib", keyed=True, signatures=((0, b"GRIB", ".grib"),), confined="cfgrib"
+    ),
 )

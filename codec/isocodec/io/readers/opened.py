@@ -270,7 +270,7 @@ class Format:
     folder : bool
         Whether it is a folder.
     confined : str
-        Library that is called in a process of its own, as it may crash or hang; empty if it is called here.
+        Library that is called in a process apart, as it may crash or hang; empty if it is called here.
     """
 
     name: str

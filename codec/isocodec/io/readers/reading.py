@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 
 from ...errors import InputError, IsoError, LimitError, OptionError, one_line
 
+_OF_CONTENT = (errno.EINVAL, errno.EOVERFLOW, errno.EFBIG, errno.ERANGE, errno.EDOM)
+"""Errors of the operating system that come of numbers in a file, such as a place before its beginning."""
 _LOG = "tifffile"
 """Logger of a library that reports damage there as an error, and then reads a part of the file as if it were all."""
 
@@ -46,7 +49,7 @@ def reading(what: str) -> Iterator[None]:
     except MemoryError as exc:
         raise LimitError(f"not enough memory to read this {what}", code="memory") from exc
     except Exception as exc:
-        if isinstance(exc, OSError) and exc.errno is not None:
+        if isinstance(exc, OSError) and exc.errno is not None and exc.errno not in _OF_CONTENT:
             raise
         raise InputError(f"cannot be read as {what} ({said(exc)})", code="unreadable") from exc
     finally:

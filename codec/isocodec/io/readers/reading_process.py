@@ -25,7 +25,7 @@ _WRITTEN = 1 << 20
 
 
 class Answers:
-    """What may be asked for, of one file."""
+    """Answers about one file."""
 
     def __init__(self) -> None:
         self._opened: Any = None
@@ -109,8 +109,8 @@ def answer_to(answers: Answers, request: dict[str, Any]) -> dict[str, Any]:
     except Exception as exc:
         text = f"cannot be read ({type(exc).__name__}: {exc})"
         return {"error": {"kind": InputError.__name__, "message": text, "code": "unreadable"}}
-    said = [printed.getvalue().strip()] if printed.getvalue().strip() else []
-    return {"answer": found, "warnings": list(dict.fromkeys([str(each.message) for each in caught] + said))}
+    texts = [printed.getvalue().strip()] if printed.getvalue().strip() else []
+    return {"answer": found, "warnings": list(dict.fromkeys([str(each.message) for each in caught] + texts))}
 
 
 def main(library: str, file: IO[bytes]) -> None:
