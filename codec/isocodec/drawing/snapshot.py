@@ -56,7 +56,7 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
 
 _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 160, 24), (3, False): (60, 360, 40)}
 """Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
-_PLACED = {2: 80, 3: 110}
+_PLACED = {2: 120, 3: 135}
 """Bytes for each leaf of the full grid if the file states where the curve crosses each edge."""
 
 
