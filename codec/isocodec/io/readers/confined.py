@@ -3,10 +3,10 @@
 A format is read so if its record names the library as ``confined``. The process loads the library, is then limited in
 memory and time by what the file holds and its header states, reads, and ends with what was opened.
 
-What it costs, on an idle core of 2020: 0.15 s to start Python with NumPy, beside the library itself (0.2 s for SimpleITK,
-0.1 s for VTK and meshio), which this process then does not load; 3 ms for each MB of samples; and while these are
-handed over the memory that they take twice. Where there is no ``resource`` (Windows), or no ``/proc`` (macOS), time is
-limited, and memory is not.
+What it costs, on an idle core of 2020: 0.15 s to start Python with NumPy, beside the library itself (0.2 s for
+SimpleITK, 0.1 s for VTK and meshio), which this process then does not load; 3 ms for each MB of samples; and while
+these are handed over the memory that they take twice. Where there is no ``resource`` (Windows), or no ``/proc``
+(macOS), time is limited, and memory is not.
 """
 
 from __future__ import annotations
