@@ -26,7 +26,7 @@ MOST = 64 << 20
 AUDIT = """
 import os, sys
 log = os.open(os.environ["FOREIGN_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT)
-fine = (*os.environ["FOREIGN_FINE"].split(os.pathsep), sys.prefix, sys.base_prefix, "/proc", "/dev", "/sys", "/etc")
+fine = (*os.environ["FOREIGN_FINE"].split(os.pathsep), sys.prefix, sys.base_prefix, "/proc", "/dev", "/sys", "/etc", "/usr/share")
 def look(event, about):
     if event in ("socket.connect", "socket.getaddrinfo", "os.system", "os.exec", "os.posix_spawn"):
         os.write(log, f"{event} {about!r}\\n".encode())
