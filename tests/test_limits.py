@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import tracemalloc
+import warnings
 import weakref
 from dataclasses import replace
 from unittest import mock
@@ -124,6 +125,31 @@ def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, 
     tracemalloc.stop()
     # the file itself, twice, and small things
     assert 0.4 * Traced.most < peak < Traced.most + 3 * len(data) + MIB / 4
+
+
+def test_the_encoder_warns_of_files_that_default_limits_refuse(monkeypatch):
+    """From a limit on that decoding takes, and not far below it."""
+    values = field(3, 24, 1)
+    data = isocodec.encode(values, 0.5)
+    kept = Limits.__init__.__defaults__
+
+    def with_memory(memory):
+        place = list(Limits.__dataclass_fields__).index("memory")
+        monkeypatch.setattr(Limits.__init__, "__defaults__", (*kept[:place], memory, *kept[place + 1 :]))
+
+    for memory in (1 << 18, 1 << 20, 1 << 21, 1 << 22, 1 << 23, 1 << 26):
+        with_memory(memory)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            assert isocodec.encode(values, 0.5) == data
+        try:
+            isocodec.decode(data)
+            refused = False
+        except LimitError:
+            refused = True
+        assert bool(caught) or not refused
+        assert all("--limit-memory" in str(each.message) for each in caught)
+    assert not caught and not refused
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")

@@ -194,12 +194,15 @@ def test_a_file_is_opened_once(tmp_path: Path, suffix: str, monkeypatch: pytest.
         calls.append(arguments)
         return found(*arguments)
 
+    confined = count[0].confined
     object.__setattr__(count[0], "open", counted)
+    object.__setattr__(count[0], "confined", "")
     try:
         isocodec.read(path)
         isocodec.read(path, frames=True) if suffix in (".npy", ".npz", ".tif") else None
     finally:
         object.__setattr__(count[0], "open", found)
+        object.__setattr__(count[0], "confined", confined)
     assert len(calls) == (2 if suffix in (".npy", ".npz", ".tif") else 1)
 
 

@@ -222,7 +222,7 @@ def test_servers_that_do_it_their_way(noise: bytes, how: str) -> None:
 def test_servers_that_fail(noise: bytes, how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An error that says what it is, soon; on the command line too, and nothing is written."""
     pytest.importorskip("aiohttp")
-    monkeypatch.setattr(isocodec.storage.ranges, "PATIENCE", 1.0)
+    monkeypatch.setenv("ISOCODEC_TIMEOUT", "1")
     with served(noise, how) as (url, _):
         started = time.monotonic()
         with pytest.raises((IsoError, OSError)) as raised:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 
 from .errors import LimitError, OptionError
@@ -20,6 +21,30 @@ FIELD_SAMPLES = 1 << 30
 Volumes of 1024 samples a side and terrains of 32,768 pass, the largest that are common: 8.6 GB in double precision. A
 file that only claims to hold more is refused before anything is allocated for it.
 """
+TIMEOUT = "ISOCODEC_TIMEOUT"
+"""Environment variable with the seconds that are waited for others, instead of `PATIENCE`."""
+PATIENCE = 8.0
+"""Seconds that are waited for others: a server that answers, a library that reads a foreign file in a process apart."""
+RATE = 1 << 20
+"""Bytes for which one second more is waited."""
+
+
+def patience(size: int = 0) -> float:
+    """Seconds that are waited for others, of whom so many bytes are expected.
+
+    Raises
+    ------
+    OptionError
+        If the environment variable `TIMEOUT` is not a number of seconds.
+    """
+    asked = os.environ.get(TIMEOUT, "")
+    try:
+        seconds = float(asked) if asked else PATIENCE
+    except ValueError:
+        seconds = 0.0
+    if not 0 < seconds < 1e9:
+        raise OptionError(f"{TIMEOUT}={asked!r} is not a number of seconds", code="timeout", remedy="for example 60")
+    return seconds + size / RATE
 
 
 @dataclass(frozen=True)
@@ -60,7 +85,7 @@ class Limits:
     layers: int = 4096
     bytes: int = 1 << 33
     samples: int = 1 << 28
-    memory: int = 1 << 30
+    memory: int = 1 << 31
     work: int = 1 << 23
 
     @classmethod
@@ -98,10 +123,16 @@ class Budget:
 
     Sizes are those of the arrays, whether their pages have been touched or not: the same file needs the same on every
     machine, however it came in.
+
+    Attributes
+    ----------
+    peak : int
+        Most bytes that were held at a time, those for a moment included.
     """
 
     def __init__(self, most: int) -> None:
         self._most = most
+        self.peak = 0
         self._held: dict[int, int] = {}
 
     @property
@@ -120,6 +151,7 @@ class Budget:
         others = self.held - self._held.get(id(holder), 0)
         if others + size + passing > self._most:
             raise _over(self._most)
+        self.peak = max(self.peak, others + size + passing)
         self._held[id(holder)] = size
 
     def release(self, *holders: object) -> None:

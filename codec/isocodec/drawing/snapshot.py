@@ -55,14 +55,19 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
 
 
 _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 160, 24), (3, False): (60, 360, 40)}
-"""Most memory, in bytes, that a drawing takes per vertex, leaf and stated edge, by dimension and full grid or not."""
+"""Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
+_PLACED = {2: 120, 3: 135}
+"""Bytes for each leaf of the full grid if the file states where the curve crosses each edge."""
 
 
 def drawing_bytes(tube: Tube) -> int:
     """Most memory, in bytes, that `leaves_of` and the drawing take, including the result."""
     vertex, leaf, edge = _DRAWN[tube.n, tube.full]
+    est = tube.estimates
+    if tube.full and (est.has_values or (len(est.parts) > 0 and bool((est.parts > 1).all()))):
+        leaf = _PLACED[tube.n]
     leaves = tube.simplices if tube.settled else drawn_leaves(tube.state, tube.running != "base")
-    return vertex * tube.vertices + leaf * leaves + edge * len(tube.estimates.edges)
+    return vertex * tube.vertices + leaf * leaves + edge * len(est.edges)
 
 
 def leaves_of(

@@ -136,7 +136,10 @@ class Samples:
         return (step + np.clip(self.between(low, high), 0.0, 1.0)) / length
 
     def between(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Crossings of edges between samples next to one another, as fractions (E,) of the way from the first."""
+        """Crossings of edges between samples next to one another, as fractions (E,) of the way from the first.
+
+        Beside an infinite sample the crossing is at the finite one, as beside an ever larger one; NaN between two.
+        """
         f_low = self.values[tuple(low.T)].astype(np.float64)
         f_high = self.values[tuple(high.T)].astype(np.float64)
         with np.errstate(all="ignore"):
@@ -145,6 +148,8 @@ class Samples:
             exponent = np.frexp(np.maximum(np.abs(f_low), np.abs(f_high)))[1]
             at, start, end = (np.ldexp(x, -exponent) for x in (self.isovalue, f_low, f_high))
             where: NDArray[np.float64] = (at - start) / (end - start)
+        # from a finite sample to an infinite one the quotient is 0 as it is
+        where[np.isinf(f_low) & np.isfinite(f_high)] = 1.0
         return where
 
 

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 from ..errors import InputError, IsoError, LimitError, OptionError, plain
 from ..extras import optional
-from ..limits import FIELD_SAMPLES, Limits
+from ..limits import FIELD_SAMPLES, TIMEOUT, Limits, patience
 
 Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
 """An ``.iso`` file: its bytes, or where to read them."""
@@ -47,17 +47,32 @@ def opened(url: str) -> Iterator[Any]:
     """
     fsspec = optional("fsspec", extra="remote", purpose=f"reading {plain(url.partition(':')[0])}: URLs")
     try:
-        with fsspec.open(url, "rb") as file:
+        with fsspec.open(url, "rb", **waiting(url)) as file:
             yield file
     except FileNotFoundError as exc:
         # the library's message is only the URL
         raise InputError(MISSING, code="url", remedy="check the URL") from exc
+    except TimeoutError as exc:
+        # the messages of libraries are empty
+        raise InputError(
+            f"the server has not answered within {patience():g} seconds", code="timeout",
+            remedy=f"try again later, or raise {TIMEOUT}",
+        ) from exc
     except ImportError as exc:
         raise InputError(f"cannot be opened ({exc})", code="url", remedy="install what the error names") from exc
     except ValueError as exc:
         if isinstance(exc, IsoError):
             raise
         raise InputError(f"cannot be opened ({plain(str(exc))})", code="url") from exc
+
+
+def waiting(url: str) -> dict[str, Any]:
+    """Options of fsspec by which a server may take `patience` seconds to answer, and for each part of a file."""
+    if not url.startswith(("http:", "https:")):
+        return {}
+    seconds = patience()
+    timeout = optional("aiohttp", extra="remote", purpose="reading URLs").ClientTimeout
+    return {"client_kwargs": {"timeout": timeout(total=None, sock_connect=seconds, sock_read=seconds)}}
 
 
 def content(data: Readable, limits: Limits | None = None, signatures: Collection[bytes] = ()) -> bytes:

@@ -6,11 +6,11 @@ import os
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from ..errors import InputError, LimitError, TruncatedError
 from ..extras import optional
-from .content import MISSING, is_url
+from ..limits import TIMEOUT, patience
+from .content import MISSING, is_url, waiting
 
 Fetch = Callable[[int, int], bytes]
 """Reads the bytes of a file from one offset up to another."""
@@ -20,8 +20,6 @@ MOST_PIECES = 5
 GAP = 1 << 18
 BEHIND = 416
 """HTTP status if a range begins after the end of the file."""
-PATIENCE = 60.0
-"""Timeout of a server, in seconds."""
 
 
 class NoRangesError(InputError):
@@ -118,12 +116,8 @@ def ranges_of(source: str | os.PathLike[str]) -> Fetch:
 
 def _remote(url: str) -> Fetch:
     fsspec = optional("fsspec", extra="remote", purpose="reading URLs")
-    options: dict[str, Any] = {}
-    if url.startswith(("http:", "https:")):
-        aiohttp = optional("aiohttp", extra="remote", purpose="reading URLs")
-        options["client_kwargs"] = {"timeout": aiohttp.ClientTimeout(total=PATIENCE)}
     try:
-        system, path = fsspec.core.url_to_fs(url, **options)
+        system, path = fsspec.core.url_to_fs(url, **waiting(url))
     except (ImportError, ValueError) as exc:
         raise InputError(f"cannot be opened ({exc})", code="url") from exc
 
@@ -133,7 +127,8 @@ def _remote(url: str) -> Fetch:
         except TimeoutError as exc:
             # the library's message is empty
             raise InputError(
-                f"the server has not answered within {PATIENCE:g} seconds", code="timeout", remedy="try again later"
+                f"the server has not answered within {patience():g} seconds", code="timeout",
+                remedy=f"try again later, or raise {TIMEOUT}",
             ) from exc
         except FileNotFoundError as exc:
             raise InputError(MISSING, code="url", remedy="check the URL") from exc

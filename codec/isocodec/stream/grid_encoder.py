@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from isospec.container import ChunkType, Profile
 
+from ..drawing.snapshot import drawing_bytes
 from ..errors import FormatError, InputError, OptionError
 from ..field.placement import Placement, closed
 from ..field.samples import Samples, check_field, mask_field
@@ -32,6 +34,7 @@ from ..grid.layers.layer_writer import LayerWriter, encoded_mask, field_tube
 from ..grid.layers.plan import Entry
 from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
+from ..limits import Limits, in_units
 from ..search import strategy
 from ..search.ground_truth import truth_of
 from ..search.promise import Promise
@@ -239,6 +242,7 @@ class GridFrame:
             elif number > 0:
                 yield write_chunk(ChunkType.ISOVALUE, write_further(isovalue, lean))
             yield from self._layers(number, series.interval is None and number == count - 1)
+        _warn_of_memory([strand.tube for strand in self.strands])
 
     def part(self) -> list[LayerWriter]:
         """Keep what the next frame is predicted from, once all chunks are made."""
@@ -419,6 +423,21 @@ class GridFrame:
         if self.file.report:
             waiting = len(self.file.series.isovalues) - len(self.strands)
             self.file.report(len(self.records), len(self.layers) + waiting * len(self.strands[0].layers))
+
+
+def _warn_of_memory(tubes: Sequence[Tube]) -> None:
+    """Warn if decoding the isovalues of a frame takes more memory than decoders have by default."""
+    before, most = 0, 0
+    for tube in tubes:
+        held = tube.budget.held
+        most = max(most, before + max(tube.budget.peak, held + drawing_bytes(tube)))
+        before += held
+    if most > Limits().memory:
+        warnings.warn(
+            f"decoding needs about {in_units(most)} of memory, more than the default limit of "
+            f"{in_units(Limits().memory)}: decode with --limit-memory (Limits.memory), or encode in tiles",
+            stacklevel=2,
+        )
 
 
 class GridEncoder(ContainerEncoder):

@@ -67,7 +67,7 @@ class Tube:
     holes : Holes, optional
         The mask of missing samples, complete (spec clause 5.10).
     budget : Budget, optional
-        To which the memory of the decoded state is counted; an encoder's is not.
+        To which the memory of the state is counted; one without a limit if not given.
     """
 
     def __init__(
@@ -95,8 +95,8 @@ class Tube:
         self._items = NOTHING
         self._running = ""
         told = (lean.estimates, lean.state) if lean and side != FRAME else None
-        self._budget = budget or Budget(sys.maxsize)
-        self.estimates: Estimates = Estimates(shape, truth, told, shift, self._budget)
+        self.budget = budget or Budget(sys.maxsize)
+        self.estimates: Estimates = Estimates(shape, truth, told, shift, self.budget)
         self._hold(state_bytes(self.state, self._mark), 0)
 
     # -- queries of the state ------------------------------------------------------------------------------------
@@ -365,7 +365,7 @@ class Tube:
         """Count the memory of the state; that of the models beside it, but for what all isovalues share."""
         panel = self.coder.blend.panel
         models = (self.coder.prob, self.coder.seen, self.coder.blend.mix, panel.prob, panel.seen)
-        self._budget.hold(self, size + sum(array.nbytes for array in models), passing)
+        self.budget.hold(self, size + sum(array.nbytes for array in models), passing)
 
     def rest(self) -> None:
         """No further layer will come: only what is drawn, and what other isovalues may lean on, is kept."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import InputError, LimitError
@@ -22,10 +23,46 @@ _KEY = b"ElementDataFile"
 _NAMES = ("utf-8", "surrogateescape")
 _NO_KIND = ("domain", "space", "time", "none", "???")
 """Kinds of axes that ITK takes for axes in space."""
+_AXES = (b"2", b"3", b"4", b"5")
+_META_END, _NRRD_END = re.compile(rb"ElementDataFile[^\n]*\n"), re.compile(rb"\n\r?\n")
+"""Ends of headers before samples in the same file."""
+_SKIPS = ("lineskip:", "byteskip:")
+_DEFLATED = ("gz", "gzip")
 
 
-def meta_files(source: InputFile) -> tuple[list[Path], bool]:
-    """The files that hold the samples of a MetaImage, and whether they hold them as they are.
+@dataclass(frozen=True)
+class Stored:
+    """Storage of the samples that a header describes.
+
+    Attributes
+    ----------
+    files : list of Path
+    packing : str
+        ``raw``, ``gzip``, or another one.
+    begin : int
+        Where they begin in the file of the header, if they are in it.
+    """
+
+    files: list[Path]
+    packing: str
+    begin: int = 0
+
+    def check(self, source: InputFile, stated: int) -> None:
+        """Check that the samples take as many bytes as stated, and if they are packed that they are not damaged.
+
+        Raises
+        ------
+        InputError
+        """
+        if self.packing == "raw":
+            source.check_bytes(stated, sum(path.stat().st_size for path in self.files))
+        elif self.packing in _DEFLATED and len(self.files) == 1:
+            (path,) = self.files
+            source.check_deflated(stated, self.begin if path == source.path else 0, path)
+
+
+def meta_files(source: InputFile) -> Stored:
+    """Find the files that hold the samples of a MetaImage.
 
     Raises
     ------
@@ -45,7 +82,11 @@ def meta_files(source: InputFile) -> tuple[list[Path], bool]:
     if at < 0 or not alone or value[:1] not in (b"=", b":") or any(c in before + line for c in b"\r\0"):
         raise InputError("has no MetaImage header", code="unreadable")
     stated = {name.strip(): value.strip().lower() for name, _, value in fields}
-    plainly = stated.get(b"CompressedData") != b"true" and stated.get(b"BinaryData") != b"false"
+    packing = "gzip" if stated.get(b"CompressedData") == b"true" else "raw"
+    if stated.get(b"BinaryData") == b"false":
+        packing = "text"
+    if stated.get(b"NDims") not in _AXES:
+        raise InputError("states no number of axes from 2 to 5", code="unreadable")
     target = _text(value.lstrip(b"=: \t"))
     if target.startswith("LIST") and cut:
         raise InputError(f"has a header of more than {_HEADER:,} bytes", code="unreadable")
@@ -53,10 +94,10 @@ def meta_files(source: InputFile) -> tuple[list[Path], bool]:
     packed = stated.get(b"CompressedDataSize", b"")
     if packed.isdigit():
         source.check_bytes(int(packed), sum(path.stat().st_size for path in files))
-    return files, plainly
+    return Stored(files, packing, _begin(source, _META_END))
 
 
-def nrrd_files(source: InputFile) -> tuple[list[Path], bool]:
+def nrrd_files(source: InputFile) -> Stored:
     """Find the files of an NRRD header.
 
     Raises
@@ -79,7 +120,15 @@ def nrrd_files(source: InputFile) -> tuple[list[Path], bool]:
             files += _files(source, value.strip(), "\n".join(lines[number + 1 :]))
             if value.strip().startswith("LIST"):
                 break
-    return files or [source.path], encoding == "raw"
+    skips = any("".join(line.lower().split()).startswith(_SKIPS) for line in lines)
+    return Stored(files or [source.path], "other" if skips else encoding, _begin(source, _NRRD_END))
+
+
+def _begin(source: InputFile, end: re.Pattern[bytes]) -> int:
+    """Find where samples begin behind a header."""
+    with source.path.open("rb") as file:
+        found = end.search(file.read(_HEADER))
+    return found.end() if found else 0
 
 
 def listed(source: InputFile, files: list[Path]) -> bytes:

@@ -60,4 +60,4 @@ def _by_meshio(source: InputFile) -> MeshRead:
     return MeshRead(points, cells.reshape(-1, _CELLS[wanted]), values, of_cells)
 
 
-MESHES = (MeshFormat("mesh", (".vtu", ".msh", ".ply", _SERIES), _by_meshio, extra="vtu"),)
+MESHES = (MeshFormat("mesh", (".vtu", ".msh", ".ply", _SERIES), _by_meshio, extra="vtu", confined="meshio"),)

@@ -169,8 +169,8 @@ def _image(source: InputFile) -> Any:
     source.check_array(stored.shape[:3], stored.dtype)
     if not 0 <= stored.offset <= _HEADER:
         raise InputError(f"states {stored.offset} bytes before its samples", code="unreadable")
-    if not packed:
-        source.check_bytes(stored.offset + math.prod(stored.shape) * stored.dtype.itemsize)
+    stated = stored.offset + math.prod(stored.shape) * stored.dtype.itemsize
+    (source.check_deflated if packed else source.check_bytes)(stated)
     return image
 
 

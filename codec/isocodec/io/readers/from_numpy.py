@@ -56,8 +56,8 @@ class _NumpyFile(Opened):
         with reading("NumPy file"):
             if magic[:2] == b"PK":
                 self._archive = self.hold(zipfile.ZipFile(file))
-                self._info = _member(self._archive, choice.key)
-                with _opened(self._archive, self._info) as member:
+                self._info = _member(self._source, self._archive, choice.key)
+                with _opened(self._source, self._archive, self._info) as member:
                     self.shape, self.dtype, _ = _header(member.read(_HEADER))
                 return
             if choice.key is not None:
@@ -111,7 +111,7 @@ def _header(begin: bytes) -> tuple[tuple[int, ...], np.dtype[Any], int]:
     return shape, dtype, file.tell()
 
 
-def _member(archive: zipfile.ZipFile, key: str | None) -> zipfile.ZipInfo:
+def _member(source: InputFile, archive: zipfile.ZipFile, key: str | None) -> zipfile.ZipInfo:
     """The array that a key names, or the only one, or the one of the usual name."""
     members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
     if key is None:
@@ -123,11 +123,11 @@ def _member(archive: zipfile.ZipFile, key: str | None) -> zipfile.ZipInfo:
             raise InputError("holds no arrays", code="key")
         else:
             raise InputError(
-                f"holds {len(members)} arrays: {_listing(archive, members)}", code="key",
+                f"holds {len(members)} arrays: {_listing(source, archive, members)}", code="key",
                 remedy="choose one with --key",
             )
     elif (key := key.removesuffix(".npy")) not in members:
-        listing = _listing(archive, members) or "nothing"
+        listing = _listing(source, archive, members) or "nothing"
         raise InputError(f"holds no array '{plain(key)}', but: {listing}", code="key")
     info = members[key]
     if not info.filename.endswith(".npy"):
@@ -136,30 +136,31 @@ def _member(archive: zipfile.ZipFile, key: str | None) -> zipfile.ZipInfo:
 
 
 def _member_array(source: InputFile, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Array:
-    with _opened(archive, info) as member:
+    with _opened(source, archive, info) as member:
         return _array(source, member, info.file_size)
 
 
-def _text(archive: zipfile.ZipFile, info: zipfile.ZipInfo | None) -> str | None:
+def _text(source: InputFile, archive: zipfile.ZipFile, info: zipfile.ZipInfo | None) -> str | None:
     """A text of an archive; None if it is none, or empty."""
     if info is None or info.file_size > _HEADER:
         return None
-    with _opened(archive, info) as member:
+    with _opened(source, archive, info) as member:
         text = npy.read_array(io.BytesIO(member.read(_HEADER)), allow_pickle=False)
     return str(text) or None if text.dtype.kind == "U" and text.ndim == 0 else None
 
 
-def _opened(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> IO[bytes]:
+def _opened(source: InputFile, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> IO[bytes]:
     if info.compress_type not in _PACKED:
         raise InputError("is packed in a way that NumPy does not write", code="unreadable", remedy="use np.savez")
+    source.check_packed(info.file_size, info.compress_size)
     return archive.open(info)
 
 
-def _listing(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]) -> str:
+def _listing(source: InputFile, archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]) -> str:
     parts = []
     for name, info in [*members.items()][:_LISTED]:
         try:
-            with _opened(archive, info) as member:
+            with _opened(source, archive, info) as member:
                 shape, dtype, _ = _header(member.read(_HEADER))
             kind = str(shape) if dtype.kind != "O" else "unreadable"
         except Exception:  # an unreadable neighbour must not hide the names of the others
@@ -177,7 +178,8 @@ def _beside(source: InputFile, archive: zipfile.ZipFile, shape: tuple[int, ...])
     members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
     if PLACEMENT in members:
         with reading("NumPy file"):
-            matrix, crs = _member_array(source, archive, members[PLACEMENT]), _text(archive, members.get(CRS))
+            matrix = _member_array(source, archive, members[PLACEMENT])
+            crs = _text(source, archive, members.get(CRS))
         return placed(matrix, len(shape), crs)
     if len(shape) != 2:
         return None
@@ -202,13 +204,16 @@ def _holds_mesh(path: Path) -> bool:
 
 
 def _mesh(source: InputFile) -> MeshRead:
-    with reading("NumPy file"), np.load(source.path, allow_pickle=False) as arrays:
-        if not set(_OF_MESHES) <= set(arrays.files):
+    with reading("NumPy file"), zipfile.ZipFile(source.path) as archive:
+        arrays = {
+            info.filename.removesuffix(".npy"): _member_array(source, archive, info) for info in archive.infolist()
+        }
+        if not set(_OF_MESHES) <= set(arrays):
             raise InputError("holds no arrays points and cells", code="mesh")
         points, cells = np.asarray(arrays["points"], np.float64), np.asarray(arrays["cells"]).astype(np.int64)
         if points.ndim != 2 or cells.ndim != 2 or cells.shape[1] not in (3, 4):
             raise InputError("holds points or cells of another shape", code="mesh")
-        others = {name: arrays[name] for name in arrays.files if name not in _OF_MESHES}
+        others = {name: each for name, each in arrays.items() if name not in _OF_MESHES}
     return MeshRead(points, cells, {name: each for name, each in others.items() if each.shape[-1:] == (len(points),)})
 
 

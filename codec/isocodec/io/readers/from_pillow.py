@@ -35,13 +35,16 @@ class _Picture(Opened):
             raise InputError("is neither PNG nor JPEG", code="unreadable")
         plugin = getattr(optional(module, extra="image", purpose=purpose), name)
         with reading("picture"):
+            # checksums of a PNG, which pillow leaves out when it unpacks samples
+            with plugin(self._source.path) as checked:
+                checked.verify()
             image = self._image = self.hold(plugin(self._source.path))
             self._mode = image.palette.mode if image.mode == "P" else image.mode
             self._bands = len(self._mode) if image.mode == "P" else len(image.getbands())
             kind = optional("PIL.ImageMode", extra="image", purpose=purpose).getmode(self._mode).typestr
         # 32 bits are what older versions make of 16-bit grey
         self.dtype = np.dtype(np.uint16 if self._mode == "I" else np.uint8 if kind == "|b1" else kind)
-        self._source.check_count(math.prod(image.size) * self._bands)
+        self._source.check_packed(self._source.check_count(math.prod(image.size) * self._bands))
         # signature, then IHDR with width, height, bit depth: pillow silently halves 16-bit colour to 8 bits
         if self._bands > 1 and head.startswith(_PNG) and head[24] == 16 and self.dtype.itemsize == 1:
             raise InputError(

@@ -22,7 +22,7 @@ from ...field.missing import missing_samples
 from ...field.placement import Placement
 from ...field.reference_system import crs_text
 from ...field.sampled import Field
-from ...storage.ranges import PATIENCE
+from ...limits import patience
 from .opened import Choice, Format, Opened
 from .place_of_samples import placed
 from .reading import about, check_frame, reading, said, upright
@@ -56,7 +56,7 @@ def _gdal(source: InputFile) -> Iterator[Any]:
     rasterio = optional("rasterio", extra="raster", purpose=f"reading {source.path.suffix}")
     options = {
         "GDAL_VRT_ENABLE_PYTHON": "NO", "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO", "DTED_VERIFY_CHECKSUM": "YES",
-        "GDAL_HTTP_TIMEOUT": str(PATIENCE), "GDAL_HTTP_CONNECTTIMEOUT": str(PATIENCE),
+        "GDAL_HTTP_TIMEOUT": str(patience()), "GDAL_HTTP_CONNECTTIMEOUT": str(patience()),
     }
     if not (source.follow or source.virtual):
         options["CPL_VSIL_CURL_ALLOWED_FILENAME"] = "none"

@@ -148,10 +148,10 @@ def _of_image(reader: Any, n: int, unit: str) -> Placement:
 def _header_of(source: InputFile, folder: Path) -> Any:
     """A reader of SimpleITK that knows a file's header, its samples known to be allowed; within `reading`."""
     sitk, of_meta, path = _sitk(source.path.suffix), source.named(*_META), source.path
-    files, plainly = (meta_files if of_meta else nrrd_files)(source)
-    if not of_meta and (header := listed(source, files)):
+    stored = (meta_files if of_meta else nrrd_files)(source)
+    if not of_meta and (header := listed(source, stored.files)):
         path = folder / "a.nhdr"
-        (folder / "samples").symlink_to(files[0].resolve())
+        (folder / "samples").symlink_to(stored.files[0].resolve())
         path.write_bytes(header)
     reader = sitk.ImageFileReader()
     # left to itself it tries all formats that it knows, and some of these name files, too
@@ -159,13 +159,17 @@ def _header_of(source: InputFile, folder: Path) -> Any:
     reader.SetFileName(str(path))
     reader.ReadImageInformation()
     count = source.check_count(math.prod(reader.GetSize()) * reader.GetNumberOfComponents())
-    if plainly:
-        bytes_each = _dtype_of(reader.GetPixelIDValue()).itemsize
-        source.check_bytes(count * bytes_each, sum(path.stat().st_size for path in files))
+    # such as "16-bit signed integer", or "vector of 32-bit float"
+    bits = sitk.GetPixelIDValueAsString(reader.GetPixelIDValue()).partition("-bit")[0].split()[-1]
+    if bits.isdigit():
+        stored.check(source, count * int(bits) // 8)
     return reader
 
 
 FORMATS = (
-    Format("NRRD", _NRRD, _Volume, "itk", ((0, b"NRRD", ".nrrd"),), keyed=True, channels=True),
-    Format("MetaImage", _META, _Volume, "itk", ((0, b"ObjectType", ".mha"), (0, b"NDims", ".mha")), channels=True),
+    Format("NRRD", _NRRD, _Volume, "itk", ((0, b"NRRD", ".nrrd"),), keyed=True, channels=True, confined="SimpleITK"),
+    Format(
+        "MetaImage", _META, _Volume, "itk", ((0, b"ObjectType", ".mha"), (0, b"NDims", ".mha")), channels=True,
+        confined="SimpleITK",
+    ),
 )

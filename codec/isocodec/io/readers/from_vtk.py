@@ -107,7 +107,7 @@ def _check(reader: Any) -> None:
 
 FORMATS = (
     Format(
-        "VTK image data", (".vti",), _ImageData, extra="vtk", keyed=True,
+        "VTK image data", (".vti",), _ImageData, extra="vtk", keyed=True, confined="vtkmodules.vtkIOXML",
         signatures=((0, b"<VTKFile", ".vti"), (0, b"<?xml", ".vti")),
     ),
 )

@@ -26,10 +26,11 @@ from . import (
     from_xarray,
     from_zarr,
 )
+from .confined import mesh_by, opened_by
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import Choice, Format, Opened
 from .reading import about
-from .source import source_of
+from .source import InputFile, source_of
 
 FORMATS: tuple[Format, ...] = (
     *from_numpy.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pydicom.FORMATS, *from_pillow.FORMATS,
@@ -124,9 +125,27 @@ def open_file(
             raise OptionError(f"a key names an array of a file that holds several, not of {suffix}", code="key")
         if choice.channel is not None and not found.channels:
             raise OptionError(f"a channel or band is part of a picture, not of {suffix}", code="channel")
-        opened = found.open(source, choice)
+        opened = opened_by(found)(source, choice)
     opened.label = label
     return opened
+
+
+def open_here(source: InputFile, choice: Choice) -> Opened:
+    """Open a source whose format is known, in this process."""
+    found = _format_of(source.path)
+    assert found is not None
+    return found.open(source, choice)
+
+
+def read_here(source: InputFile) -> MeshRead:
+    """Read a mesh whose format is known, in this process."""
+    found = _mesh_format_of(source)
+    assert found is not None
+    return found.read(source)
+
+
+def _mesh_format_of(source: InputFile) -> MeshFormat | None:
+    return next((each for each in MESH_FORMATS if source.named(*each.suffixes)), None)
 
 
 def _format_of(path: Path) -> Format | None:
@@ -166,13 +185,13 @@ def read_mesh(path: str | os.PathLike[str], samples: int | None = None) -> MeshR
     """
     source = source_of(path, samples)
     with about(plain(os.fspath(path))):
-        found = next((each for each in MESH_FORMATS if source.named(*each.suffixes)), None)
+        found = _mesh_format_of(source)
         if found is None:
             raise InputError(
                 f"the suffix {plain(source.path.suffix)!r} names no format of meshes or points", code="suffix",
                 remedy=f"known are {', '.join(MESH_SUFFIXES + POINT_SUFFIXES)}",
             )
-        mesh = found.read(source)
+        mesh = mesh_by(found, source)
         points, cells = mesh.points, mesh.cells
         source.check_count(len(points) + (0 if cells is None else len(cells)))
     if cells is not None and cells.shape[1] == 3 and points.shape[1] == 3 and (points[:, 2] == points[:1, 2]).all():

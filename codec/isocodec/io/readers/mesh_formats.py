@@ -77,6 +77,8 @@ class MeshFormat:
         Extra of this package with the library that reads it; empty if none is needed.
     scattered : bool
         Whether it holds points only.
+    confined : str
+        As of `Format`.
     """
 
     name: str
@@ -85,3 +87,4 @@ class MeshFormat:
     extra: str = ""
     scattered: bool = False
     holds: Callable[[Path], bool] | None = None
+    confined: str = ""

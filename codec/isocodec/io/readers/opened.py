@@ -285,6 +285,8 @@ class Format:
         Whether a file may hold several arrays, or channels of a colour picture.
     folder : bool
         Whether it is a folder.
+    confined : str
+        Library that is called in a process apart, as it may crash or hang; empty if it is called here.
     """
 
     name: str
@@ -295,6 +297,7 @@ class Format:
     keyed: bool = False
     channels: bool = False
     folder: bool = False
+    confined: str = ""
 
 
 def numbers(array: Array) -> Array:

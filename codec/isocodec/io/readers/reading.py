@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -14,24 +16,47 @@ from ...errors import InputError, IsoError, LimitError, OptionError, one_line, p
 LISTED = 20
 """Names that an error lists at most."""
 
+_OF_CONTENT = (errno.EINVAL, errno.EOVERFLOW, errno.EFBIG, errno.ERANGE, errno.EDOM)
+"""Errors of the operating system that come of numbers in a file, such as a place before its beginning."""
+_LOG = "tifffile"
+"""Logger of a library that reports damage there as an error, and then reads a part of the file as if it were all."""
+
+
+class _Complaints(logging.Handler):
+    """Errors that a library logs."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep the text of an error."""
+        self.texts.append(record.getMessage())
+
 
 @contextmanager
 def reading(what: str) -> Iterator[None]:
-    """Turn what a library raises on a bad file into one error of ours.
+    """Turn what a library raises on a bad file, or logs as an error, into one error of ours.
 
     Parsers raise whatever they stumble over (KeyError, SyntaxError, struct.error, zlib.error, OSError without
     a number ...), so everything is caught here but our own errors and those of the operating system.
     """
+    complaints = _Complaints()
+    logging.getLogger(_LOG).addHandler(complaints)
     try:
         yield
+        if complaints.texts:
+            raise InputError(f"is damaged ({one_line(complaints.texts[0])})", code="unreadable")
     except IsoError:
         raise
     except MemoryError as exc:
         raise LimitError(f"not enough memory to read this {what}", code="memory") from exc
     except Exception as exc:
-        if isinstance(exc, OSError) and exc.errno is not None:
+        if isinstance(exc, OSError) and exc.errno is not None and exc.errno not in _OF_CONTENT:
             raise
         raise InputError(f"cannot be read as {what} ({said(exc)})", code="unreadable") from exc
+    finally:
+        logging.getLogger(_LOG).removeHandler(complaints)
 
 
 @contextmanager

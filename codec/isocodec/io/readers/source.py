@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import stat
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,13 @@ import numpy as np
 
 from ...errors import InputError, LimitError, OptionError, plain
 from ...limits import FIELD_SAMPLES
+
+_PIECE = 1 << 20
+"""Bytes that are unpacked at once."""
+_PACKED, _LITTLE = 1 << 12, 1 << 25
+"""Bytes that a packed byte becomes at most: some 1,000 by deflate, JPEG and the like; and those that never harm."""
+_EITHER = 47
+"""Window of zlib for what is packed by gzip as well as by zlib."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +90,49 @@ class InputFile:
         if stated > there:
             raise InputError(
                 f"is cut short: its header states {stated:,} bytes, but there are {there:,}", code="unreadable"
+            )
+
+    def check_packed(self, stated: int, there: int | None = None) -> None:
+        """Check that samples which are packed in any way may come out of the file, or of as many bytes as there are.
+
+        Raises
+        ------
+        InputError
+        """
+        there = self.path.stat().st_size if there is None else there
+        if stated > _PACKED * there + _LITTLE:
+            raise InputError(
+                f"is cut short: its header states {stated:,} bytes, too many to be packed in {there:,}",
+                code="unreadable",
+            )
+
+    def check_deflated(self, stated: int, begin: int = 0, path: Path | None = None) -> None:
+        """Check that samples which are packed by gzip or zlib unpack to as many bytes as stated, without damage.
+
+        Libraries stop at the last sample, before the checksum. No more than a piece is held at a time.
+
+        Raises
+        ------
+        InputError
+        """
+        count, packed, unpacker = 0, b"", zlib.decompressobj(_EITHER)
+        try:
+            with (path or self.path).open("rb") as file:
+                file.seek(begin)
+                while count <= stated + _PIECE and (packed := packed or file.read(_PIECE)):
+                    if unpacker.eof:  # a further part of the kind, or what may lie behind the last one
+                        packed += file.read(1)
+                        if not packed.startswith(b"\x1f\x8b"):
+                            break
+                        unpacker = zlib.decompressobj(_EITHER)
+                    count += len(unpacker.decompress(packed, _PIECE))
+                    packed = unpacker.unconsumed_tail or unpacker.unused_data
+            count += 0 if count > stated else len(unpacker.flush())
+        except zlib.error as exc:
+            raise InputError(f"holds packed samples that are damaged ({exc})", code="unreadable") from exc
+        if count < stated or not (unpacker.eof or count > stated + _PIECE):
+            raise InputError(
+                f"is cut short: its header states {stated:,} bytes, but {count:,} are packed", code="unreadable"
             )
 
     def beside(self, name: str) -> Path:

@@ -1,0 +1,294 @@
+"""Libraries that a few bytes of a file can crash, hang or fill with memory, called in a process apart.
+
+A format is read so if its record names the library as ``confined``. The process loads the library, is then limited in
+memory and time by what the file holds and its header states, reads, and ends with what was opened.
+
+What it costs, on an idle core of 2020: 0.15 s to start Python with NumPy, beside the library itself (0.2 s for
+SimpleITK, 0.1 s for VTK and meshio), which this process then does not load; 3 ms for each MB of samples; and while
+these are handed over the memory that they take twice. Where there is no ``resource`` (Windows), or no ``/proc``
+(macOS), time is limited, and memory is not.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import warnings
+import weakref
+from collections.abc import Callable
+from functools import cached_property
+from importlib.util import find_spec
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ... import errors
+from ...errors import InputError, IsoError, LimitError, MissingExtraError, one_line
+from ...limits import TIMEOUT, patience
+from .mesh_formats import MeshFormat, MeshRead
+from .messages import receive, send
+from .opened import Choice, Format, Opened
+from .slices import Slices
+from .source import InputFile
+from .windows import Windows
+
+_ROOM = 1 << 28
+"""Bytes that a library may take beside what follows from the file."""
+_TEXT = 64
+"""Bytes that a byte of a file becomes at most for a moment, where it is text."""
+_COPIES = 4
+"""Copies of the samples that a library and its reader hold at most, and of packed bytes that a mesh is made of."""
+_PACKED = 1032
+"""Bytes that a byte of deflated data becomes at most."""
+_OF_A_SAMPLE = 64
+"""Bytes that a point or a cell takes at most, values included."""
+_SMALL = 1 << 20
+"""Bytes of a file that is damaged if reading it does not end."""
+_OUTPUT = 1 << 16
+"""Characters of a library's complaints that are looked at."""
+_NO_MEMORY = re.compile(r"bad_alloc|out of memory|cannot allocate|failed to allocate|MemoryError", re.IGNORECASE)
+_THREADS = (
+    "ITK_GLOBAL_DEFAULT_NUMBER_OF_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
+    "VTK_SMP_MAX_THREADS", "MALLOC_ARENA_MAX",
+)
+_SINGLE = dict.fromkeys(_THREADS, "1")
+"""Each thread takes memory, and files are read by one."""
+
+
+class ReadingProcess:
+    """A process that reads one file, from its start on; a context manager.
+
+    Parameters
+    ----------
+    library : str
+        Which it loads.
+    extra : str
+        Extra of this package with that library.
+    source : InputFile
+    """
+
+    def __init__(self, library: str, extra: str, source: InputFile) -> None:
+        # the library is not loaded here; a name that is None in sys.modules has no spec
+        if find_spec(library.partition(".")[0]) is None:
+            raise MissingExtraError(
+                f"reading {source.path.suffix} needs {library}", code="missing-extra",
+                remedy=f"pip install 'isocodec[{extra}]'",
+            )
+        self._library, self._size = library, _size_of(source.path)
+        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115  # closed in __exit__
+        paths = [os.path.abspath(each) for each in sys.path if each] + [str(Path(__file__).parents[3])]
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", f"{__package__}.reading_process", library],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._complaints,
+            env={**os.environ, **_SINGLE, "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths))},
+        )
+        self._late = False
+        weakref.finalize(self, _end, self._process)
+        self._answer(0)
+
+    def __enter__(self) -> ReadingProcess:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        _end(self._process)
+        self._complaints.close()
+
+    def ask(self, what: str, *about: Any, stated: int = 0, most: int = sys.maxsize) -> Any:
+        """Have something read.
+
+        Parameters
+        ----------
+        what : str
+            A method of `isocodec.io.readers.reading_process.Answers`.
+        *about : object
+            What it takes.
+        stated : int
+            Bytes that the samples take by the file's header; of a mesh 0.
+        most : int
+            Bytes that it may take in all.
+
+        Raises
+        ------
+        InputError
+            If the library crashes, complains or refuses the file.
+        LimitError
+            If it takes longer, or more memory, than such a file can need.
+        IsoError, OSError
+            What its reader raises.
+        """
+        stated = min(stated, _PACKED * self._size)
+        memory = _ROOM + min(most, _TEXT * self._size + _COPIES * stated)
+        seconds = patience(max(self._size, stated))
+        timer = threading.Timer(seconds, self._too_late)
+        timer.start()
+        try:
+            assert self._process.stdin is not None
+            send(self._process.stdin, {"ask": what, "about": about, "memory": memory, "seconds": math.ceil(seconds)})
+            return self._answer(memory)
+        except BrokenPipeError:
+            raise self._ended() from None
+        finally:
+            timer.cancel()
+
+    def _answer(self, most: int) -> Any:
+        assert self._process.stdout is not None
+        try:
+            answer = receive(self._process.stdout, most)
+        except (EOFError, ValueError, TypeError, LookupError):
+            raise self._ended() from None
+        if "error" in answer:
+            raise _error_of(answer["error"])
+        if said := self._said():
+            raise InputError(f"is damaged: {self._library} complains ({one_line(said)})", code="unreadable")
+        for text in answer["warnings"]:
+            warnings.warn(text, stacklevel=2)
+        return answer["answer"]
+
+    def _too_late(self) -> None:
+        self._late = True
+        self._process.kill()
+
+    def _said(self) -> str:
+        """Text that the library has written since this was last asked."""
+        self._complaints.seek(0)
+        text = self._complaints.read(_OUTPUT).decode("utf-8", "replace").strip()
+        self._complaints.seek(0)
+        self._complaints.truncate()
+        return text
+
+    def _ended(self) -> IsoError:
+        """The error for the process' end."""
+        _end(self._process)
+        number, said = -self._process.returncode, self._said()
+        remedy = f"if you trust the file, read it with {self._library}, and encode the array"
+        # no sound file of this size takes so long
+        kind = InputError if self._size < _SMALL else LimitError
+        if self._late or number == getattr(signal, "SIGXCPU", None):
+            return kind(
+                f"takes {self._library} longer than a file of its size can need", code="timeout",
+                remedy=f"{remedy}; or raise {TIMEOUT}",
+            )
+        # the system ends a process in this way that takes more than there is
+        if number == getattr(signal, "SIGKILL", None) or _NO_MEMORY.search(said):
+            return LimitError(
+                f"takes {self._library} more memory than a file of its size can need", code="memory", remedy=remedy
+            )
+        how = f"signal {number}" if number > 0 else f"exit code {-number}"
+        return InputError(f"crashes {self._library} ({how})", code="unreadable", remedy="is it damaged?")
+
+
+class ConfinedOpened(Opened):
+    """An input that another process has opened.
+
+    Parameters
+    ----------
+    format : Format
+    source : InputFile
+    choice : Choice
+    """
+
+    def __init__(self, format: Format, source: InputFile, choice: Choice) -> None:
+        self._format, self._choice = format, choice
+        super().__init__(source, choice)
+
+    def _open(self, choice: Choice) -> None:
+        self._process = self.hold(ReadingProcess(self._format.confined, self._format.extra, self._source))
+        self._take(self._process.ask("field", self._source, choice))
+
+    def _take(self, found: dict[str, Any]) -> Any:
+        """Take over the attributes of what is open there, as they are now; gives what else came."""
+        for name, value in found["state"].items():
+            setattr(self, name, value)
+        return found["found"]
+
+    @property
+    def _stated(self) -> int:
+        return self._source.check_count(math.prod(self.shape)) * self.dtype.itemsize
+
+    def _asked(self, what: str, *about: Any) -> Any:
+        return self._take(self._process.ask(what, *about, stated=self._stated))
+
+    def _values(self, frame: int | None) -> NDArray[Any]:
+        found: NDArray[Any] = self._asked("hook", "_values", frame)
+        return found
+
+    def _place(self, n: int, frame: int | None) -> Any:
+        return self._asked("hook", "_place", n, frame)
+
+    def _series(self) -> Slices | None:
+        found = self._asked("series")
+        return found and Slices(frame=lambda number: self._asked("frame", number), **found)
+
+    def _windows(self) -> Any:
+        windowed = self._asked("windowed")
+        return ConfinedWindows(self._format, self._source, self._choice) if windowed else super()._windows()
+
+
+class ConfinedWindows(Windows):
+    """Windows that a process reads, one for each process of this package that asks for them."""
+
+    def __init__(self, format: Format, source: InputFile, choice: Choice) -> None:
+        self._opened_by = format, source, choice
+        super().__init__(source.path)
+
+    @cached_property
+    def _file(self) -> ConfinedOpened:
+        return ConfinedOpened(*self._opened_by)
+
+    def __getitem__(self, window: tuple[slice, ...]) -> NDArray[Any]:
+        found: NDArray[Any] = self._file._asked("window", [[each.start, each.stop] for each in window])
+        return found
+
+
+def opened_by(format: Format) -> Callable[[InputFile, Choice], Opened]:
+    """Give what opens a source of a format, here or in a process apart."""
+    if not format.confined:
+        return format.open
+    return lambda source, choice: ConfinedOpened(format, source, choice)
+
+
+def mesh_by(format: MeshFormat, source: InputFile) -> MeshRead:
+    """Read a mesh here, or in a process apart.
+
+    Raises
+    ------
+    InputError, LimitError, OSError, MissingExtraError
+    """
+    if not format.confined:
+        return format.read(source)
+    with ReadingProcess(format.confined, format.extra, source) as process:
+        found: MeshRead = process.ask("mesh", source, stated=sys.maxsize, most=_OF_A_SAMPLE * source.samples)
+        return found
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    for pipe in (process.stdin, process.stdout):
+        try:
+            if pipe:
+                pipe.close()
+        except OSError:  # what is not sent yet
+            pass
+    process.wait()
+
+
+def _size_of(path: Path) -> int:
+    """Bytes of a file, or of those in a folder."""
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(each.stat().st_size for each in files if each.exists())
+
+
+def _error_of(told: dict[str, Any]) -> Exception:
+    """The error that was raised there."""
+    if "errno" in told:
+        return OSError(told["errno"], told["message"])
+    error: IsoError = getattr(errors, told.pop("kind"))(told.pop("message"), **told)
+    return error

@@ -1,0 +1,50 @@
+"""Infinite samples: the crossing beside one is at the finite sample, as beside an ever larger one (spec 5.7.3(5))."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import isocodec
+from drawings import as_set
+from isocodec.errors import InputError
+
+SQUARE = np.zeros((7, 7))
+SQUARE[2:5, 2:5] = 1
+CUBE = np.zeros((5, 5, 5))
+CUBE[1:4, 1:4, 1:4] = 1
+
+
+@pytest.mark.parametrize("precision", [0.05, 0.5, 1.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("base", [SQUARE, CUBE], ids=["plane", "space"])
+def test_as_beside_a_large_sample(base: np.ndarray, sign: float, precision: float) -> None:
+    """The same bytes, whichever axis and direction leads to the infinite sample."""
+    middle = tuple(size // 2 for size in base.shape)
+    infinite, large = base.copy(), base.copy()
+    infinite[middle], large[middle] = np.inf, 1e300
+    files = [isocodec.encode(sign * each, sign * 1.5, precision=precision) for each in (infinite, large)]
+    assert files[0] == files[1]
+    points = isocodec.decode(files[0]).points
+    assert np.allclose(sorted(points.tolist()), sorted((np.array(base.shape) - 1 - points).tolist()))
+
+
+def test_beside_a_finite_sample_along_each_axis() -> None:
+    field = SQUARE.copy()
+    field[3, 3] = np.inf
+    points = isocodec.decode(isocodec.encode(field, 1.5)).points
+    assert as_set(points, 3) == as_set([[2.045, 3], [3, 2.045], [3, 3.955], [3.955, 3]], 3)
+
+
+def test_between_two_infinite_samples_it_is_in_the_middle() -> None:
+    field = np.full((4, 4), -np.inf)
+    field[:, 2:] = np.inf
+    points = isocodec.decode(isocodec.encode(field, 0.5)).points
+    assert np.allclose(points[:, 1], 1.5)
+
+
+def test_no_value_states_an_infinite_sample() -> None:
+    field = SQUARE.copy()
+    field[3, 3] = np.inf
+    with pytest.raises(InputError, match="infinite"):
+        isocodec.encode(field, 1.5, precision="step=0.5")
