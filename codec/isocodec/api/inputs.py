@@ -46,8 +46,9 @@ def read_input(source: Any, options: ReadOptions, values: str | None = None) -> 
     """
     if values is None:
         return load(source, options)
-    found = read_mesh(source, options.samples)
-    return Mesh(found.points, found.cells, found.values_named(values))
+    name = values if options.key is None else f"{options.key}/{values}"
+    choice = replace(options.choice, key=name)
+    return read_mesh(source, options.samples, choice, follow=options.follow).mesh(name)
 
 
 def mesh_in(path: str) -> tuple[Any, Any]:

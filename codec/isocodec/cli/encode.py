@@ -55,7 +55,7 @@ CRITERION = re.compile(r"[0-9]+|crossing|topology|(curvature|distortion|level)=.
 GRIDS = ("spacing", "no_placement", "coordinates_error", "periodic", "period", "labels", "missing", "channel")
 """Options of sampled grids."""
 APART = {
-    "values": ("frames", "frame_axis", "key", *GRIDS),
+    "values": ("frames", "frame_axis", *GRIDS),
     "surface": ("labels", "interval", "offset", "independent", "precision", "keep_topology", "frames", "frame_axis",
                 "frame_interval", "periodic", "period", "coordinates_error", "missing"),
     "tile": ("labels", "independent", "keep_topology", "layers", "frames", "frame_axis", "frame_interval", "periodic",
@@ -226,9 +226,9 @@ def encode_command(options: EncodeArguments) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
-    (a folder of slices, or a file) or .vti; - for standard input, or a URL. With --values it is a mesh of triangles or
-    tetrahedra: .vtu, .msh, .ply, .xdmf, or .npz with points and cells; or it holds scattered points, which are joined
-    to triangles: .csv, .xyz, .las, .laz, .gpkg.
+    (a folder of slices, or a file), or a grid of VTK or XDMF; - for standard input, or a URL. With --values it is a
+    mesh of triangles or tetrahedra: .vtu, .vtp, .vtk, .msh, .ply, .xdmf, .obj, .stl (values: x, y or z), or .npz with
+    points and cells; or it holds scattered points, which are joined to triangles: .csv, .xyz, .las, .laz, .gpkg.
 
     With --tile, INPUT is read in windows (.npy, GeoTIFF, Zarr, HDF5, NetCDF; other formats whole). Curves of
     neighbouring tiles meet without seams, and decode --window reads a part of the file, also from a URL.

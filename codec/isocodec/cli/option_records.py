@@ -299,7 +299,8 @@ class Reading(Arguments):
     """A command that reads a field."""
 
     key: str | None = option("--key", heading=INPUT, metavar="NAME",
-                             help="Array of a file with several; values of points or a mesh.")
+                             help="Array of a file with several; values of points or a mesh. Of VTK also BLOCK/ARRAY, "
+                             "ARRAY:x, ARRAY:magnitude.")
     channel: int | None = option("--channel", heading=INPUT, type=WHOLE, metavar="N",
                                  help="Channel of a colour picture, from 0.")
     kind: str | None = option("--kind", heading=INPUT, metavar="SUFFIX",
@@ -310,6 +311,10 @@ class Reading(Arguments):
                                   help="Value that marks missing samples, besides NaN.")
     follow: bool = option("--follow-paths", heading=INPUT, is_flag=True,
                           help="Read other files that INPUT refers to by a path.")
+    average_cells: bool = option("--average-cells", heading=INPUT, is_flag=True,
+                                 help="Average values of cells at their points (VTK, meshes).")
+    classes: tuple[float, ...] | None = option("--classes", heading=INPUT, type=NumbersType(), metavar="K[,K..]",
+                                               help="Take points of these classes (LAS).  [default: all but noise]")
     limit_samples: int | None = option("--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
                                        help=f"Most samples.  [default: {FIELD_SAMPLES:,}]")
 
@@ -321,7 +326,8 @@ class Reading(Arguments):
             raise click.UsageError("--kind is for standard input and URLs; the suffix of a file names its format")
         return ReadOptions(
             key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=self.kind,
-            samples=self.limit_samples, follow=self.follow, **more,
+            samples=self.limit_samples, follow=self.follow, average_cells=self.average_cells,
+            classes=tuple(int(number) for number in self.classes or ()), **more,
         )
 
     def read(self, source: str, values: str | None = None, **more: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Literal, TypeAlias
 
@@ -43,6 +43,8 @@ class Mesh:
         Reference system of the coordinates.
     notes : mapping of str to str
         Words and single numbers from the source.
+    remarks : sequence of str
+        What of the source is left out or changed.
     """
 
     points: ArrayLike
@@ -54,6 +56,7 @@ class Mesh:
     progressive: bool | None = None
     crs: str | None = None
     notes: Mapping[str, str] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
 
     @property
     def metadata(self) -> dict[str, str]:

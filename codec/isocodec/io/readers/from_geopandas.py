@@ -11,7 +11,7 @@ from .reading import reading
 from .source import InputFile
 
 
-def _vector(source: InputFile) -> MeshRead:
+def _vector(source: InputFile, _: object) -> MeshRead:
     geopandas = optional("geopandas", extra="vector", purpose=f"reading {source.path.suffix}")
     with reading("vector file"):
         found = geopandas.read_file(source.path)

@@ -37,10 +37,19 @@ class Choice:
         Name of an array, or of a series of DICOM.
     channel : int or None
         Channel of a colour picture, counted from 0.
+    frame : int or None
+        Of a mesh, which of a series.
+    average : bool
+        Average values of cells at their points.
+    classes : tuple of int
+        Of a point cloud, the classes that are taken; all but noise if empty.
     """
 
     key: str | None = None
     channel: int | None = None
+    frame: int | None = None
+    average: bool = False
+    classes: tuple[int, ...] = ()
 
 
 class Opened:
@@ -269,6 +278,8 @@ class Format:
         Whether a file may hold several arrays, or channels of a colour picture.
     folder : bool
         Whether it is a folder.
+    averages : bool
+        Whether it has values of cells.
     """
 
     name: str
@@ -279,6 +290,7 @@ class Format:
     keyed: bool = False
     channels: bool = False
     folder: bool = False
+    averages: bool = False
 
 
 def numbers(array: Array) -> Array:
