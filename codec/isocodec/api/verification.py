@@ -12,6 +12,7 @@ from isospec.container import DomainKind
 
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS
+from ..field.meshed import valued
 from ..field.placement import closed
 from ..field.samples import check_field, without_holes
 from .files import TileFile, Viewed, WholeFile
@@ -127,7 +128,9 @@ def _compared(
     """Measure how far two contours lie from each other, in cells of size ``unit``."""
     from ..search.proof import hausdorff
 
-    there, back = hausdorff(contour.points / unit, contour.cells, first.points / unit, first.cells, MEASURED)
+    # segments in space as triangles without an area
+    cells, others = (one.cells[:, [0, 1, 1]] if one.points.shape[1] > one.n else one.cells for one in (contour, first))
+    there, back = hausdorff(contour.points / unit, cells, first.points / unit, others, MEASURED)
     far = promised is not None and max(there, back) > promised / unit + MEASURED + ROUNDING
     return Verified(contour.isovalue, promised, there * unit, back * unit, wrong, not (wrong or far))
 
@@ -142,7 +145,8 @@ def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | Non
         wrong = None
         if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN:
             # a mesh in the file has its vertices in another order
-            wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above).sum())
+            used = np.unique(cells)
+            wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above)[used].sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
         unit = float(np.median(np.sqrt((edges**2).sum(axis=1))))
         out.append(_compared(contour, original, within, wrong, unit))
@@ -157,6 +161,9 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
             raise InputError("values on a mesh need their mesh", code="mesh", remedy="give a Mesh, or open(.., mesh=)")
         points, cells = held.mesh_given
         values = field
+    if values is None:
+        raise InputError("the mesh has several values at its points, or none", code="values",
+                         remedy="name them: --key NAME (key= in Python)")
     values = np.asarray(values)
     if values.ndim == 2:
         values = values[frame or 0]
@@ -164,6 +171,8 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
     if cells is None:
         from ..mesh.coded_points import triangulated
 
+        there = valued(points, values)
+        points, values = (points, values) if there is None else (points[there], values[there])
         points, cells, values = triangulated(points, values)
     if values.shape != (len(points),):
         raise InputError(f"{values.shape} values for {len(points)} points", code="values")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from .placement import CRS
 
@@ -62,3 +63,12 @@ class Mesh:
     def metadata(self) -> dict[str, str]:
         """The notes that a file of this mesh gets."""
         return {**self.notes, **({CRS: self.crs} if self.crs else {})}
+
+
+def valued(points: ArrayLike, values: ArrayLike) -> NDArray[np.bool_] | None:
+    """Find which scattered points have values in all frames, (V,) bool; None if all of them have."""
+    found: NDArray[Any] = np.asarray(values)
+    if found.dtype.kind != "f" or found.shape[-1:] != (len(np.asarray(points)),):
+        return None
+    there = ~np.isnan(found).reshape(-1, found.shape[-1]).any(axis=0)
+    return None if there.all() else there

@@ -215,7 +215,7 @@ def _table(source: InputFile, _: Choice) -> MeshRead:
             names = [*"xyz", *(f"column {i}" for i in range(4, len(names) + 1))][: len(names)]
         rows = np.loadtxt(
             source.path, delimiter=None if divider == " " else divider, skiprows=int(named), ndmin=2,
-            encoding="utf-8-sig",
+            encoding="utf-8-sig", converters=None if divider == " " else _number,
         )
     if rows.shape[1] != len(names) or len(names) < 3:
         raise InputError(
@@ -228,6 +228,11 @@ def _table(source: InputFile, _: Choice) -> MeshRead:
         across, up = 0, 1
     values = {name: rows[:, i] for i, name in enumerate(names) if i not in (across, up)}
     return MeshRead(np.ascontiguousarray(rows[:, [across, up]]), None, values)
+
+
+def _number(text: str) -> float:
+    """A number of a table; NaN where nothing is between two dividers."""
+    return float(text.strip() or "nan")
 
 
 def _is_number(text: str) -> bool:

@@ -209,10 +209,13 @@ def open_source(source: Any, options: ReadOptions) -> Opened:
     if hasattr(source, "data_vars"):
         source, key = variable(source, key), None
     choice = replace(options.choice, key=key)
+    if options.classes:
+        raise OptionError("classes are of point clouds (LAS, LAZ)", code="classes")
     if is_vtk(source):
         return OpenedVtk(source, choice)
     if is_described(source) or isinstance(source, np.ndarray):
-        asked = {"key": key, "channel": options.channel, "kind": options.kind}
+        asked = {"key": key, "channel": options.channel, "kind": options.kind,
+                 "average_cells": options.average_cells or None}
         for name, value in asked.items():
             if value is not None:
                 raise OptionError(f"{name} is for files, not for a {type(source).__name__}", code=name)
@@ -255,6 +258,11 @@ class OpenedArray(Opened):
         # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
         masked = "numpy.ma" in sys.modules and isinstance(array, np.ma.MaskedArray)
         self._array = array if masked else np.asarray(array)
+        if self._array.dtype.kind in "OUSV":
+            raise InputError(
+                f"is a {type(array).__name__}, not numbers", code="dtype",
+                remedy="give a path, a URL, an open file, an array, or an object of a library that reads fields",
+            )
         super().__init__(IN_MEMORY, Choice())
 
     def _open(self, choice: Choice) -> None:

@@ -10,6 +10,7 @@ import math
 import re
 import zipfile
 from collections.abc import Iterable
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,6 +48,8 @@ def mesh_of(contour: Contour, suffix: str = "a mesh") -> Any:
 def _single(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
     """PLY, STL (both binary) and OFF; the first two hold single precision by custom."""
     contour = next(iter(contours))
+    if contour.n == 2:
+        return _segments_ply(contour)
     if suffix == ".off" and len(contour.cells) == 0:
         return b"OFF\n0 0 0\n"
     places = {"digits": _digits(contour)} if suffix == ".off" else {}
@@ -62,6 +65,10 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
     trimesh = trimesh_for(suffix)
     scene = trimesh.Scene()
     digits = 8
+    if suffix == ".obj":
+        first, contours = _peeked(contours)
+        if first.n == 2:
+            return _lines_obj(contours)
     for contour in contours:
         if len(contour.cells):
             mesh = mesh_of(contour, suffix)
@@ -83,6 +90,43 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
         return _bytes(scene.export(file_type="obj", digits=digits, header=None))
     data = _bytes(scene.export(file_type=suffix[1:]))
     return _repacked(data) if suffix == ".3mf" else data
+
+
+def _peeked(contours: Iterable[Contour]) -> tuple[Contour, Iterable[Contour]]:
+    """The first contour, and all of them."""
+    rest = iter(contours)
+    first = next(rest)
+    return first, chain([first], rest)
+
+
+def _in_three(contour: Contour) -> NDArray[np.float64]:
+    """Points of a curve with three coordinates."""
+    return np.pad(contour.placed, ((0, 0), (0, 3 - contour.points.shape[1])))
+
+
+def _segments_ply(contour: Contour) -> bytes:
+    """A curve, in the plane or in space, as PLY in double precision with an edge for each segment."""
+    whole = contour.joined
+    head = [
+        "ply", "format binary_little_endian 1.0", f"element vertex {len(whole.points)}", "property double x",
+        "property double y", "property double z", f"element edge {len(whole.cells)}", "property int vertex1",
+        "property int vertex2", "end_header\n",
+    ]
+    return "\n".join(head).encode() + _in_three(whole).astype("<f8").tobytes() + whole.cells.astype("<i4").tobytes()
+
+
+def _lines_obj(contours: Iterable[Contour]) -> bytes:
+    """Curves, in the plane or in space, as lines of an object for each isovalue."""
+    lines: list[str] = []
+    start = 1
+    for contour in contours:
+        whole = contour.joined
+        digits = _digits(whole)
+        lines.append(f"o isovalue {contour.isovalue:.12g}")
+        lines += ["v " + " ".join(f"{number:.{digits}f}" for number in point) for point in _in_three(whole).tolist()]
+        lines += ["l " + " ".join(str(start + number) for number in walk) for walk in whole.walks]
+        start += len(whole.points)
+    return ("\n".join(lines) + "\n").encode()
 
 
 def _digits(contour: Contour) -> int:
@@ -152,21 +196,23 @@ def _binary_ply(
 _PLY = ".ply"
 
 
-def _one(suffix: str, cost: Cost, single: bool = True, sampled: bool = False) -> Output:
-    return Output("contour", (suffix,), suffix[1:].upper(), _single, (3,), single=single, sampled=sampled, extra="mesh",
-                  libraries=("trimesh",), cost={3: cost})
+def _one(suffix: str, cost: Cost, single: bool = True, lines: Cost | None = None) -> Output:
+    costs = {3: cost} if lines is None else {2: lines, 3: cost}
+    return Output("contour", (suffix,), suffix[1:].upper(), _single, tuple(costs), single=single, sampled=False,
+                  extra="mesh", libraries=("trimesh",), cost=costs)
 
 
-def _many(suffix: str, cost: Cost, *libraries: str, sampled: bool = True) -> Output:
-    return Output("contour", (suffix,), suffix[1:].upper(), _groups, (3,), (3,), "a named object each",
-                  sampled=sampled, extra="mesh", libraries=(*libraries, "trimesh"), cost={3: cost})
+def _many(suffix: str, cost: Cost, *libraries: str, lines: Cost | None = None) -> Output:
+    costs = {3: cost} if lines is None else {2: lines, 3: cost}
+    return Output("contour", (suffix,), suffix[1:].upper(), _groups, tuple(costs), tuple(costs), "a named object each",
+                  sampled=False, extra="mesh", libraries=(*libraries, "trimesh"), cost=costs)
 
 
 OUTPUTS = (
-    _one(_PLY, Cost(70, 52)),
+    _one(_PLY, Cost(70, 52), lines=Cost(100, 60)),
     _one(".stl", Cost(120, 280)),
-    _one(".off", Cost(170, 220), single=False, sampled=True),
-    _many(".obj", Cost(140, 200), sampled=False),
+    _one(".off", Cost(170, 220), single=False),
+    _many(".obj", Cost(140, 200), lines=Cost(1000, 400)),
     _many(".glb", Cost(90, 90)),
     _many(".3mf", Cost(600, 900), "networkx", "lxml"),
     Output("mesh", (_PLY,), "PLY", _mesh_ply, (2, 3), cost={2: Cost(80, 80), 3: Cost(80, 700)}),
