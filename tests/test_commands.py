@@ -37,7 +37,7 @@ VALUES = {
     "within": "2", "what": "mesh", "side": "below", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
     "steps": "2", "index": "2", "title": "t", "dpi": "50", "seen_from": "top", "map_interval": "20", "offset": "1",
     "limit_memory": "900M", "limit_work": "100000000", "limit_samples": "100000", "mesh": "known.npz", "kind": "iso",
-    "key": "a", "channel": "0", "nodata": "1", "metadata": "a=b",
+    "key": "a", "channel": "0", "classes": "2", "nodata": "1", "metadata": "a=b",
 }
 """A value for each option that takes one."""
 

@@ -17,23 +17,25 @@ from .reading import reading
 from .source import InputFile
 
 _GMSH = ".msh"
-_BEGIN = b"$MeshFormat"
 _FORMS = {_GMSH: "gmsh", ".ply": "ply", ".obj": "obj", ".stl": "stl", ".off": "off"}
 
 
 def _by_meshio(source: InputFile, choice: Choice) -> MeshRead:
     meshio = optional("meshio", extra="vtk", purpose=f"reading {source.path.suffix}")
     pyvista = optional("pyvista", extra="vtk", purpose=f"reading {source.path.suffix}")
-    suffix = source.path.suffix.lower()
-    # the suffix is also that of files of ANSYS, whose reader may never end
-    with source.path.open("rb") as file:
-        if suffix == _GMSH and not file.read(1 << 16).lstrip().startswith((_BEGIN, b"$Comments")):
-            raise InputError("is not a file of Gmsh", code="unreadable")
+    form = _FORMS[source.path.suffix.lower()]
+    if source.named(_GMSH):
+        text = source.path.read_bytes().strip()
+        if text.startswith(b"("):
+            form = "ansys"
+        # the reader of ANSYS looks for the end of a list for ever
+        if not text.startswith((b"$", b"(")) or (form == "ansys" and not text.endswith(b")")):
+            raise InputError("is not a mesh of Gmsh or ANSYS, or ends early", code="unreadable")
     with reading("mesh"):
         try:
             # the library prints its complaint on the console, and then ends the process
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-                found = meshio.read(source.path, _FORMS[suffix])
+                found = meshio.read(source.path, form)
         except SystemExit:
             raise InputError("cannot be read as a mesh", code="unreadable") from None
         grid = pyvista.from_meshio(found)

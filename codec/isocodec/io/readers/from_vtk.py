@@ -147,7 +147,7 @@ def _other(source: InputFile, name: str) -> InputFile:
 
 
 def _steps(source: InputFile, key: str | None) -> list[Callable[[], Blocks]]:
-    """What gives the blocks of each time; of most files there is one."""
+    """Loaders of the blocks of each time; of most files there is one."""
     kind = _kind_of(source)
     if kind == _COLLECTION:
         return [partial(_blocks_of_time, source, time, key) for time in _times(source)]
@@ -183,7 +183,7 @@ def _blocks(source: InputFile, key: str | None, depth: int = 0) -> Blocks:
 
 
 def _inner_key(key: str | None, block: str) -> str | None:
-    """The part of a key that follows the name of a block."""
+    """Cut the name of a block off a key; None if it does not begin with that."""
     return key[len(block) + 1 :] if key is not None and key.startswith(f"{block}/") else None
 
 
@@ -409,7 +409,7 @@ def _numbered(key: str) -> str:
 
 
 def _averaged(data: Any) -> Any:
-    """The same data with the values of its cells at its points, each the mean of the cells around."""
+    """Average values of cells at points: each the mean of the cells around it."""
     mean = _vtk("vtkFiltersCore").vtkCellDataToPointData()
     mean.SetInputData(data)
     mean.Update()
@@ -417,7 +417,7 @@ def _averaged(data: Any) -> Any:
 
 
 def _ghosts(attributes: Any, bits: int) -> Array | None:
-    """Which points or cells have one of these bits; None without any."""
+    """Find the points or cells that have one of these bits; None without any."""
     array = attributes.GetArray(_GHOSTS)
     found = None if array is None else (_vtk("util.numpy_support").vtk_to_numpy(array) & bits) != 0
     return found if found is not None and found.any() else None
@@ -480,7 +480,7 @@ def _in_axes(array: Array, sides: Sequence[int], kept: Sequence[int]) -> Array:
 
 
 def _place_of(data: Any, sides: Sequence[int], kept: list[int], centred: bool) -> Placement:
-    """Where the samples of a grid lie."""
+    """Placement of the samples of a grid."""
     n = len(kept)
     if data.IsA("vtkImageData"):
         turned = data.GetDirectionMatrix()

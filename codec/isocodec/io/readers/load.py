@@ -58,7 +58,7 @@ class ReadOptions:
 
     @property
     def choice(self) -> Choice:
-        """What of a source that holds several things is taken."""
+        """Choice from a source that holds several things."""
         return Choice(self.key, self.channel, self.frame, self.average_cells, tuple(self.classes))
 
 

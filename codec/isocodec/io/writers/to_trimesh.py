@@ -10,7 +10,6 @@ import math
 import re
 import zipfile
 from collections.abc import Iterable
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from ...drawing.contour import Contour
     from ...drawing.tessellation import Tessellation
 
+_PLY, _OBJ = ".ply", ".obj"
 _UUID = re.compile(rb'"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}"')
 _THE_DAY = (1980, 1, 1, 0, 0, 0)
 
@@ -48,8 +48,6 @@ def mesh_of(contour: Contour, suffix: str = "a mesh") -> Any:
 def _single(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
     """PLY, STL (both binary) and OFF; the first two hold single precision by custom."""
     contour = next(iter(contours))
-    if contour.n == 2:
-        return _segments_ply(contour)
     if suffix == ".off" and len(contour.cells) == 0:
         return b"OFF\n0 0 0\n"
     places = {"digits": _digits(contour)} if suffix == ".off" else {}
@@ -65,10 +63,6 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
     trimesh = trimesh_for(suffix)
     scene = trimesh.Scene()
     digits = 8
-    if suffix == ".obj":
-        first, contours = _peeked(contours)
-        if first.n == 2:
-            return _lines_obj(contours)
     for contour in contours:
         if len(contour.cells):
             mesh = mesh_of(contour, suffix)
@@ -83,20 +77,13 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
         del contour
     if not scene.geometry:
         # the library would write keywords without numbers, or none at all, which no reader takes
-        if suffix == ".obj":
+        if suffix == _OBJ:
             return b"# empty isosurface\n"
         raise OptionError(f"the surface is empty, and {suffix} cannot hold that", code="empty")
-    if suffix == ".obj":
+    if suffix == _OBJ:
         return _bytes(scene.export(file_type="obj", digits=digits, header=None))
     data = _bytes(scene.export(file_type=suffix[1:]))
     return _repacked(data) if suffix == ".3mf" else data
-
-
-def _peeked(contours: Iterable[Contour]) -> tuple[Contour, Iterable[Contour]]:
-    """The first contour, and all of them."""
-    rest = iter(contours)
-    first = next(rest)
-    return first, chain([first], rest)
 
 
 def _in_three(contour: Contour) -> NDArray[np.float64]:
@@ -104,9 +91,9 @@ def _in_three(contour: Contour) -> NDArray[np.float64]:
     return np.pad(contour.placed, ((0, 0), (0, 3 - contour.points.shape[1])))
 
 
-def _segments_ply(contour: Contour) -> bytes:
+def _segments_ply(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
     """A curve, in the plane or in space, as PLY in double precision with an edge for each segment."""
-    whole = contour.joined
+    whole = next(iter(contours)).joined
     head = [
         "ply", "format binary_little_endian 1.0", f"element vertex {len(whole.points)}", "property double x",
         "property double y", "property double z", f"element edge {len(whole.cells)}", "property int vertex1",
@@ -115,7 +102,7 @@ def _segments_ply(contour: Contour) -> bytes:
     return "\n".join(head).encode() + _in_three(whole).astype("<f8").tobytes() + whole.cells.astype("<i4").tobytes()
 
 
-def _lines_obj(contours: Iterable[Contour]) -> bytes:
+def _lines_obj(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
     """Curves, in the plane or in space, as lines of an object for each isovalue."""
     lines: list[str] = []
     start = 1
@@ -193,26 +180,26 @@ def _binary_ply(
     return "\n".join(head).encode() + vertex.tobytes() + face.tobytes()
 
 
-_PLY = ".ply"
 
 
-def _one(suffix: str, cost: Cost, single: bool = True, lines: Cost | None = None) -> Output:
-    costs = {3: cost} if lines is None else {2: lines, 3: cost}
-    return Output("contour", (suffix,), suffix[1:].upper(), _single, tuple(costs), single=single, sampled=False,
-                  extra="mesh", libraries=("trimesh",), cost=costs)
+def _one(suffix: str, cost: Cost, single: bool = True) -> Output:
+    return Output("contour", (suffix,), suffix[1:].upper(), _single, (3,), single=single, sampled=False, extra="mesh",
+                  libraries=("trimesh",), cost={3: cost})
 
 
-def _many(suffix: str, cost: Cost, *libraries: str, lines: Cost | None = None) -> Output:
-    costs = {3: cost} if lines is None else {2: lines, 3: cost}
-    return Output("contour", (suffix,), suffix[1:].upper(), _groups, tuple(costs), tuple(costs), "a named object each",
-                  sampled=False, extra="mesh", libraries=(*libraries, "trimesh"), cost=costs)
+def _many(suffix: str, cost: Cost, *libraries: str) -> Output:
+    return Output("contour", (suffix,), suffix[1:].upper(), _groups, (3,), (3,), "a named object each", sampled=False,
+                  extra="mesh", libraries=(*libraries, "trimesh"), cost={3: cost})
 
 
 OUTPUTS = (
-    _one(_PLY, Cost(70, 52), lines=Cost(100, 60)),
+    _one(_PLY, Cost(70, 52)),
+    Output("contour", (_PLY,), "PLY", _segments_ply, sampled=False, cost={2: Cost(100, 60)}),
     _one(".stl", Cost(120, 280)),
     _one(".off", Cost(170, 220), single=False),
-    _many(".obj", Cost(140, 200), lines=Cost(1000, 400)),
+    _many(_OBJ, Cost(140, 200)),
+    Output("contour", (_OBJ,), "OBJ", _lines_obj, (2,), (2,), "an object each", sampled=False,
+           cost={2: Cost(1000, 400)}),
     _many(".glb", Cost(90, 90)),
     _many(".3mf", Cost(600, 900), "networkx", "lxml"),
     Output("mesh", (_PLY,), "PLY", _mesh_ply, (2, 3), cost={2: Cost(80, 80), 3: Cost(80, 700)}),
