@@ -308,4 +308,4 @@ def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.Ca
     with pytest.raises(InputError):
         read_field(tmp_path / "cut.vti", key="a")
     (tmp_path / "other.vti").write_bytes(b"whatever")
-    assert "not VTK image data" in fails(3, "encode", tmp_path / "other.vti", "-o", tmp_path / "a.iso", "--isovalue", 1)
+    assert "not a file of VTK" in fails(3, "encode", tmp_path / "other.vti", "-o", tmp_path / "a.iso", "--isovalue", 1)

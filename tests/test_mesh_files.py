@@ -62,8 +62,8 @@ def test_what_cannot_be_read(tmp_path):
     (tmp_path / "cut.vtu").write_bytes(path.read_bytes()[:300])
     (tmp_path / "mesh.txt").write_bytes(path.read_bytes())
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    meshio.Mesh(square, [("quad", [[0, 1, 2, 3]])]).write(tmp_path / "quads.vtu")
-    for name in ("cut.vtu", "mesh.txt", "quads.vtu"):
+    meshio.Mesh(square, [("line", [[0, 1], [1, 2]])]).write(tmp_path / "lines.vtu")
+    for name in ("cut.vtu", "mesh.txt", "lines.vtu"):
         with pytest.raises(InputError):
             read_mesh(tmp_path / name)
     in_space = np.pad(points, ((0, 0), (0, 1)))

@@ -12,6 +12,7 @@ import h5py
 import meshio
 import numpy as np
 import pytest
+import pyvista as pv
 import vtk
 import xarray
 import zarr
@@ -53,6 +54,36 @@ def dicom(path: Path) -> None:
     one.BitsAllocated, one.BitsStored, one.HighBit, one.PixelRepresentation = 16, 16, 15, 0
     one.PixelData = np.arange(1200, dtype=np.uint16).tobytes()
     one.save_as(path, enforce_file_format=True)
+
+
+def of_pyvista(path: Path, suffix: str) -> None:
+    """Grids, meshes, parallel files with one piece, and collections of one."""
+    image = pv.ImageData(dimensions=(4, 5, 6))
+    data = {"r": image.cast_to_rectilinear_grid(), "s": image.cast_to_structured_grid(), "u": image.to_tetrahedra(),
+            "p": pv.Sphere(theta_resolution=6, phi_resolution=5)}.get(suffix[-1], image)
+    data.clear_data()
+    data.point_data["height"] = np.arange(data.n_points, dtype=float)
+    if suffix in (".xdmf", ".xmf"):
+        path.write_text(
+            '<Xdmf><Domain><Grid Name="g"><Topology TopologyType="2DCoRectMesh" Dimensions="3 4"/><Geometry '
+            'GeometryType="ORIGIN_DXDY"><DataItem Dimensions="2">0 0</DataItem><DataItem Dimensions="2">1 1</DataItem>'
+            '</Geometry><Attribute Name="a" Center="Node"><DataItem Dimensions="3 4">1 2 3 4 5 6 7 8 9 10 11 12'
+            "</DataItem></Attribute></Grid></Domain></Xdmf>"
+        )
+    elif suffix in (".vtm", ".pvd"):
+        data.save(path.with_name("part.vti"))
+        kind, inner = {".vtm": ("vtkMultiBlockDataSet",) * 2, ".pvd": ("Collection",) * 2}[suffix]
+        path.write_text(f'<VTKFile type="{kind}" version="1.0"><{inner}><DataSet index="0" file="part.vti"/></{inner}>'
+                        "</VTKFile>")
+    elif suffix.startswith(".pv"):
+        name = "UnstructuredGrid" if suffix == ".pvtu" else "PolyData" if suffix == ".pvtp" else {
+            "i": "ImageData", "r": "RectilinearGrid", "s": "StructuredGrid"}[suffix[-1]]
+        writer = getattr(vtk, f"vtkXMLP{name}Writer")()
+        writer.SetFileName(str(path))
+        writer.SetInputData(data)
+        writer.Write()
+    else:
+        data.save(path)
 
 
 def image_data(path: Path) -> None:
@@ -103,6 +134,8 @@ def made(folder: Path, suffix: str) -> Path:
             file["x"] = CELLS[0]
     elif suffix == ".vti":
         image_data(path)
+    elif suffix.startswith((".vt", ".pv", ".x")) and suffix not in (".vtu", ".xyz"):
+        of_pyvista(path, suffix)
     elif suffix == ".dcm":
         dicom(path)
     elif suffix in GRIB:
@@ -247,5 +280,7 @@ def test_meshes_and_points(tmp_path: Path) -> None:
     assert holds_mesh(tmp_path / "mesh.npz") and not holds_mesh(made(tmp_path, ".npz"))
     assert isocodec.read(tmp_path / "mesh.npz").values is None
     assert np.array_equal(isocodec.read(tmp_path / "mesh.npz", key="b").values, np.zeros(5))
-    with pytest.raises(OptionError, match="frame does not apply"):
+    with pytest.raises(OptionError, match="there is no frame 1"):
         isocodec.read(tmp_path / "mesh.npz", frame=1)
+    with pytest.raises(OptionError, match="frame does not apply"):
+        isocodec.read(made(tmp_path, ".csv"), frame=1)

@@ -49,8 +49,9 @@ def read_input(source: Any, options: ReadOptions, values: str | None = None) -> 
     """
     if values is None:
         return load(source, options)
-    found = read_mesh(source, options.samples)
-    return Mesh(found.points, found.cells, found.values_named(values), crs=found.crs)
+    name = values if options.key is None else f"{options.key}/{values}"
+    choice = replace(options.choice, key=name)
+    return read_mesh(source, options.samples, choice, follow=options.follow).mesh(name)
 
 
 def mesh_in(path: str) -> tuple[Any, Any]:
@@ -196,6 +197,8 @@ class Observed:
             self.what = replace(what, fields=_Changed(what.fields, self._see, self._fields.clear))
         if isinstance(what, Field) and isinstance(what.values, np.ndarray):
             self._see(what)
+        if isinstance(what, Mesh) and what.values is not None:
+            self._see(Field(what.values))
 
     def _see(self, field: Field) -> Field:
         self._fields.append(_Seen.of(field))
@@ -209,7 +212,7 @@ class Observed:
         out: dict[str, Any] = {"shape": list(shape), "isovalues": [float(value) for value in file.isovalues]}
         if isinstance(self.what, Frames):
             out["frames"] = file.frames
-        if self._fields:
+        if self._fields and not isinstance(self.what, Mesh):
             out["dtype"] = str(self._fields[0].dtype)
             out["missing"] = sum(one.missing for one in self._fields)
         if isinstance(self.what, Mesh):
@@ -233,7 +236,7 @@ class Observed:
         for isovalue in file.isovalues:
             if not low <= isovalue < high:
                 out.append(f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
-        return [*out, *self._ties(file.isovalues, keywords)]
+        return out if isinstance(self.what, Mesh) else [*out, *self._ties(file.isovalues, keywords)]
 
     def _ties(self, isovalues: Sequence[float], keywords: Mapping[str, Any]) -> list[str]:
         precision = str(keywords.get("precision", ""))
@@ -347,6 +350,11 @@ def as_points(what: Any) -> Mesh:
 
 def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:
     """Prepare input for thinning, with remarks; for a file, a field with holes becomes scattered points."""
+    if isinstance(what, Mesh) and (what.cells is not None or what.values is None):
+        raise InputError(
+            "a terrain surface needs z = f(x, y): a field, or points with one value each", code="surface",
+            remedy="encode contours of values on a mesh instead: --values NAME; x, y and z are its coordinates",
+        )
     remarks = []
     count = len(np.asarray(what.points)) if isinstance(what, Mesh) else what.values.size
     if isinstance(what, Field) and what.values.ndim == 2 and (gone := missing_of(what.values, what.mask)).any():

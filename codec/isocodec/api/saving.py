@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from numpy.typing import ArrayLike
 
 from ..drawing.contour import Contour
+from ..drawing.tessellation import Tessellation
 from ..errors import InputError, OptionError
 from ..field.framed import Frames
 from ..field.meshed import Mesh
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 
 def save(
     path: str | os.PathLike[str],
-    what: bytes | Contour | Collection[Contour] | IsoFile | ArrayLike | Field | Frames | Mesh | Tin | SpatialImage,
+    what: bytes | Contour | Collection[Contour] | Tessellation | IsoFile | ArrayLike | Field | Frames | Mesh | Tin
+    | SpatialImage,
     isovalue: Isovalues | None = None,
     *,
     tile: int | None = None,
@@ -41,12 +43,11 @@ def save(
     Parameters
     ----------
     path : path
-        Written completely or not at all. The suffix chooses the format: ``.iso``, or one of those in ``isocodec decode
-        --help``.
-    what : bytes, IsoFile, Contour, several Contours, Tin, or what `encode` takes
-        For ``.iso``: bytes and an IsoFile are written unchanged, everything else is encoded. For other formats:
-        contours, a Tin, or bytes and an IsoFile, which are decoded: a surface to its points and triangles, other files
-        to their contours.
+        Written whole, or not at all. The suffix names the format: ``.iso``, or one of ``isocodec decode --help``.
+    what : bytes, IsoFile, Contour, several Contours, Tin, Tessellation, or what `encode` takes
+        For ``.iso``: bytes and an IsoFile are written as they are, everything else is encoded. For other formats:
+        contours, a Tin, the mesh of `IsoFile.mesh`, or bytes and an IsoFile, which are decoded: a surface to its points
+        and triangles, other files to their contours.
     isovalue : optional
         Isovalues to encode, as for `encode`; or isovalues of the file whose contours are to be written.
     tile : int, optional
@@ -131,7 +132,7 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
         else:
             values = isovalue if isinstance(isovalue, list | tuple) else [isovalue]
             contours = file.contours() if isovalue is None else [file.contour(value) for value in values]
-    if isinstance(what, Tin):
+    if isinstance(what, Tin | Tessellation):
         write(path, what)
         return
     if not contours:

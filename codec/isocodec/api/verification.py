@@ -14,6 +14,7 @@ from isospec.container import DomainKind
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS, DecodedSamples, values_of_steps
 from ..field.labelling import having
+from ..field.meshed import valued
 from ..field.placement import COORDINATE_UNIT, CRS, Placement, closed, read_placement
 from ..field.sampled import UNIT, Field
 from ..field.samples import Samples, check_field, interval_value, without_holes
@@ -247,7 +248,10 @@ def _compared(
     limit = measured + ROUNDING
 
     def far(other: Contour) -> tuple[float, float]:
-        return hausdorff(contour.points / size, contour.cells, other.points / size, other.cells, measured)
+        # segments in space as triangles without an area
+        both = (contour, other)
+        cells, others = (one.cells[:, [0, 1, 1]] if one.points.shape[1] > one.n else one.cells for one in both)
+        return hausdorff(contour.points / size, cells, other.points / size, others, measured)
 
     there, back = far(first)
     broken = promise.within is not None and max(there, back) > promise.within / size + limit
@@ -267,8 +271,9 @@ def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str
         original = _drawn(points, cells, values, contour.isovalue)
         wrong = None
         if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN:
-            # a mesh in the file has its vertices in a different order
-            wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above).sum())
+            # a mesh in the file has its vertices in another order
+            used = np.unique(cells)
+            wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above)[used].sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
         size = float(np.median(np.sqrt((edges**2).sum(axis=1))))
         promise = _of_points(held.info, within, points, notes, frame or 0, number)
@@ -310,6 +315,9 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
             raise InputError("values on a mesh need their mesh", code="mesh", remedy="give a Mesh, or open(.., mesh=)")
         points, cells = held.mesh_given
         values = field
+    if values is None:
+        raise InputError("the mesh has several values at its points, or none", code="values",
+                         remedy="name them: --key NAME (key= in Python)")
     values = np.asarray(values)
     if values.ndim == 2:
         values = values[frame or 0]
@@ -317,6 +325,8 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
     if cells is None:
         from ..mesh.coded_points import triangulated
 
+        there = valued(points, values)
+        points, values = (points, values) if there is None else (points[there], values[there])
         points, cells, values = triangulated(points, values)
     if values.shape != (len(points),):
         raise InputError(f"{values.shape} values for {len(points)} points", code="values")

@@ -58,7 +58,7 @@ GRIDS = (*PLACES, "no_placement", "coordinates_error", "periodic", "period", "la
          "bbox")
 """Options of sampled grids."""
 APART = {
-    "values": ("frames", "frame_axis", "key", *GRIDS),
+    "values": ("frames", "frame_axis", *GRIDS),
     "surface": ("labels", "interval", "offset", "independent", "precision", "keep_topology", "frames", "frame_axis",
                 "frame_interval", "periodic", "period", "coordinates_error", "missing"),
     "tile": ("labels", "independent", "keep_topology", "layers", "frames", "frame_axis", "frame_interval", "periodic",
@@ -255,9 +255,9 @@ def encode_command(options: EncodeArguments) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
-    (a folder of slices, or a file) or .vti; - for standard input, or a URL. With --values, INPUT is a mesh of triangles
-    or tetrahedra: .vtu, .msh, .ply, .xdmf, or .npz with points and cells; or a table of scattered points, which are
-    triangulated: .csv, .xyz, .las, .laz, .gpkg.
+    (a folder of slices, or a file), or a grid of VTK or XDMF; - for standard input, or a URL. With --values it is a
+    mesh of triangles or tetrahedra: .vtu, .vtp, .vtk, .msh, .ply, .xdmf, .obj, .stl (values: x, y or z), or .npz with
+    points and cells; or it holds scattered points, which are joined to triangles: .csv, .xyz, .las, .laz, .gpkg.
 
     With --tile, INPUT is read one tile at a time (.npy, GeoTIFF, Zarr, HDF5, NetCDF; other formats at once). Curves of
     neighbouring tiles meet without seams, and decode --window reads only a part of the file, also from a URL.

@@ -321,7 +321,8 @@ class Reading(Arguments):
     """A command that reads a field."""
 
     key: str | None = option("--key", heading=INPUT, metavar="NAME",
-                             help="Array of a file with several; series, stack or segment of DICOM; values of a mesh.")
+                             help="Array of a file with several (of VTK also BLOCK/ARRAY, ARRAY:x, "
+                                  "ARRAY:magnitude); series, stack or segment of DICOM; values of a mesh.")
     channel: int | None = option("--channel", heading=INPUT, type=WHOLE, metavar="N",
                                  help="Channel of a colour picture, from 0.")
     band: int | None = option("--band", heading=INPUT, type=COUNT, metavar="N",
@@ -340,6 +341,10 @@ class Reading(Arguments):
                           help="Read other files that INPUT refers to by a path.")
     slice_tolerance: float | None = option("--slice-tolerance", heading=INPUT, type=float, metavar="MM",
                                            help="Distance that slices of DICOM may lie from even steps.")
+    average_cells: bool = option("--average-cells", heading=INPUT, is_flag=True,
+                                 help="Average values of cells at their points (VTK, meshes).")
+    classes: tuple[float, ...] | None = option("--classes", heading=INPUT, type=NumbersType(), metavar="K[,K..]",
+                                               help="Take points of these classes (LAS).  [default: all but noise]")
     limit_samples: int | None = option("--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
                                        help=f"Limit on the number of samples.  [default: {FIELD_SAMPLES:,}]")
 
@@ -352,7 +357,8 @@ class Reading(Arguments):
         return ReadOptions(
             key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=self.kind,
             samples=self.limit_samples, follow=self.follow, slice_tolerance=self.slice_tolerance, band=self.band,
-            bbox=self.bbox, **more,
+            bbox=self.bbox, average_cells=self.average_cells,
+            classes=tuple(int(number) for number in self.classes or ()), **more,
         )
 
     def read(self, source: str, values: str | None = None, **more: Any) -> Any:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from .placement import COORDINATE_UNIT, CRS
 
@@ -46,7 +47,9 @@ class Mesh:
     unit : str or None
         Unit of the coordinates, ``mm``; or one for each. A reference system that states its units comes before it.
     notes : mapping of str to str
-        Texts and single numbers from the source.
+        Words and single numbers from the source.
+    remarks : sequence of str
+        What of the source is left out or changed.
     """
 
     points: ArrayLike
@@ -59,9 +62,19 @@ class Mesh:
     crs: str | None = None
     unit: str | None = None
     notes: Mapping[str, str] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
 
     @property
     def metadata(self) -> dict[str, str]:
         """The notes that a file of this mesh gets."""
         own = {CRS: self.crs, COORDINATE_UNIT: self.unit}
         return {**self.notes, **{key: text for key, text in own.items() if text}}
+
+
+def valued(points: ArrayLike, values: ArrayLike) -> NDArray[np.bool_] | None:
+    """Find which scattered points have values in all frames, (V,) bool; None if all of them have."""
+    found: NDArray[Any] = np.asarray(values)
+    if found.dtype.kind != "f" or found.shape[-1:] != (len(np.asarray(points)),):
+        return None
+    there = ~np.isnan(found).reshape(-1, found.shape[-1]).any(axis=0)
+    return None if there.all() else there

@@ -15,7 +15,7 @@ from ..field.sampled import Field
 from ..field.samples import Samples
 from ..tin.tin import Tin
 from .container import ContainerEncoder, Ending
-from .given import field_of, frames_of, levels_of, options_of, placement_of_file, samples_of
+from .given import field_of, frames_of, levels_of, options_of, placement_of_file, samples_of, taken
 from .grid_encoder import GridEncoder, GridFrames, Report, grid_file
 from .mesh_encoder import MeshEncoder, MeshFrames
 from .options import EncodeOptions, Isovalues, Options
@@ -35,6 +35,7 @@ def encoder_of(
         return SurfaceEncoder(what, asked)
     if isinstance(what, Frames):
         return _SeriesEncoder(what, isovalue, asked, progress)
+    what = taken(what)
     if isinstance(what, Mesh):
         return MeshEncoder(what, levels_of(what, isovalue, asked, [what]), asked)
     return grid_encoder(field_of(what), isovalue, asked, progress)

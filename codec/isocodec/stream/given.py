@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -25,6 +26,17 @@ from .options import COORDINATES_SHARE, PROMISE, Options, Precision
 from .placing import without_folds
 
 
+def taken(what: Any) -> Any:
+    """Input as it is, or what `isocodec.read` makes of an object of another library that states more than an array."""
+    if isinstance(what, str | os.PathLike):
+        raise InputError("the field is a path", code="field", remedy="read it first: isocodec.read(path)")
+    if isinstance(what, np.ndarray | Field | Mesh):
+        return what
+    from ..io.readers.load import is_described, read
+
+    return read(what) if is_described(what) else what
+
+
 def field_of(what: Any) -> Field:
     """Convert samples to a `Field`: an array, or an object of another library with everything that it states.
 
@@ -33,11 +45,10 @@ def field_of(what: Any) -> Field:
     InputError
         As `isocodec.read`.
     """
-    if not isinstance(what, np.ndarray | Field):
-        from ..io.readers.load import is_described, read
-
-        what = read(what) if is_described(what) else what
-    return what if isinstance(what, Field) else Field(what)
+    found = taken(what)
+    if isinstance(found, Mesh):
+        raise InputError("is a mesh, not a field", code="field")
+    return found if isinstance(found, Field) else Field(found)
 
 
 def placement_of_file(field: Field, options: Options) -> Placement | None:

@@ -31,7 +31,9 @@ from .outline import check_explicit
 from .session import Session
 
 HISTORY_PER_CELL = 300
-"""Approximate memory, in bytes, of the history of a mesh per cell."""
+"""Bytes that the history of a mesh takes for a cell, about."""
+OPEN = 1e-6
+"""Least share of its area that a surface which is not closed faces to one side more than to the other."""
 ELEMENTS = 64
 """Number of vertices and cells that count as a unit of work when an isovalue begins or a round ends."""
 PER_CELL = 200
@@ -168,11 +170,32 @@ class MeshContents:
         found = self.strand(number)
         if found is None or found.edges is None or self._domain is None or self._points is None:
             raise TruncatedError("the file ends before its mesh and signs are complete", code="truncated")
-        cells = self._domain.mesh.cell if whole else self._domain.mesh.cell[found.leaves]
+        cells = self._wound(self._domain)
+        cells = cells if whole else cells[found.leaves]
         return Tessellation(
             self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self.above(number), found.value,
             (), self._session.complete, metadata=dict(self.outline.metadata),
         )
+
+    def _wound(self, domain: Complex) -> NDArray[np.int64]:
+        """Cells that all run the same way round: as the axes do, or on a surface in space as in the given mesh.
+
+        A file does not keep the latter. Triangles then run so that what they enclose has a positive volume, and if
+        they enclose nothing, counter-clockwise for whoever looks against the axis that most of them face.
+        """
+        assert self._points is not None
+        n, cells = domain.n, domain.mesh.cell
+        in_space = domain.mesh.position.shape[1] > n
+        if in_space and self.head is not None and self.head.kind == DomainKind.KNOWN:
+            return cells
+        cells = np.where(domain.mirrored[:, None], cells[:, [*range(n - 1), n, n - 1]], cells)
+        if not in_space:
+            return cells
+        a, b, c = (self._points[cells[:, i]] - self._points[cells].mean(axis=(0, 1)) for i in range(3))
+        across = np.cross(b - a, c - a)
+        facing = across.sum(axis=0)[np.abs(across.sum(axis=0)).argmax()]
+        size = facing if abs(facing) > OPEN * np.abs(across).sum() else (a * across).sum()
+        return cells[:, [0, 2, 1]] if size < 0 else cells
 
     def _ratio(self, found: MeshIsovalue) -> NDArray[np.float64]:
         """Positions of crossings on edges, measured from the lower vertex."""

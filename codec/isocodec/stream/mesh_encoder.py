@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
 from ..errors import InputError, OptionError
-from ..field.meshed import Mesh
+from ..field.meshed import Mesh, valued
 from ..field.placement import COORDINATE_UNIT, CRS
 from ..field.samples import Samples, isovalue_of
 from ..field.stretch import in_unit
@@ -23,7 +24,7 @@ from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, w
 from ..format.frames import as_last, write_frame, write_interval
 from ..format.header import Header
 from ..mesh.coded_points import encoded_points, triangulated
-from ..mesh.complex import complex_of
+from ..mesh.complex import EXTENT_BITS, complex_of, neighbours
 from ..mesh.history import has_levels, history_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import encoded_mesh
@@ -87,12 +88,20 @@ class MeshFrames:
         points, cells, values = mesh.points, mesh.cells, mesh.values
         if values is None:
             raise InputError("the mesh has no values", code="values", remedy="give a value for each point")
-        self._scattered: ArrayLike | None = None
+        self._scattered: NDArray[Any] | None = None
+        self._there: NDArray[np.bool_] | None = None
         if cells is None:
+            points, self._there = np.asarray(points), valued(points, values)
+            if self._there is not None:
+                gone = int((~self._there).sum())
+                warnings.warn(f"{gone:,} points without a value (NaN) are left out", stacklevel=6)
+                points, values = points[self._there], np.asarray(values)[..., self._there]
             self._scattered = points
             points, cells, values = triangulated(points, values)
+            cells = without_slivers(points, cells)
         self.domain, self._points = complex_of(points, cells)
-        self._size = len(self.domain.mesh.position), len(self.domain.mesh.cell)
+        self._cells = self.domain.mesh.cell
+        self._size = len(self.domain.mesh.position), len(self._cells)
         self._source = np.arange(self._size[0])
         self.given = first = _frames_of(values)
         for each in first:
@@ -126,6 +135,7 @@ class MeshFrames:
             If the values cannot be encoded.
         """
         if self._scattered is not None:
+            values = np.asarray(values) if self._there is None else np.asarray(values)[..., self._there]
             values = triangulated(self._scattered, values)[2]
         return self.merged_chunks(np.asarray(values))
 
@@ -175,6 +185,11 @@ class MeshFrames:
     def _fields(self, values: NDArray[Any]) -> list[Samples]:
         """Prepare the values of a frame at the vertices of the mesh, for each isovalue."""
         step = self.options.precision.step
+        if values.dtype.kind == "f" and np.isnan(values).any() and values.shape == self._size[:1]:
+            used = np.zeros(len(values), np.bool_)
+            used[self._cells] = True
+            # no cell asks for the others
+            values = np.where(used, values, values.dtype.type(0))
         found = [vertex_field(values, *self._size, one, step) for one in self.series.isovalues]
         return [replace(one, values=one.values[self._source], signs=one.signs[self._source]) for one in found]
 
@@ -380,6 +395,19 @@ def _in_unit(options: Options, mesh: Mesh) -> Options:
     notes = {**mesh.metadata, **options.metadata}
     number = in_unit(text, np.asarray(mesh.points), notes.get(COORDINATE_UNIT), notes.get(CRS))
     return replace(options, precision=options.precision.in_cells(lambda _: number))
+def without_slivers(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Leave out triangles at the border that are too flat for positions of a mesh, where points lie in a line but for
+    rounding."""
+    unit = float(np.ptp(points, axis=0).max()) * 2.0 ** (1 - EXTENT_BITS[2])
+    while True:
+        corners = points[cells]
+        sides = corners[:, [1, 2, 0]] - corners
+        area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+        flat = area <= 2 * unit * np.sqrt((sides**2).sum(axis=2)).max(axis=1)
+        outside = flat & (neighbours(cells) < 0).any(axis=1) if flat.any() else flat
+        if not outside.any() or outside.all():
+            return cells
+        cells = cells[~outside]
 
 
 def _frames_of(values: ArrayLike) -> NDArray[Any]:

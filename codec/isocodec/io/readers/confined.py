@@ -255,7 +255,7 @@ def opened_by(format: Format) -> Callable[[InputFile, Choice], Opened]:
     return lambda source, choice: ConfinedOpened(format, source, choice)
 
 
-def mesh_by(format: MeshFormat, source: InputFile) -> MeshRead:
+def mesh_by(format: MeshFormat, source: InputFile, choice: Choice) -> MeshRead:
     """Read a mesh here, or in a process apart.
 
     Raises
@@ -263,9 +263,9 @@ def mesh_by(format: MeshFormat, source: InputFile) -> MeshRead:
     InputError, LimitError, OSError, MissingExtraError
     """
     if not format.confined:
-        return format.read(source)
+        return format.read(source, choice)
     with ReadingProcess(format.confined, format.extra, source) as process:
-        found: MeshRead = process.ask("mesh", source, stated=sys.maxsize, most=_OF_A_SAMPLE * source.samples)
+        found: MeshRead = process.ask("mesh", source, choice, stated=sys.maxsize, most=_OF_A_SAMPLE * source.samples)
         return found
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sqlite3
 from contextlib import closing
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ _STEPS = 1_000_000
 """Work of a query."""
 
 
-def _vector(source: InputFile) -> MeshRead:
+def _vector(source: InputFile, _: object) -> MeshRead:
     geopandas = optional("geopandas", extra="vector", purpose=f"reading {source.path.suffix}")
     with reading("vector file"):
         found, crs = _table(geopandas, source)
@@ -67,10 +66,10 @@ def _table(geopandas: Any, source: InputFile) -> tuple[Any, str | None]:
     return found, crs_text(found.crs)
 
 
-def _holds_points(path: Path) -> bool:
+def _holds_points(source: InputFile, _: object) -> bool:
     """Whether a GeoPackage holds no raster."""
     try:
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as file:
+        with closing(sqlite3.connect(f"{source.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as file:
             file.set_progress_handler(lambda: 1, _STEPS)
             kinds = {kind for (kind,) in file.execute("SELECT data_type FROM gpkg_contents")}
     except (sqlite3.Error, OSError):

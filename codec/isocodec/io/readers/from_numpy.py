@@ -9,7 +9,6 @@ import csv
 import io
 import zipfile
 from functools import cached_property
-from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from ...field.placement import CRS, PLACEMENT, Placement
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import DEFAULT_KEY, Choice, Format, Opened, numbers
 from .place_of_samples import open_grid, placed, placed_grid
-from .reading import pick_frame, reading
+from .reading import check_frame, pick_frame, reading
 from .source import InputFile
 from .windows import Windows
 
@@ -194,16 +193,16 @@ def _beside(source: InputFile, archive: zipfile.ZipFile, shape: tuple[int, ...])
     return None
 
 
-def _holds_mesh(path: Path) -> bool:
+def _holds_mesh(source: InputFile, key: str | None) -> bool:
     """Whether an archive has points and cells."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(source.path) as archive:
             return {f"{name}.npy" for name in _OF_MESHES} <= set(archive.namelist())
     except (OSError, zipfile.BadZipFile):
         return False
 
 
-def _mesh(source: InputFile) -> MeshRead:
+def _mesh(source: InputFile, choice: Choice) -> MeshRead:
     with reading("NumPy file"), zipfile.ZipFile(source.path) as archive:
         arrays = {
             info.filename.removesuffix(".npy"): _member_array(source, archive, info) for info in archive.infolist()
@@ -214,10 +213,15 @@ def _mesh(source: InputFile) -> MeshRead:
         if points.ndim != 2 or cells.ndim != 2 or cells.shape[1] not in (3, 4):
             raise InputError("holds points or cells of another shape", code="mesh")
         others = {name: each for name, each in arrays.items() if name not in _OF_MESHES}
-    return MeshRead(points, cells, {name: each for name, each in others.items() if each.shape[-1:] == (len(points),)})
+    values = {name: each for name, each in others.items() if each.shape[-1:] == (len(points),)}
+    if choice.frame is not None:
+        count = max((len(each) for each in values.values() if each.ndim == 2), default=0)
+        check_frame(choice.frame, count)
+        values = {name: each[choice.frame] for name, each in values.items() if each.ndim == 2}
+    return MeshRead(points, cells, values)
 
 
-def _table(source: InputFile) -> MeshRead:
+def _table(source: InputFile, _: Choice) -> MeshRead:
     with reading("table of points"):
         with source.path.open(newline="", encoding="utf-8-sig") as file:
             start = file.read(1 << 16)
@@ -232,7 +236,7 @@ def _table(source: InputFile) -> MeshRead:
             names = [*"xyz", *(f"column {i}" for i in range(4, len(names) + 1))][: len(names)]
         rows = np.loadtxt(
             source.path, delimiter=None if divider == " " else divider, skiprows=int(named), ndmin=2,
-            encoding="utf-8-sig",
+            encoding="utf-8-sig", converters=None if divider == " " else _number,
         )
     if rows.shape[1] != len(names) or len(names) < 3:
         raise InputError(
@@ -245,6 +249,11 @@ def _table(source: InputFile) -> MeshRead:
         across, up = 0, 1
     values = {name: rows[:, i] for i, name in enumerate(names) if i not in (across, up)}
     return MeshRead(np.ascontiguousarray(rows[:, [across, up]]), None, values)
+
+
+def _number(text: str) -> float:
+    """A number of a table; NaN where nothing is between two dividers."""
+    return float(text.strip() or "nan")
 
 
 def _is_number(text: str) -> bool:
@@ -260,6 +269,6 @@ FORMATS = (
     Format("NumPy archive", (".npz",), _NumpyFile, signatures=((0, b"PK\x03\x04", ".npz"),), keyed=True),
 )
 MESHES = (
-    MeshFormat("NumPy archive", (".npz",), _mesh, holds=_holds_mesh),
+    MeshFormat("NumPy archive", (".npz",), _mesh, holds=_holds_mesh, options=("frame",)),
     MeshFormat("table", (".csv", ".xyz"), _table, scattered=True),
 )

@@ -6,6 +6,7 @@ Each module ``from_..`` belongs to one library; its records list the suffixes. A
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -38,7 +39,7 @@ FORMATS: tuple[Format, ...] = (
 )
 """Formats of fields."""
 MESH_FORMATS: tuple[MeshFormat, ...] = (
-    *from_meshio.MESHES, *from_numpy.MESHES, *from_laspy.MESHES, *from_geopandas.MESHES,
+    *from_vtk.MESHES, *from_meshio.MESHES, *from_numpy.MESHES, *from_laspy.MESHES, *from_geopandas.MESHES,
 )
 """Formats of meshes and of scattered points."""
 FIELD_SUFFIXES = tuple(suffix for each in FORMATS for suffix in each.suffixes)
@@ -67,11 +68,11 @@ def recognised(name: str, first: bytes) -> str | None:
     return next((suffix for at, sign, suffix in signatures if first[at : at + len(sign)] == sign), None)
 
 
-def holds_mesh(path: str | os.PathLike[str]) -> bool:
-    """Whether a file holds a mesh or scattered points by its name, and if need be by what is in it."""
-    path = Path(path)
-    found = next((each for each in MESH_FORMATS if path.name.lower().endswith(each.suffixes)), None)
-    return found is not None and (found.holds is None or found.holds(path))
+def holds_mesh(path: str | os.PathLike[str], key: str | None = None, follow: bool = False) -> bool:
+    """Whether a file, or what a key names of it, is a mesh or points, by its name and if need be by what is in it."""
+    source = InputFile(Path(path), follow=follow)
+    found = next((each for each in MESH_FORMATS if source.named(*each.suffixes)), None)
+    return found is not None and (found.holds is None or found.holds(source, key))
 
 
 def open_file(
@@ -125,6 +126,8 @@ def open_file(
             raise OptionError(f"a key names an array of a file that holds several, not of {suffix}", code="key")
         if choice.channel is not None and not found.channels:
             raise OptionError(f"a channel or band is part of a picture, not of {suffix}", code="channel")
+        if choice.average and not found.averages:
+            raise OptionError(f"{suffix} has no values of cells to average", code="average")
         opened = opened_by(found)(source, choice)
     opened.label = label
     return opened
@@ -137,11 +140,11 @@ def open_here(source: InputFile, choice: Choice) -> Opened:
     return found.open(source, choice)
 
 
-def read_here(source: InputFile) -> MeshRead:
+def read_here(source: InputFile, choice: Choice) -> MeshRead:
     """Read a mesh whose format is known, in this process."""
     found = _mesh_format_of(source)
     assert found is not None
-    return found.read(source)
+    return found.read(source, choice)
 
 
 def _mesh_format_of(source: InputFile) -> MeshFormat | None:
@@ -158,32 +161,40 @@ def _format_of(path: Path) -> Format | None:
     return named
 
 
-def read_mesh(path: str | os.PathLike[str], samples: int | None = None) -> MeshRead:
+def read_mesh(
+    path: str | os.PathLike[str], samples: int | None = None, choice: Choice | None = None, *, follow: bool = False
+) -> MeshRead:
     """Read a mesh, or scattered points.
 
     Parameters
     ----------
     path : path
         Its suffix, one of ``MESH_SUFFIXES`` or ``POINT_SUFFIXES``, names the format. An .npz file has the arrays
-        ``points``, ``cells``, and values at points, of one frame or of several, under other names. Of an XDMF file
-        with time steps all are read. A table has a line for each point, with x, y and values, divided by commas,
+        ``points``, ``cells``, and values at points, of one frame or of several, under other names. Of files
+        of VTK with times all are read. A table has a line for each point, with x, y and values, divided by commas,
         semicolons, tabs or spaces; its first line may name the columns. Columns of x and y are those that are named so
         (or lon, lat, easting, northing), else the first two; without names, the third is ``z``.
     samples : int, optional
         Most points and cells; `isocodec.limits.FIELD_SAMPLES` if not given.
+    choice : Choice, optional
+        Block, frame, averages and classes that are taken.
+    follow : bool
+        As of `open_file`.
 
     Raises
     ------
     OSError
         If the file cannot be opened.
     InputError
-        If it cannot be read, holds cells other than triangles or tetrahedra, or no points.
+        If it cannot be read, holds cells that cannot be cut into triangles or tetrahedra, or no points.
     LimitError
         If it holds more points and cells than may be read.
+    OptionError
+        If the choice does not apply to this format.
     MissingExtraError
         If its library is not installed.
     """
-    source = source_of(path, samples)
+    source, choice = source_of(path, samples, follow), choice or Choice()
     with about(plain(os.fspath(path))):
         found = _mesh_format_of(source)
         if found is None:
@@ -191,9 +202,12 @@ def read_mesh(path: str | os.PathLike[str], samples: int | None = None) -> MeshR
                 f"the suffix {plain(source.path.suffix)!r} names no format of meshes or points", code="suffix",
                 remedy=f"known are {', '.join(MESH_SUFFIXES + POINT_SUFFIXES)}",
             )
-        mesh = mesh_by(found, source)
+        for name in ("frame", "average", "classes"):
+            if getattr(choice, name) not in (None, False, ()) and name not in found.options:
+                raise OptionError(f"{name} does not apply to {plain(source.path.suffix)}", code=name)
+        mesh = mesh_by(found, source, choice)
         points, cells = mesh.points, mesh.cells
         source.check_count(len(points) + (0 if cells is None else len(cells)))
     if cells is not None and cells.shape[1] == 3 and points.shape[1] == 3 and (points[:, 2] == points[:1, 2]).all():
         points = np.ascontiguousarray(points[:, :2])
-    return MeshRead(points, cells, mesh.values, mesh.of_cells, mesh.crs)
+    return replace(mesh, points=points)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -22,12 +22,16 @@ from ...field.sampled import Field, check_missing
 from ...storage.content import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
 from .from_simpleitk import OpenedItk, is_itk
+from .from_vtk import OpenedVtk, blocks_of, holds_grid, is_vtk, mesh_of
 from .from_xarray import OpenedLabels, is_labelled, variable
 from .input_formats import holds_mesh, open_file, read_mesh, recognised
 from .mesh_formats import HEIGHT
 from .opened import IN_MEMORY, Choice, Opened
 from .reading import about, check_frame
 from .slices import FieldsInTurn, Slices
+
+_OF_MESHES = ("key", "samples", "frame", "follow", "average_cells", "classes")
+"""Options that apply to meshes and points."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,8 @@ class ReadOptions:
 
     Attributes
     ----------
-    key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance, band, bbox
+    key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance, band, bbox,
+    average_cells, classes
         As of `read`.
     """
 
@@ -53,13 +58,28 @@ class ReadOptions:
     slice_tolerance: float | None = None
     band: int | None = None
     bbox: Box | None = None
+    average_cells: bool = False
+    classes: tuple[int, ...] = ()
+
+    @property
+    def choice(self) -> Choice:
+        """Choice from a source that holds several things; raises `OptionError` for a band that is none."""
+        channel = self.channel
+        if self.band is not None:
+            if self.band < 1 or channel is not None:
+                raise OptionError("a band is counted from 1, and the same as a channel", code="channel",
+                                  remedy="give one of them")
+            channel = self.band - 1
+        return Choice(
+            self.key, channel, self.slice_tolerance, self.bbox, self.frame, self.average_cells, tuple(self.classes)
+        )
 
 
 def read(
     source: Any, *, key: str | None = None, channel: int | None = None, frame: int | None = None,
     frames: bool = False, axis: int | None = None, missing: str = HOLE, nodata: float | None = None,
     kind: str | None = None, samples: int | None = None, follow: bool = False, slice_tolerance: float | None = None,
-    band: int | None = None, bbox: Box | None = None,
+    band: int | None = None, bbox: Box | None = None, average_cells: bool = False, classes: Sequence[int] = (),
 ) -> Field | Frames | Mesh:
     """Read a sampled field, a series of them, or values on a mesh, with all that its source states.
 
@@ -68,11 +88,12 @@ def read(
     source : str, path, file object, or what another library holds
         A file of one of the formats of the command line; a URL (``https://``, ``s3://``, .. as fsspec knows them); a
         file opened in binary mode; an ``xarray.DataArray``, or a ``Dataset`` with ``key``; an image of nibabel or of
-        SimpleITK; an array. A `Field` stays as it is.
+        SimpleITK; a grid, a mesh or blocks of VTK or PyVista; an array. A `Field` stays as it is.
     key : str, optional
         Name of the array in a file or a ``Dataset`` that holds several. Without it the only array is taken (of HDF5,
         NetCDF and Zarr the only one of two or more axes), or the one named ``values``. Of a folder of DICOM the series;
-        of a mesh or of scattered points the values, without it the only ones, those named ``z``, or else none.
+        of a mesh or of scattered points the values, without it the only ones, those named ``z``, or else none. Of VTK
+        ``velocity:x``, ``velocity:magnitude`` and ``block/velocity:x`` name components of vectors, and blocks.
     channel : int, optional
         Channel of a colour picture, counted from 0.
     frame : int, optional
@@ -100,6 +121,10 @@ def read(
     bbox : sequence of float, optional
         Read only samples within these coordinates of the placement: least x, y (, z), then largest x, y (, z). Rasters
         are read as far as that goes.
+    average_cells : bool
+        Of VTK, average values of cells at their points. Without, those of grids are samples at the centres of cells.
+    classes : sequence of int
+        Of LAS and LAZ, the classes of points that are taken; without them all but noise (7, 18).
 
     Returns
     -------
@@ -130,7 +155,8 @@ def read(
     """
     found = load(
         source, ReadOptions(
-            key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance, band, bbox
+            key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance, band, bbox,
+            average_cells, tuple(classes),
         )
     )
     for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):
@@ -164,7 +190,9 @@ def load(source: Any, options: ReadOptions) -> Field | Frames | Mesh:
         raise OptionError("axis is for series", code="frame", remedy="add frames=True")
     if isinstance(source, Field | Frames | Mesh):
         return source
-    if isinstance(source, str | os.PathLike) and not is_url(source) and holds_mesh(source):
+    of_mesh = isinstance(source, str | os.PathLike) and not is_url(source) and holds_mesh(
+        source, options.key, options.follow)
+    if of_mesh or (is_vtk(source) and not holds_grid(source, options.key)):
         return _mesh(source, options)
     with open_source(source, options) as opened:
         if not options.frames:
@@ -177,16 +205,19 @@ def load(source: Any, options: ReadOptions) -> Field | Frames | Mesh:
         return Frames(FieldsInTurn(slices, make, options.missing, opened.hand_over(), left_out))
 
 
-def _mesh(source: str | os.PathLike[str], options: ReadOptions) -> Mesh:
+def _mesh(source: Any, options: ReadOptions) -> Mesh:
     """Read a mesh, or scattered points, with the values that a key names, or the only ones, or those named ``z``."""
     for option in fields(ReadOptions):
-        if option.name not in ("key", "samples") and getattr(options, option.name) != option.default:
+        if option.name not in _OF_MESHES and getattr(options, option.name) != option.default:
             raise OptionError(f"{option.name} does not apply to meshes and points", code=option.name)
-    found = read_mesh(source, options.samples)
+    if is_vtk(source):
+        found = mesh_of(blocks_of(source), options.choice)
+    else:
+        found = read_mesh(source, options.samples, options.choice, follow=options.follow)
     name = options.key
     if name is None and (len(found.values) == 1 or HEIGHT in found.values):
         name = HEIGHT if HEIGHT in found.values else next(iter(found.values))
-    return Mesh(found.points, found.cells, None if name is None else found.values_named(name), crs=found.crs)
+    return found.mesh(name)
 
 
 def open_source(source: Any, options: ReadOptions) -> Opened:
@@ -200,15 +231,14 @@ def open_source(source: Any, options: ReadOptions) -> Opened:
     key = options.key
     if hasattr(source, "data_vars"):
         source, key = variable(source, key), None
-    channel = options.channel
-    if options.band is not None:
-        if options.band < 1 or channel is not None:
-            raise OptionError("a band is counted from 1, and the same as a channel", code="channel",
-                              remedy="give one of them")
-        channel = options.band - 1
-    choice = Choice(key, channel, options.slice_tolerance, options.bbox)
+    choice = replace(options.choice, key=key)
+    if options.classes:
+        raise OptionError("classes are of point clouds (LAS, LAZ)", code="classes")
+    if is_vtk(source):
+        return OpenedVtk(source, choice)
     if is_described(source) or isinstance(source, np.ndarray):
-        asked = {"key": key, "channel": channel, "kind": options.kind}
+        asked = {"key": key, "channel": choice.channel, "kind": options.kind,
+                 "average_cells": options.average_cells or None}
         for name, value in asked.items():
             if value is not None:
                 raise OptionError(f"{name} is for files, not for a {type(source).__name__}", code=name)
@@ -241,7 +271,7 @@ def _elsewhere(source: Any, choice: Choice, options: ReadOptions) -> Opened:
 
 def is_described(thing: Any) -> bool:
     """Whether something holds more than an array does, which would be lost if it were taken for one."""
-    return isinstance(thing, Field) or is_labelled(thing) or is_nibabel(thing) or is_itk(thing)
+    return isinstance(thing, Field) or any(is_one(thing) for is_one in (is_labelled, is_nibabel, is_itk, is_vtk))
 
 
 class OpenedArray(Opened):
@@ -251,6 +281,11 @@ class OpenedArray(Opened):
         # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
         masked = "numpy.ma" in sys.modules and isinstance(array, np.ma.MaskedArray)
         self._array = array if masked else np.asarray(array)
+        if self._array.dtype.kind in "OUSV":
+            raise InputError(
+                f"is a {type(array).__name__}, not numbers", code="dtype",
+                remedy="give a path, a URL, an open file, an array, or an object of a library that reads fields",
+            )
         super().__init__(IN_MEMORY, Choice())
 
     def _open(self, choice: Choice) -> None:

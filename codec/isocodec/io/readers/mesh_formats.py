@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError, plain
+from ...field.meshed import Mesh
+from .opened import Choice
 from .source import InputFile
 
 HEIGHT = "z"
@@ -33,6 +34,8 @@ class MeshRead:
         Names of numbers that cells have.
     crs : str or None
         Reference system of the points.
+    remarks : list of str
+        What of the file is left out or changed.
     """
 
     points: NDArray[np.float64]
@@ -40,9 +43,10 @@ class MeshRead:
     values: dict[str, NDArray[Any]] = field(default_factory=dict)
     of_cells: list[str] = field(default_factory=list)
     crs: str | None = None
+    remarks: list[str] = field(default_factory=list)
 
     def values_named(self, name: str) -> NDArray[Any]:
-        """Values at points, by name.
+        """Values at points, by name; x, y and z are the coordinates, if no values have these names.
 
         Raises
         ------
@@ -51,13 +55,24 @@ class MeshRead:
         """
         if name in self.values:
             return self.values[name]
-        there = ", ".join(map(plain, self.values)) or "none"
+        axes = "xyz"[: self.points.shape[1]] if self.cells is not None else ""
+        if len(name) == 1 and name in axes:
+            return self.points[:, axes.index(name)]
+        there = ", ".join([*map(plain, self.values), *axes])
         if name in self.of_cells:
             raise OptionError(
                 f"the values {plain(name)} belong to cells, not to points", code="values",
-                remedy=f"average them at the points first; values at points: {there}",
+                remedy=f"average them at the points (--average-cells); values at points: {there or 'none'}",
             )
-        raise OptionError(f"no values {plain(name)} at points", code="values", remedy=f"choose one of: {there}")
+        raise OptionError(
+            f"no values {plain(name)} at points", code="values",
+            remedy=f"choose one of: {there}" if there else "add a column of values",
+        )
+
+    def mesh(self, name: str | None) -> Mesh:
+        """A mesh with the values of a name, or without any; raises `OptionError` as `values_named`."""
+        values = None if name is None else self.values_named(name)
+        return Mesh(self.points, self.cells, values, crs=self.crs, remarks=self.remarks)
 
 
 @dataclass(frozen=True)
@@ -70,21 +85,24 @@ class MeshFormat:
     suffixes : tuple of str
         In lower case, with their dots.
     read : callable
-        Reads a source.
+        Reads what is chosen of a source.
     holds : callable, optional
-        Whether a file holds a mesh, of a format that may also hold a field.
+        Whether a file holds a mesh, or what a key names of it, of a format that may also hold a field.
     extra : str
         Extra of this package with the library that reads it; empty if none is needed.
     scattered : bool
         Whether it holds points only.
     confined : str
         As of `Format`.
+    options : tuple of str
+        Attributes of `Choice`, besides the key, that apply to it.
     """
 
     name: str
     suffixes: tuple[str, ...]
-    read: Callable[[InputFile], MeshRead]
+    read: Callable[[InputFile, Choice], MeshRead]
     extra: str = ""
     scattered: bool = False
-    holds: Callable[[Path], bool] | None = None
+    holds: Callable[[InputFile, str | None], bool] | None = None
+    options: tuple[str, ...] = ()
     confined: str = ""

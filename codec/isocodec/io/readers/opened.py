@@ -42,12 +42,21 @@ class Choice:
         Distance in mm that slices of DICOM may lie from even steps.
     bbox : tuple of float, or None
         Coordinates within which samples are read, of formats that are read a window at a time.
+    frame : int or None
+        Of a mesh, which of a series.
+    average : bool
+        Average values of cells at their points.
+    classes : tuple of int
+        Of a point cloud, the classes that are taken; all but noise if empty.
     """
 
     key: str | None = None
     channel: int | None = None
     slice_tolerance: float | None = None
     bbox: tuple[float, ...] | None = None
+    frame: int | None = None
+    average: bool = False
+    classes: tuple[int, ...] = ()
 
 
 class Opened:
@@ -287,6 +296,8 @@ class Format:
         Whether it is a folder.
     confined : str
         Library that is called in a process apart, as it may crash or hang; empty if it is called here.
+    averages : bool
+        Whether it has values of cells.
     """
 
     name: str
@@ -298,6 +309,7 @@ class Format:
     channels: bool = False
     folder: bool = False
     confined: str = ""
+    averages: bool = False
 
 
 def numbers(array: Array) -> Array:

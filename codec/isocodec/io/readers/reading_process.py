@@ -39,9 +39,9 @@ class Answers:
         self._opened = open_here(source, choice)
         return self._with(None)
 
-    def mesh(self, source: InputFile) -> MeshRead:
+    def mesh(self, source: InputFile, choice: Choice) -> MeshRead:
         """Read a mesh."""
-        return read_here(source)
+        return read_here(source, choice)
 
     def hook(self, name: str, *about: Any) -> dict[str, Any]:
         """Read samples, or where they lie."""

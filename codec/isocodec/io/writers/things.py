@@ -234,17 +234,18 @@ class Each(Collection[Contour]):
 
 
 def in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices with three coordinates, and simplices with positive volume, or counter-clockwise as seen from above."""
+    """Vertices with three coordinates, and simplices with a positive volume, or seen counter-clockwise from above;
+    triangles in space as they are."""
     none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
     about = Contour(*none, mesh.isovalue, mesh.shape, placement=mesh.placement)
     points = about.place(mesh.points.astype(np.float64))
     first = mesh.cells[:1]
     corners = about.flat.place(mesh.points[first.ravel()].astype(np.float64))
-    corners = corners.reshape(*first.shape, mesh.points.shape[1])
-    spanned = np.linalg.det(corners[:, 1:] - corners[:, :1])
-    cells = mesh.cells
-    if (spanned < 0).any():
-        # all have the same orientation, and a mirroring placement flips all of them
+    corners = corners.reshape(*first.shape, -1)
+    sides, cells = corners[:, 1:] - corners[:, :1], mesh.cells
+    # of triangles in space no order is that of the axes
+    if sides.shape[1] == sides.shape[2] and (np.linalg.det(sides) < 0).any():
+        # all are oriented alike, and a placement that mirrors turns all over
         cells = np.concatenate([cells[:, :-2], cells[:, :-3:-1]], axis=1)
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1]))), cells
 

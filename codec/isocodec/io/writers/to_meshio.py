@@ -1,4 +1,4 @@
-"""VTK files: curves and surfaces as VTP, meshes and triangulated surfaces as VTU (by meshio)."""
+"""Files of VTK: lines of curves and triangles of surfaces as VTP, and as VTU by meshio, with meshes and surfaces."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ...drawing.contour import Contour
     from ...drawing.tessellation import Tessellation
 
+_CELLS = {2: "line", 3: "triangle", 4: "tetra"}
 _TYPES = {"f8": "Float64", "f4": "Float32", "i8": "Int64"}
 
 
@@ -96,14 +97,30 @@ def _mesh_vtu(mesh: Tessellation, suffix: str, _: OutputOptions) -> bytes:
     return _vtu(points, cells, suffix, values)
 
 
+def _contour_vtu(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
+    """All isovalues in one file: segments or triangles with the value ``isovalue``."""
+    points: list[NDArray[np.float64]] = []
+    cells: list[NDArray[np.int64]] = []
+    values: list[NDArray[np.float64]] = []
+    start = 0
+    for contour in contours:
+        whole = contour.joined
+        points.append(np.pad(whole.placed, ((0, 0), (0, 3 - whole.points.shape[1]))))
+        cells.append(start + whole.placed_cells)
+        values.append(np.full(len(cells[-1]), float(contour.isovalue)))
+        start += len(points[-1])
+    return _vtu(np.concatenate(points), np.concatenate(cells), suffix,
+                {"cell_data": {"isovalue": [np.concatenate(values)]}})
+
+
 def _tin_vtu(placed: PlacedTin, suffix: str, _: OutputOptions) -> bytes:
     return _vtu(placed.vertices, placed.triangles, suffix, {"point_data": {"value": placed.tin.values.copy()}})
 
 
 def _vtu(points: NDArray[np.float64], cells: NDArray[np.int64], suffix: str, values: dict[str, Any]) -> bytes:
     meshio = optional("meshio", extra="vtu", purpose=f"writing {suffix}")
-    mesh = meshio.Mesh(points, [("triangle" if cells.shape[1] == 3 else "tetra", cells)], **values)
-    # the library writes only to paths
+    mesh = meshio.Mesh(points, [(_CELLS[cells.shape[1]], cells)], **values)
+    # the library writes to a path only
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"mesh{suffix}"
         mesh.write(path, file_format="vtu")
@@ -113,7 +130,9 @@ def _vtu(points: NDArray[np.float64], cells: NDArray[np.int64], suffix: str, val
 _MESHIO: Any = {"suffixes": (".vtu",), "title": "VTU", "extra": "vtu", "libraries": ("meshio",)}
 OUTPUTS = (
     Output("contour", (".vtp",), "VTP", _vtp, (2, 3), (2, 3), "a value of cells",
-           cost={2: Cost(120, 100), 3: Cost(200, 160)}),
+           sampled=False, cost={2: Cost(120, 100), 3: Cost(200, 160)}),
+    Output("contour", render=_contour_vtu, dimensions=(2, 3), several=(2, 3), holds="a value of cells", sampled=False,
+           **_MESHIO, cost={2: Cost(300, 200, 1 << 24), 3: Cost(300, 200, 1 << 24)}),
     Output("mesh", render=_mesh_vtu, dimensions=(2, 3), **_MESHIO,
            cost={2: Cost(300, 200, 1 << 24), 3: Cost(300, 200, 1 << 24)}),
     Output("tin", render=_tin_vtu, sampled=False, **_MESHIO),

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ...drawing.contour import Contour
     from ...drawing.tessellation import Tessellation
 
+_PLY, _OBJ = ".ply", ".obj"
 _UUID = re.compile(rb'"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}"')
 _STL_HEADER = 80
 _THE_DAY = (1980, 1, 1, 0, 0, 0)
@@ -83,10 +84,10 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
         del contour
     if not scene.geometry:
         # the library would write keywords without numbers, or none at all, which no reader accepts
-        if suffix == ".obj":
+        if suffix == _OBJ:
             return b"# empty isosurface\n"
         raise OptionError(f"the surface is empty, and {suffix} cannot hold that", code="empty")
-    if suffix == ".obj":
+    if suffix == _OBJ:
         return _bytes(scene.export(file_type="obj", digits=digits, header=text or None))
     if text and suffix == ".glb":
         scene.metadata.update([text.split("=")])
@@ -99,6 +100,34 @@ def _with_comment(data: bytes, text: str) -> bytes:
     head, elements, rest = data.partition(b"element ")
     lines = [line for line in head.splitlines() if not line.startswith(b"comment ")]
     return b"\n".join([*lines, *([b"comment " + text.encode()] if text else []), b""]) + elements + rest
+def _in_three(contour: Contour) -> NDArray[np.float64]:
+    """Points of a curve with three coordinates."""
+    return np.pad(contour.placed, ((0, 0), (0, 3 - contour.points.shape[1])))
+
+
+def _segments_ply(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
+    """A curve, in the plane or in space, as PLY in double precision with an edge for each segment."""
+    whole = next(iter(contours)).joined
+    head = [
+        "ply", "format binary_little_endian 1.0", f"element vertex {len(whole.points)}", "property double x",
+        "property double y", "property double z", f"element edge {len(whole.cells)}", "property int vertex1",
+        "property int vertex2", "end_header\n",
+    ]
+    return "\n".join(head).encode() + _in_three(whole).astype("<f8").tobytes() + whole.cells.astype("<i4").tobytes()
+
+
+def _lines_obj(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
+    """Curves, in the plane or in space, as lines of an object for each isovalue."""
+    lines: list[str] = []
+    start = 1
+    for contour in contours:
+        whole = contour.joined
+        digits = _digits(whole)
+        lines.append(f"o isovalue {contour.isovalue:.12g}")
+        lines += ["v " + " ".join(f"{number:.{digits}f}" for number in point) for point in _in_three(whole).tolist()]
+        lines += ["l " + " ".join(str(start + number) for number in walk) for walk in whole.walks]
+        start += len(whole.points)
+    return ("\n".join(lines) + "\n").encode()
 
 
 def _digits(contour: Contour) -> int:
@@ -166,24 +195,26 @@ def _binary_ply(
     return "\n".join(head).encode() + vertex.tobytes() + face.tobytes()
 
 
-_PLY = ".ply"
 
 
-def _one(suffix: str, cost: Cost, single: bool = True, sampled: bool = False) -> Output:
-    return Output("contour", (suffix,), suffix[1:].upper(), _single, (3,), single=single, sampled=sampled, extra="mesh",
+def _one(suffix: str, cost: Cost, single: bool = True) -> Output:
+    return Output("contour", (suffix,), suffix[1:].upper(), _single, (3,), single=single, sampled=False, extra="mesh",
                   libraries=("trimesh",), cost={3: cost})
 
 
-def _many(suffix: str, cost: Cost, *libraries: str, sampled: bool = True) -> Output:
-    return Output("contour", (suffix,), suffix[1:].upper(), _groups, (3,), (3,), "a named object each",
-                  sampled=sampled, extra="mesh", libraries=(*libraries, "trimesh"), cost={3: cost})
+def _many(suffix: str, cost: Cost, *libraries: str) -> Output:
+    return Output("contour", (suffix,), suffix[1:].upper(), _groups, (3,), (3,), "a named object each", sampled=False,
+                  extra="mesh", libraries=(*libraries, "trimesh"), cost={3: cost})
 
 
 OUTPUTS = (
     _one(_PLY, Cost(70, 52)),
+    Output("contour", (_PLY,), "PLY", _segments_ply, sampled=False, cost={2: Cost(100, 60)}),
     _one(".stl", Cost(120, 280)),
-    _one(".off", Cost(170, 220), single=False, sampled=True),
-    _many(".obj", Cost(140, 200), sampled=False),
+    _one(".off", Cost(170, 220), single=False),
+    _many(_OBJ, Cost(140, 200)),
+    Output("contour", (_OBJ,), "OBJ", _lines_obj, (2,), (2,), "an object each", sampled=False,
+           cost={2: Cost(1000, 400)}),
     _many(".glb", Cost(90, 90)),
     _many(".3mf", Cost(600, 900), "networkx", "lxml"),
     Output("mesh", (_PLY,), "PLY", _mesh_ply, (2, 3), cost={2: Cost(80, 80), 3: Cost(80, 700)}),
