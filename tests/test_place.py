@@ -39,7 +39,7 @@ ROTATION = nibabel.affines.from_matvec(
 
 def keys(raster: int, number: int, key: int = 3072) -> list[tuple[int, str, int, tuple[int, ...]]]:
     """Tags that name a reference system and what a pixel is."""
-    return [(34735, "H", 16, (1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, raster, key, 0, 1, number))]
+    return [(34735, "H", 16, (1, 1, 0, 3, 1024, 0, 1, 1 + (key == 2048), 1025, 0, 1, raster, key, 0, 1, number))]
 
 
 @pytest.mark.parametrize(("raster", "half"), [(1, 0.5), (2, 0.0)])
@@ -95,7 +95,7 @@ def test_geotiff_less_common(tmp_path: Path, tags: list[Any], crs: str | None) -
     assert place.matrix is not None and place.matrix.tolist() == [[0, 30, 500015], [-20, 0, 4e6 - 10]]
     assert place.crs == crs
     stated = tags[-1][0] == 34735 and tags[-1][2] > 1
-    assert ("no EPSG number" in place.remark) == (stated and crs is None)
+    assert ("reference system is left out" in place.remark) == (stated and crs is None)
 
 
 @pytest.mark.parametrize(
@@ -105,8 +105,6 @@ def test_geotiff_less_common(tmp_path: Path, tags: list[Any], crs: str | None) -
         [(33550, "d", 3, (float("nan"), 20.0, 0.0)), UTM[1]],
         [(33550, "d", 3, (1e200, 20.0, 0.0)), UTM[1]],
         [(33550, "d", 1, 30.0), UTM[1]],
-        [(33550, "s", 3, "30"), UTM[1]],
-        [UTM[0], (33922, "d", 5, (0, 0, 0, 1, 2))],
         [UTM[1]],
         [(34264, "d", 12, (1.0,) * 12)],
         [(34264, "d", 16, (1e300, 1e300, 0, 0) * 4)],
@@ -277,7 +275,7 @@ def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
                    "--frame-axis", axis)
         assert said.exit_code == 0 and "ignored" in said.stderr
     ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--spacing", "3,4",
-       "--precision", "9mm")
+       "--precision", 3)
 
 
 @pytest.mark.parametrize(
@@ -329,10 +327,10 @@ def test_nifti_that_says_less(tmp_path: Path) -> None:
     nibabel.save(image, tmp_path / "sizes.nii")
     place = read_place(tmp_path / "sizes.nii", 3)
     assert np.array_equal(place.matrix, nibabel.load(tmp_path / "sizes.nii").affine[:3]) and not place.remark
-    for unit, says in (("mm", ""), ("micron", "unit of its coordinates, micron,"), ("meter", "coordinates, meter,")):
+    for unit in ("mm", "micron", "meter"):
         image.header.set_xyzt_units(unit)
         nibabel.save(image, tmp_path / "unit.nii")
-        assert says in read_place(tmp_path / "unit.nii", 3).remark and (says or not place.remark)
+        assert read_place(tmp_path / "unit.nii", 3).unit == unit
     image.header.set_xyzt_units("unknown")
     nibabel.save(nibabel.Nifti1Image(HILL.astype(np.float32)[..., None], np.eye(4)), tmp_path / "slice.nii")
     place = read_place(tmp_path / "slice.nii", 2)
@@ -360,7 +358,7 @@ def test_spacing(tmp_path: Path) -> None:
     ok("decode", tmp_path / "h.iso", "-o", tmp_path / "h.npz")
     with np.load(tmp_path / "h.npz") as arrays:
         assert arrays["placement"].tolist() == [[0, 0.5, 0], [3, 0, 0]]
-    for wrong, says in (("3", "2 axes"), ("3,0", "one point"), ("3,nan", "neither 0"), ("3;4", "comma")):
+    for wrong, says in (("3", "give 2"), ("3,0", "one point"), ("3,nan", "neither 0"), ("3;4", "comma")):
         assert says in fails(
             2, "encode", tmp_path / "h.npy", "-o", tmp_path / "x.iso", "--isovalue", 6, "--spacing", wrong
         )

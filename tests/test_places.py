@@ -389,30 +389,13 @@ def impossible(geometry: str, container: str, output: str) -> str:
     return ""
 
 
-def not_yet(geometry: str, container: str, output: str) -> str:
-    """What a reader lacks; empty if nothing."""
-    flat = 1 in GEOMETRIES[geometry][1]
-    if container == "pyvista":
-        return "objects of VTK are not read"
-    if container == "VTI" and flat:
-        return "the reader of VTI leaves out the coordinate of an axis of one sample"
-    if "DICOM" in container:
-        if container.startswith("enhanced") and geometry == "gantry tilt":
-            return "positions of frames are not read"
-        if flat or output not in MASKS:
-            return "the reader of DICOM leaves out the place of a slice, and does not name coordinates of a body"
-    return ""
-
-
 def cells() -> list[Any]:
     found = []
     for geometry in GEOMETRIES:
         for container in CONTAINERS:
             for output in OUTPUTS:
                 if not impossible(geometry, container, output):
-                    late = not_yet(geometry, container, output)
-                    marks = [pytest.mark.xfail(reason=late, strict=True)] if late else []
-                    found.append(pytest.param(geometry, container, output, marks=marks,
+                    found.append(pytest.param(geometry, container, output,
                                               id=f"{geometry}-{container}-{output}"))
     return found
 

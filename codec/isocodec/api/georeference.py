@@ -56,7 +56,8 @@ class Georeference:
         """
         system = self.crs if self.crs is not None else stated.crs if stated is not None else None
         if self.places:
-            return Placement(matrix_of(self._matrix(stated, shape), len(shape)), crs=system)
+            unit = stated.unit if stated is not None and self.crs is None else None
+            return Placement(matrix_of(self._matrix(stated, shape), len(shape)), crs=system, unit=unit)
         return stated if stated is None or self.crs is None else replace(stated, crs=system)
 
     def _matrix(self, stated: Placement | None, shape: Sequence[int]) -> NDArray[np.float64]:

@@ -78,6 +78,8 @@ def crs_text(system: Any) -> str | None:
     if not system:
         return None
     text = str(system.to_wkt(version="WKT2_2019"))
+    if text.startswith("ENGCRS"):
+        return None  # of a place, not of the earth; GDAL makes one of keys that it does not know
     # one that is bound to a datum shift differs from the one of the number
     number = None if text.startswith("BOUNDCRS") else system.to_epsg()
     return text if number is None else f"EPSG:{number}"

@@ -167,10 +167,15 @@ class RasterWindows(Windows):
             system = crs_text(file.crs)
             if file.transform.is_identity:
                 kind = "ground control points" if file.gcps[0] else "rational polynomials" if file.rpcs else ""
-                return Placement(remark=kind and f"its coordinates are ignored: it has {kind}, no steps between "
-                                 "pixels; warp it first, or set --transform")
+                remark = "its reference system is ignored, as it places no pixels" if system else ""
+                if kind:
+                    remark = (f"its coordinates are ignored: it has {kind}, no steps between pixels; warp it first, or "
+                              "set --transform")
+                return Placement(remark=remark)
+            remark = "its reference system is left out: it is not one of the earth" if file.crs and not system else ""
         row, column = (start + 0.5 for start in self._start)
-        return placed([[b, a, c + b * row + a * column], [e, d, f + e * row + d * column]], 2, system)
+        found = placed([[b, a, c + b * row + a * column], [e, d, f + e * row + d * column]], 2, system)
+        return replace(found, remark=found.remark or remark)
 
     def __getitem__(self, window: tuple[slice, ...]) -> np.ma.MaskedArray[Any, Any]:
         within = [range(size)[part] for size, part in zip(self.shape, window, strict=True)]

@@ -488,7 +488,9 @@ def _place_of(data: Any, sides: Sequence[int], kept: list[int], centred: bool) -
         directions = np.array([[turned.GetElement(i, j) for j in range(3)] for i in range(3)]) * data.GetSpacing()
         first = np.array(data.GetExtent()[::2], float) + np.array([centred * 0.5 * (axis in kept) for axis in range(3)])
         matrix = np.column_stack([directions, np.array(data.GetOrigin()) + directions @ first])
-        return placed(matrix[np.ix_(kept, [*kept, 3])], n)
+        # a picture lies in the plane, other slices in space
+        rows = kept if n == 3 or (kept == [0, 1] and not matrix[2, [0, 1, 3]].any()) else slice(None)
+        return placed(matrix[rows][:, [*kept, 3]], n)
     support = _vtk("util.numpy_support")
     if data.IsA("vtkRectilinearGrid"):
         axes = [data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates()]

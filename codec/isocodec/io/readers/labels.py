@@ -362,13 +362,17 @@ def _role(name: Any, attributes: Mapping[str, Any]) -> str | None:
 
 
 def _order(roles: Sequence[str | None]) -> list[int]:
-    """Along, 0 for x, that each axis is: by its role, or what is left, x along the last one."""
+    """Row, 0 for x, that each axis is: by its role, or what is left, x along the last one.
+
+    Of a section along latitude and height these two are x and y.
+    """
     n = len(roles)
+    if n == 2 and set(roles) == {"y", "z"}:
+        return [int(role == "z") for role in roles]
     rows: list[int | None] = ["xyz".index(role) if role in ("x", "y", "z")[:n] else None for role in roles]
     if any(rows.count(row) > 1 for row in rows if row is not None):
         rows = [None] * n
     left = [row for row in range(n) if row not in rows]
-    # where x is left and z is taken, as of a section along latitude, x runs along the last axis that is left
     for axis in range(n - 1, -1, -1):
         if rows[axis] is None:
             rows[axis] = left.pop(0)
