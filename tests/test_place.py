@@ -533,3 +533,17 @@ def test_frames_are_the_steps_along_axes(name: str, at: tuple[float, ...] | None
     assert frame is not None and np.allclose(frame, np.stack(steps, axis=1), rtol=0, atol=1e-9)
     if name != "plane in space":
         assert placement.mirrored(where) == (np.linalg.det(np.stack(steps, axis=1)) < 0)
+
+
+@pytest.mark.parametrize("tiled", [False, True])
+@pytest.mark.parametrize("key", [None, "crs", "placement", "coordinate_unit", "value_unit", "name", "other"])
+def test_notes_of_the_user_win_however_a_file_is_written(tmp_path: Path, tiled: bool, key: str | None) -> None:
+    """Over each of the input's, and the others stay; the same whole and in tiles."""
+    tifffile.imwrite(tmp_path / "dem.tif", HILL.astype(np.float32), extratags=UTM + keys(1, 32631))
+    own = {"crs": "EPSG:32631", "placement": "0 30 500015 -20 0 3999990"}
+    told = {"crs": "EPSG:25831", "placement": "0 1 0 2 0 3"}
+    more = () if key is None else ("--metadata", f"{key}={told.get(key, 'a=b')}")
+    ways = ("--tile", 32) if tiled else ()
+    ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", 70, *more, *ways)
+    expected = own | ({} if key is None else {key: told.get(key, "a=b")})
+    assert dict(isocodec.open(tmp_path / "dem.iso").metadata) == expected
