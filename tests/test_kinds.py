@@ -293,8 +293,8 @@ def uniform(tmp_path_factory: pytest.TempPathFactory) -> dict[str, IsoFile]:
 @pytest.mark.parametrize("kind", ["grid", "series", "several", "tiles"])
 @pytest.mark.parametrize("power", range(5))
 def test_cubes_as_wide_as_within_are_not_refined(uniform: dict[str, IsoFile], kind: str, power: int) -> None:
-    """Exactly as wide, hardly less and hardly more: of 64 samples each second layer halves them, each stage 16, 4, 1."""
-    widths = [4.0 ** (2 - i) for i in range(3)] if kind == "tiles" else [2.0 ** (6 - i // 2) for i in range(13)]
+    """Exactly as wide, hardly less and hardly more: each second layer halves cubes of 64 samples."""
+    widths = [16.0, 4.0, 1.0] if kind == "tiles" else [2.0 ** (6 - i // 2) for i in range(13)]
     for within in (float(2**power), np.nextafter(2**power, 0), np.nextafter(2**power, 99)):
         count = next((i for i, width in enumerate(widths, 1) if width <= within), len(widths))
         found, wanted = uniform[kind].contour(80.5, within=within), uniform[kind].contour(80.5, layers=count)
@@ -304,7 +304,8 @@ def test_cubes_as_wide_as_within_are_not_refined(uniform: dict[str, IsoFile], ki
 
 GIVEN: dict[str, Any] = {
     "isovalue": 150.5, "tile": 64, "engine": object(), "workers": 2, "spool": "spool", "precision": "exact",
-    "keep_topology": True, "profile": "baseline", "layers": 2, "independent": True, "interval": 3, "metadata": {"a": "b"},
+    "keep_topology": True, "profile": "baseline", "layers": 2, "independent": True, "interval": 3,
+    "metadata": {"a": "b"},
 }
 """A value for each parameter of `save`."""
 PARAMETERS = [name for name in inspect.signature(isocodec.save).parameters if name not in ("path", "what", "options")]

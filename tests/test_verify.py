@@ -137,7 +137,8 @@ def test_one_isovalue_that_is_not_kept_breaks_the_file(
         stack[frames] = other
         np.save(tmp_path / "other.npy", stack)
     told = () if frames is None else ("--frame", frames)
-    text, machine = (run("verify", tmp_path / "other.npy", tmp_path / "a.iso", *told, *more) for more in ((), ("--json",)))
+    words = ["verify", tmp_path / "other.npy", tmp_path / "a.iso", *told]
+    text, machine = run(*words), run(*words, "--json")
     broken = [[80.5, 120.5][number] for number in wrong]
     assert text.exit_code == machine.exit_code == (9 if broken else 0), text.output + machine.output
     lines, record = text.stdout.splitlines(), json.loads(machine.stdout)
