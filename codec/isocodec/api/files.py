@@ -479,7 +479,7 @@ def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessel
 
 
 def _reaching(drawn: Contour | Tessellation, window: Sequence[Sequence[float]]) -> NDArray[np.bool_]:
-    """Which cells reach into a window."""
+    """Find the cells that reach into a window."""
     bounds = bounds_of(window, drawn.points.shape[1])
     corners = drawn.points[drawn.cells]
     inside: NDArray[np.bool_] = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
