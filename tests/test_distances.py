@@ -20,7 +20,7 @@ from commands import BALL, HILLS, fails, ok
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
-from isocodec.field.units import METRES, distance_of
+from isocodec.field.units import METRES, converted, distance_of
 from isocodec.search.original import original
 
 I, J = np.meshgrid(np.arange(60.0), np.arange(70.0), indexing="ij")
@@ -329,3 +329,13 @@ def test_a_degree_of_longitude_is_the_longest_nearest_to_the_equator(
     radius = 6378.137 / np.sqrt(1 - 0.00669437999014 * np.sin(np.radians(nearest)) ** 2)
     widest = radius * np.cos(np.radians(nearest)) * np.radians(36)
     assert placement.cells_of("100km", shape) == pytest.approx(100 / widest, rel=1e-6)
+
+
+@pytest.mark.parametrize("given", METRES)
+@pytest.mark.parametrize("unit", METRES)
+def test_lengths_in_other_units(given: str, unit: str) -> None:
+    """How many of one unit a length of another is, both ways."""
+    assert converted(f"3{given}", unit, "the points") == pytest.approx(3 * METRES[given] / METRES[unit], rel=1e-12)
+    there = converted(f"1{given}", unit, "the points") * converted(f"1{unit}", given, "the points")
+    assert there == pytest.approx(1, rel=1e-12)
+    assert (converted("1km", "m", "the points"), converted("5mm", "cm", "the points")) == (1000, pytest.approx(0.5))

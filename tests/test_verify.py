@@ -157,3 +157,14 @@ def _file(frames: int | None, isovalues: tuple[float, ...], precision: Any) -> b
     stack = [HILLS // 2, HILLS // 2]
     stack[frames] = HILLS
     return isocodec.encode(isocodec.Frames(stack), list(isovalues), **given)
+
+
+def test_signs_of_missing_samples_do_not_count() -> None:
+    """Whatever lies where they are missing."""
+    gone = np.zeros(HILLS.shape, np.bool_)
+    gone[8:14, 10:20] = gone[:3] = True
+    data = isocodec.encode(isocodec.Field(HILLS, mask=gone), [80.5, 120.5], precision="exact")
+    for value in (0, 255):
+        other = np.where(gone, np.uint8(value), HILLS)
+        found = isocodec.open(data).verify(isocodec.Field(other, mask=gone))
+        assert [(one.wrong, one.kept) for one in found] == [(0, True)] * 2
