@@ -20,7 +20,7 @@ from commands import BALL, HILLS, fails, ok
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
-from isocodec.field.units import METRES, distance_of
+from isocodec.field.units import METRES, converted, distance_of
 from isocodec.search.original import original
 
 I, J = np.meshgrid(np.arange(60.0), np.arange(70.0), indexing="ij")
@@ -300,3 +300,42 @@ def test_readers_know_the_unit_of_coordinates(make: Any, unit: str, millimetres:
         assert np.array_equal(file.contour().points, files[0].contour().points)
     (found,) = files[0].verify(field)
     assert found.kept and 0.16 <= max(found.there, found.back) <= 0.201
+
+
+@pytest.mark.parametrize("south", [False, True])
+@pytest.mark.parametrize("falling", [False, True])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("how", ["matrix", "axes", "arrays", "around"])
+@pytest.mark.parametrize("low", [0.0, 1.5, 31.0, -12.0, -14.0])
+def test_a_degree_of_longitude_is_the_longest_nearest_to_the_equator(
+    how: str, axis: int, falling: bool, south: bool, low: float
+) -> None:
+    """On which side of it, in which direction latitudes run and along which axis changes nothing."""
+    latitudes = low + 4.0 * np.arange(8)
+    latitudes = (-latitudes if south else latitudes)[:: -1 if falling else 1]
+    longitudes = -100 + 36.0 * np.arange(10)
+    shape = (10, 8) if axis else (8, 10)
+    if how == "matrix":
+        row = np.array([latitudes[1] - latitudes[0], 36.0])
+        steps = [[0, row[1]], [row[0], 0]] if axis == 0 else [[row[1], 0], [0, row[0]]]
+        placement = Placement(np.column_stack([steps, [longitudes[0], latitudes[0]]]), crs="EPSG:4326")
+    else:
+        x, y = np.meshgrid(longitudes, latitudes, indexing="ij" if axis else "xy")
+        turning: dict[str, Any] = {"periodic": 1 - axis, "periods": (360.0, 0.0)} if how == "around" else {}
+        if how == "axes":
+            x, y = (x[:, :1], y[:1]) if axis else (x[:1], y[:, :1])
+        placement = Placement(coordinates=[x, y], crs="EPSG:4326", **turning)
+    nearest = 0.0 if low < 0 else low
+    radius = 6378.137 / np.sqrt(1 - 0.00669437999014 * np.sin(np.radians(nearest)) ** 2)
+    widest = radius * np.cos(np.radians(nearest)) * np.radians(36)
+    assert placement.cells_of("100km", shape) == pytest.approx(100 / widest, rel=1e-6)
+
+
+@pytest.mark.parametrize("given", METRES)
+@pytest.mark.parametrize("unit", METRES)
+def test_lengths_in_other_units(given: str, unit: str) -> None:
+    """How many of one unit a length of another is, both ways."""
+    assert converted(f"3{given}", unit, "the points") == pytest.approx(3 * METRES[given] / METRES[unit], rel=1e-12)
+    there = converted(f"1{given}", unit, "the points") * converted(f"1{unit}", given, "the points")
+    assert there == pytest.approx(1, rel=1e-12)
+    assert (converted("1km", "m", "the points"), converted("5mm", "cm", "the points")) == (1000, pytest.approx(0.5))

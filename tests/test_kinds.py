@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from isocodec import Decoder, Field, Frames, IsoFile, Limits, Mesh
 from isocodec.api.files import IMPOSSIBLE, OPERATIONS
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.placement import Placement
+from isocodec.stream.options import EncodeOptions, ProfileName
 
 KINDS = ("grid", "series", "mesh", "surface", "tiles")
 MOST_IMPOSSIBLE = 12
@@ -268,3 +271,69 @@ def test_operations(operation: str, kind: str, tmp_path: Path, tiles: bytes):
         assert caught.value.remedy or IMPOSSIBLE[operation, kind] in str(caught.value)
         return
     CHECKS[operation](file, data, kind, tmp_path)
+
+
+WIDE = np.rint(10 * np.hypot(*(np.mgrid[:33, :41] - 15.2))).astype(np.int32)
+
+
+@pytest.fixture(scope="module")
+def uniform(tmp_path_factory: pytest.TempPathFactory) -> dict[str, IsoFile]:
+    """Files of uniform meshes from the coarsest on, without offsets."""
+    given: dict[str, Any] = {"precision": "signs", "layers": 0}
+    path = tmp_path_factory.mktemp("uniform") / "tiles.iso"
+    isocodec.save(path, WIDE, 80.5, tile=32, precision="signs")
+    return {
+        "grid": isocodec.open(isocodec.encode(WIDE, 80.5, **given)),
+        "series": isocodec.open(isocodec.encode(Frames([WIDE, WIDE + 1]), 80.5, **given)),
+        "several": isocodec.open(isocodec.encode(WIDE, [60.5, 80.5], **given)),
+        "tiles": isocodec.open(path),
+    }
+
+
+@pytest.mark.parametrize("kind", ["grid", "series", "several", "tiles"])
+@pytest.mark.parametrize("power", range(5))
+def test_cubes_as_wide_as_within_are_not_refined(uniform: dict[str, IsoFile], kind: str, power: int) -> None:
+    """Exactly as wide, hardly less and hardly more: each second layer halves cubes of 64 samples."""
+    widths = [16.0, 4.0, 1.0] if kind == "tiles" else [2.0 ** (6 - i // 2) for i in range(13)]
+    for within in (float(2**power), np.nextafter(2**power, 0), np.nextafter(2**power, 99)):
+        count = next((i for i, width in enumerate(widths, 1) if width <= within), len(widths))
+        found, wanted = uniform[kind].contour(80.5, within=within), uniform[kind].contour(80.5, layers=count)
+        assert np.array_equal(found.points, wanted.points) and len(found.cells)
+        assert [len(one.points) for one in uniform[kind].contours(within=within)][-1] == len(wanted.points)
+
+
+GIVEN: dict[str, Any] = {
+    "isovalue": 150.5, "tile": 64, "engine": object(), "workers": 2, "spool": "spool", "precision": "exact",
+    "keep_topology": True, "profile": "baseline", "layers": 2, "independent": True, "interval": 3,
+    "metadata": {"a": "b"},
+}
+"""A value for each parameter of `save`."""
+PARAMETERS = [name for name in inspect.signature(isocodec.save).parameters if name not in ("path", "what", "options")]
+PARAMETERS += EncodeOptions.__annotations__
+
+
+@pytest.mark.parametrize("name", [name for name in PARAMETERS if name != "progress"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("opened", [False, True])
+def test_no_parameter_is_lost_on_what_is_encoded_already(
+    opened: bool, kind: str, name: str, tmp_path: Path, tiles: bytes
+) -> None:
+    data = tiles if kind == "tiles" else encoded(kind)
+    for suffix in ("iso", "geojson") if name != "isovalue" else ("iso",):
+        with pytest.raises(OptionError):
+            isocodec.save(tmp_path / f"a.{suffix}", isocodec.open(data) if opened else data, **{name: GIVEN[name]})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("profile", get_args(ProfileName))
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if ("merge", kind) not in IMPOSSIBLE])
+def test_profiles_are_those_asked_for(kind: str, profile: Any, tiles: bytes) -> None:
+    """By one file and by several; or it is refused by name."""
+    data = tiles if kind == "tiles" else encoded(kind)
+    file = isocodec.open(data)
+    more = encoded("grid" if kind == "tiles" else kind, (1.0, 4.0) if kind == "mesh" else (50.5, 200.5))
+    for way in ("merge", "edit"):
+        refused = profile != "main" and (kind == "mesh" or (kind, way) == ("series", "merge"))
+        with pytest.raises(OptionError, match="profile") if refused else nullcontext():
+            made = isocodec.merge([data, more], profile=profile) if way == "merge" else file.edited(profile=profile)
+            assert isocodec.open(made).info.profile == profile

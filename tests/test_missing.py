@@ -15,6 +15,7 @@ from commands import HILLS, fails, ok, run
 from inputs import read_field, read_nodata
 from isocodec.errors import InputError
 from isocodec.field.missing import filled, missing_samples
+from isocodec.field.samples import missing_of
 
 HOLE = np.zeros(HILLS.shape, np.bool_)
 HOLE[8:14, 10:20] = HOLE[0, 0] = HOLE[30:, 38:] = True
@@ -162,3 +163,25 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     assert "all samples" in fails(
         3, "encode", tiff(tmp_path / "sea.tif", np.zeros((4, 4)), "0"), "-o", out, "--isovalue", 1, "--missing", "below"
     )
+
+
+MASKS = {"none": None, "nothing": np.zeros(HILLS.shape, np.bool_), "some": HOLE, "other": np.roll(HOLE, 5, axis=1)}
+
+
+@pytest.mark.parametrize("hidden", MASKS)
+@pytest.mark.parametrize("mask", MASKS)
+@pytest.mark.parametrize("lost", [False, True])
+def test_masks_and_masked_arrays_and_nan_add_up(hidden: str, mask: str, lost: bool) -> None:
+    """A sample is missing if any of them says so."""
+    values: Any = HILLS.astype(np.float32)
+    if lost:
+        values[20:24, 3:9] = np.nan
+    gone = np.isnan(values)
+    for one in (MASKS[hidden], MASKS[mask]):
+        gone |= False if one is None else one
+    given = values if MASKS[hidden] is None else np.ma.array(values, mask=MASKS[hidden])
+    field = isocodec.Field(given, mask=MASKS[mask])
+    valid = isocodec.open(isocodec.encode(field, 80.5, precision="signs")).valid()
+    assert np.array_equal(valid, ~gone)
+    more, _, _ = isocodec.Field(given).combined(mask=MASKS[mask])
+    assert np.array_equal(missing_of(values, more), gone)

@@ -25,7 +25,7 @@ from commands import fails, ok, run
 from files import with_checksum
 from inputs import read_place, says_nothing
 from isocodec.errors import OptionError
-from isocodec.field.placement import matrix_of, read_placement, unplaced, write_placement
+from isocodec.field.placement import Placement, matrix_of, read_placement, unplaced, write_placement
 from places import matrix
 from written import rendered
 
@@ -502,3 +502,46 @@ def test_without() -> None:
         plain = isocodec.decode(isocodec.encode(field, 70))
         told = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=unplaced(field.ndim)), 70))
         assert np.array_equal(plain.placed, told.placed)
+
+
+I, J = np.meshgrid(np.arange(6.0), np.arange(7.0), indexing="ij")
+FRAMED = {
+    "matrix": Placement([[3.0, 20.0, 500.0], [-7.0, 1.0, -40.0]]),
+    "matrix in space": Placement([[3.0, 20, 1, 5], [-7, 1, 2, 0], [0.5, 4, -9, 1]]),
+    "plane in space": Placement([[3.0, 20, 5], [-7, 1, 0], [0.5, 4, 1]]),
+    "nodes": Placement([[3.0, 20.0, 500.0], [-7.0, 1.0, -40.0]]).with_nodes((6, 7)),
+    "nodes in space": Placement([[3.0, 20, 1, 5], [-7, 1, 2, 0], [0.5, 4, -9, 1]]).with_nodes((6, 7, 8)),
+    "axes": Placement(coordinates=[np.arange(6.0) ** 2, 2 * np.arange(7.0) ** 2]),
+    "arrays": Placement(coordinates=[J**2 + I, 3 * I**2 - J]),
+    "mirrored": Placement(coordinates=[I**2 - J, 3 * J**2]),
+}
+
+
+@pytest.mark.parametrize("name", FRAMED)
+@pytest.mark.parametrize("at", [None, (0.0, 0.0), (2.4, 3.9), (4.9, 1.0), (5.0, 6.0)])
+def test_frames_are_the_steps_along_axes(name: str, at: tuple[float, ...] | None) -> None:
+    """By the places of samples: a column for each axis, a row for each coordinate; also of the last cells."""
+    placement = FRAMED[name]
+    n = 3 if name.endswith("space") and name != "plane in space" else 2
+    where = None if at is None else np.array([*at, 1.5][:n])
+    shape = (6, 7, 8)[:n]
+    corner = np.minimum(np.floor(np.zeros(n) if where is None else where), np.array(shape) - 2)
+    steps = [(placement.place((corner + step)[None]) - placement.place(corner[None]))[0] for step in np.eye(n)]
+    frame = placement.frame(where)
+    assert frame is not None and np.allclose(frame, np.stack(steps, axis=1), rtol=0, atol=1e-9)
+    if name != "plane in space":
+        assert placement.mirrored(where) == (np.linalg.det(np.stack(steps, axis=1)) < 0)
+
+
+@pytest.mark.parametrize("tiled", [False, True])
+@pytest.mark.parametrize("key", [None, "crs", "placement", "coordinate_unit", "value_unit", "name", "other"])
+def test_notes_of_the_user_win_however_a_file_is_written(tmp_path: Path, tiled: bool, key: str | None) -> None:
+    """Over each of the input's, and the others stay; the same whole and in tiles."""
+    tifffile.imwrite(tmp_path / "dem.tif", HILL.astype(np.float32), extratags=UTM + keys(1, 32631))
+    own = {"crs": "EPSG:32631", "placement": "0 30 500015 -20 0 3999990"}
+    told = {"crs": "EPSG:25831", "placement": "0 1 0 2 0 3"}
+    more = () if key is None else ("--metadata", f"{key}={told.get(key, 'a=b')}")
+    ways = ("--tile", 32) if tiled else ()
+    ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", 70, *more, *ways)
+    expected = own | ({} if key is None else {key: told.get(key, "a=b")})
+    assert dict(isocodec.open(tmp_path / "dem.iso").metadata) == expected

@@ -11,6 +11,7 @@ import pytest
 import isocodec
 from commands import BALL, HILLS, fails, ok
 from isocodec.errors import OptionError
+from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
 from isocodec.grid.layers.plan import Criteria
 from isocodec.search.promise import Promise
@@ -235,3 +236,33 @@ def test_help_and_the_module_name_the_same_lines() -> None:
     assert "--plan-help" in ok("encode", "--help")
     for word in _LINES:
         assert word in shown and f"``{word}" in (LANGUAGE or "")
+
+
+JUST = float(np.nextafter(1.0, 9.0))
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [(1, 1, 0.25), (1, JUST, 0.25), (2, 0.5, 0.5), (2, 0.5, 1), (1, 1), (2, 2, "exact"), (0.5, 1, "exact")], ids=str
+)
+@pytest.mark.parametrize("how", ["list", "text", "world", "command"])
+def test_steps_that_do_not_fall_are_refused(
+    steps: tuple[float | str, ...], how: str, tmp_path: Path, hills: Path
+) -> None:
+    """Equal ones, rising ones, first or last, whoever gives them."""
+    text = ",".join(map(str, steps))
+    if how == "command":
+        assert "must decrease" in fails(2, "encode", hills, "-o", tmp_path / "a.iso", "--isovalue", 80.5,
+                                        "--precision", text)
+        return
+    field = isocodec.Field(HILLS, placement=Placement((1, 1), unit="m"))
+    given = {"list": list(steps), "text": text, "world": ",".join(f"{step}m" if step != "exact" else "exact"
+                                                                   for step in steps)}[how]
+    with pytest.raises(OptionError) as caught:
+        isocodec.encode(field, 80.5, precision=given)
+    assert caught.value.code == "steps"
+
+
+def test_steps_that_hardly_fall() -> None:
+    data = isocodec.encode(HILLS, 80.5, precision=[JUST, 1, 0.25])
+    assert isocodec.open(data).verify(HILLS)[0].kept

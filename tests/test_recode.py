@@ -269,3 +269,14 @@ def test_commands(tmp_path: Path, hills: Path) -> None:
     (tmp_path / "no.iso").write_bytes(b"no")
     fails(4, "edit", tmp_path / "no.iso", "-o", out, "--profile", "baseline")
     assert not (tmp_path / "twice.iso").exists()
+
+
+@pytest.mark.parametrize("asked", [[80.5, 60.5], [60.5, 80.5], [100.5, 80.5, 80.5], [100.5]], ids=str)
+@pytest.mark.parametrize("independent", [False, True])
+def test_isovalues_that_are_kept_stay_in_the_order_of_the_file(asked: list[float], independent: bool) -> None:
+    """Each once, in whatever order they are named."""
+    file = isocodec.open(isocodec.encode(HILLS, [60.5, 100.5, 80.5], precision="exact", independent=independent))
+    made = isocodec.open(file.edited(isovalues=asked))
+    assert made.isovalues == tuple(value for value in file.isovalues if value in asked)
+    for value in made.isovalues:
+        assert same(made.contour(value), file.contour(value))

@@ -235,3 +235,24 @@ def test_command_with_missing_samples(tmp_path):
     assert done.exit_code == 0, done.output
     assert "4 missing samples" in done.stderr
     assert "4 of 77 points" in done.stdout
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("told", ["nan", "mask", "masked array"])
+def test_numbers_of_points_are_those_of_samples(criterion: str, told: str):
+    """Whichever are missing, and however that is told."""
+    y, x = np.mgrid[:9, :11]
+    field = np.hypot(y - 3.3, 2 * x - 7.1)
+    gone = (x + 2 * y) % 5 == 0
+    gone[0, 0] = True
+    given = {
+        "nan": np.where(gone, np.nan, field), "mask": isocodec.Field(field, mask=gone),
+        "masked array": np.ma.array(field, mask=gone),
+    }[told]
+    found = isocodec.thin(given, criterion=criterion, to=20)
+    there = np.flatnonzero(~gone)
+    assert sorted([*found.order.tolist(), *found.kept.tolist()]) == there.tolist()
+    assert np.array_equal(found.values, field[tuple(found.points.astype(int).T)])
+    assert np.array_equal(np.sort(np.ravel_multi_index(found.points.astype(int).T, field.shape)), found.kept)
+    alone = isocodec.thin(isocodec.Mesh(np.argwhere(~gone), None, field[~gone]), criterion=criterion, to=20)
+    assert np.array_equal(found.order, there[alone.order]) and np.array_equal(found.errors, alone.errors)

@@ -19,7 +19,7 @@ from commands import fails, ok, run
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
-from isocodec.storage.ranges import together
+from isocodec.storage.ranges import MOST_PIECES, together
 from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import Kind, groups_of
@@ -73,6 +73,19 @@ def test_ranges_are_joined_over_small_gaps() -> None:
     many = [(100 * i, 100 * i + 10) for i in range(20)]
     assert len(together(many)) == 5
     assert len(together([(i << 30, (i << 30) + 10) for i in range(20)])) == 20
+
+
+@given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 40)).map(lambda r: (r[0], r[0] + r[1])), max_size=12))
+def test_joined_ranges_have_every_byte_that_is_asked_for(ranges: list[tuple[int, int]]) -> None:
+    """However they overlap: each lies within one, none touches another, and bytes in between only join a few."""
+    found = together(ranges)
+    asked = {byte for start, end in ranges for byte in range(start, end)}
+    read = [byte for start, end in found for byte in range(start, end)]
+    assert asked <= set(read) and len(read) == len(set(read))
+    assert all(a[1] < b[0] for a, b in pairwise(found)) and len(found) <= MOST_PIECES
+    assert {found[0][0], found[-1][1]} == {min(asked), max(asked) + 1} if asked else not found
+    if sum(byte + 1 not in asked for byte in asked) <= MOST_PIECES:
+        assert set(read) == asked
 
 
 # -- seams ---------------------------------------------------------------------------------------------------------

@@ -281,6 +281,13 @@ def test_cut_files(tmp_path: Path) -> None:
             isocodec.open(data[:end]).contour()
     with pytest.raises(TruncatedError):
         isocodec.decode(data[:-1])
+    # where it ends, whoever reads it
+    for end in range(len(data) // 2, len(data), len(data) // 9):
+        (tmp_path / "cut.iso").write_bytes(data[:end])
+        for source in (data[:end], tmp_path / "cut.iso", f"file://{tmp_path / 'cut.iso'}"):
+            with pytest.raises(TruncatedError) as caught:
+                isocodec.open(source).contour()
+            assert caught.value.offset == end and f"{end:,}" in str(caught.value)
     # sums that no file has room for
     head = tiled_of(data).head
     with pytest.raises(TruncatedError, match="than any file can hold"):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from scipy.ndimage import maximum_filter, minimum_filter
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
@@ -98,3 +100,71 @@ def test_files_in_tiles(tmp_path: Path, shape: tuple[int, ...]) -> None:
     assert run("verify", tmp_path / "field.npy", path, "--within", one.there / 2).exit_code == 9
     with pytest.raises(InputError, match="has shape"):
         isocodec.open(path).verify(field[1:])
+
+
+def sample(own: tuple[float, float], around: tuple[float, float] = (-1, 256)) -> tuple[int, ...]:
+    """A sample of the hills between two values, those next to it between two others."""
+    good = (own[0] < HILLS) & (own[1] > HILLS)
+    good &= (around[0] < minimum_filter(HILLS, 3)) & (around[1] > maximum_filter(HILLS, 3))
+    return tuple(np.argwhere(good)[0].tolist())
+
+
+# what a sample is changed to, and the numbers of the isovalues 80.5 and 120.5 whose curves are then others
+CHANGES: dict[str, tuple[tuple[int, ...], int, tuple[int, ...]]] = {
+    "none": ((), 0, ()), "first": (sample((80.5, 120.5), (-1, 120.5)), 0, (0,)),
+    "last": (sample((120.5, 256), (80.5, 256)), 81, (1,)), "both": (sample((120.5, 256)), 0, (0, 1)),
+}
+PRECISIONS: list[Any] = [None, "exact", "signs", 0.02]
+
+
+@pytest.mark.parametrize("precision", PRECISIONS, ids=str)
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("isovalues", [[80.5, 120.5], [120.5, 80.5]], ids=str)
+@pytest.mark.parametrize("frames", [None, 0, 1])
+def test_one_isovalue_that_is_not_kept_breaks_the_file(
+    frames: int | None, isovalues: list[float], change: str, precision: Any, tmp_path: Path
+) -> None:
+    """Whichever it is, in whichever frame, as text and as JSON; without a promise nobody judges what is right."""
+    at, value, wrong = CHANGES[change]
+    other = HILLS.copy()
+    if at:
+        other[at] = value
+    data = _file(frames, tuple(isovalues), precision)
+    (tmp_path / "a.iso").write_bytes(data)
+    np.save(tmp_path / "other.npy", other if frames is None else np.stack([HILLS, HILLS]))
+    if frames is not None:
+        stack = np.stack([HILLS // 2, HILLS // 2])
+        stack[frames] = other
+        np.save(tmp_path / "other.npy", stack)
+    told = () if frames is None else ("--frame", frames)
+    words = ["verify", tmp_path / "other.npy", tmp_path / "a.iso", *told]
+    text, machine = run(*words), run(*words, "--json")
+    broken = [[80.5, 120.5][number] for number in wrong]
+    assert text.exit_code == machine.exit_code == (9 if broken else 0), text.output + machine.output
+    lines, record = text.stdout.splitlines(), json.loads(machine.stdout)
+    assert [one["isovalue"] for one in record["isovalues"]] == isovalues
+    kept = [one["kept"] for one in record["isovalues"]]
+    assert kept == [False if each in broken else None if precision is None else True for each in isovalues]
+    assert record["kept"] is (False if broken else None if precision is None else True)
+    assert [("NOT KEPT" in line) for line in lines] == [each in broken for each in isovalues]
+
+
+@cache
+def _file(frames: int | None, isovalues: tuple[float, ...], precision: Any) -> bytes:
+    given: dict[str, Any] = {} if precision is None else {"precision": precision}
+    if frames is None:
+        return isocodec.encode(HILLS, list(isovalues), **given)
+    stack = [HILLS // 2, HILLS // 2]
+    stack[frames] = HILLS
+    return isocodec.encode(isocodec.Frames(stack), list(isovalues), **given)
+
+
+def test_signs_of_missing_samples_do_not_count() -> None:
+    """Whatever lies where they are missing."""
+    gone = np.zeros(HILLS.shape, np.bool_)
+    gone[8:14, 10:20] = gone[:3] = True
+    data = isocodec.encode(isocodec.Field(HILLS, mask=gone), [80.5, 120.5], precision="exact")
+    for value in (0, 255):
+        other = np.where(gone, np.uint8(value), HILLS)
+        found = isocodec.open(data).verify(isocodec.Field(other, mask=gone))
+        assert [(one.wrong, one.kept) for one in found] == [(0, True)] * 2

@@ -132,9 +132,9 @@ class Exported:
         complete = all(one.complete for one in counts)
         if not points and not complete:
             self.remarks.append("the part that was decoded does not reach the curve")
+        values = [None if np.isnan(one.isovalue) else one.isovalue for one in counts]
         self.facts |= {
-            "points": points, "cells": cells, "isovalues": [one.isovalue for one in counts], "shape": list(shape),
-            "complete": complete,
+            "points": points, "cells": cells, "isovalues": values, "shape": list(shape), "complete": complete,
         }
         several = f", {len(counts)} isovalues" if len(counts) > 1 else ""
         self.text = f"{points:,} points, {cells:,} {'segments' if n == 2 else 'triangles'}{several}"

@@ -298,19 +298,21 @@ class WholeFile:
 
     def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         """Decode the mesh that the curve of an isovalue is coded on; see `IsoFile.mesh`."""
+        if self.kind in ("mesh", "surface"):
+            view.refuse(self.kind, "smooth", "through_holes", "within")
         if self.kind == "surface":
             tin = self._surface_decoder(view).surface.tin()
             above = tin.values > (np.median(tin.values) if isovalue is None else isovalue)
             crossed = np.ones(len(tin.triangles), np.bool_) if whole else ~_uniform(above[tin.triangles])
-            return Tessellation(
+            return _cut(Tessellation(
                 tin.points, tin.triangles[crossed], np.zeros(int(crossed.sum()), np.int64), above,
                 float("nan") if isovalue is None else isovalue, tin.shape or (), tin.complete,
                 metadata=dict(tin.metadata),
-            )
+            ), view.window)
         decoder, number = self.decoded(isovalue, view)
         if self.kind == "mesh":
-            return decoder.on_mesh.mesh(number, whole)
-        return decoder.grid.mesh(number, whole)
+            return _cut(decoder.on_mesh.mesh(number, whole), view.window)
+        return _cut(decoder.grid.mesh(number, whole), view.window)
 
     def statistics(self) -> FileStatistics:
         """Count what the file spends its bits on; see `IsoFile.statistics`."""
@@ -461,11 +463,27 @@ def clipped(contour: Contour, window: Sequence[Sequence[float]] | None) -> Conto
     """Keep the cells of a contour that reach into a window of index coordinates (on a mesh: of its coordinates)."""
     if window is None:
         return contour
-    bounds = bounds_of(window, contour.points.shape[1])
-    corners = contour.points[contour.cells]
-    inside = ((corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])).all(axis=1)
+    inside = _reaching(contour, window)
     used, number = np.unique(contour.cells[inside], return_inverse=True)
     return replace(contour, points=contour.points[used], cells=number.reshape(-1, contour.cells.shape[1]))
+
+
+def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessellation:
+    """Keep the cells of a mesh that reach into a window, as `clipped` does."""
+    if window is None:
+        return mesh
+    inside = _reaching(mesh, window)
+    used, number = np.unique(mesh.cells[inside], return_inverse=True)
+    return replace(mesh, points=mesh.points[used], above=mesh.above[used], levels=mesh.levels[inside],
+                   cells=number.reshape(-1, mesh.cells.shape[1]))
+
+
+def _reaching(drawn: Contour | Tessellation, window: Sequence[Sequence[float]]) -> NDArray[np.bool_]:
+    """Find the cells that reach into a window."""
+    bounds = bounds_of(window, drawn.points.shape[1])
+    corners = drawn.points[drawn.cells]
+    inside: NDArray[np.bool_] = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
+    return inside.all(axis=1)
 
 
 def frames_of(

@@ -50,7 +50,8 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
         If the files are not of the same field: they differ in shape, placement, missing samples or step of values, or a
         sample lies above one isovalue but not above a lower one.
     OptionError
-        If two files have the same isovalue, or a file cannot be re-encoded (see `IsoFile.edited`).
+        If two files have the same isovalue, or a file cannot be re-encoded (see `IsoFile.edited`); or if series or
+        meshes, which are not, do not have the profile.
     FormatError, LimitError
     """
     if isinstance(files, str | bytes) or not len(files):
@@ -62,6 +63,9 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     whole = [held.whole() if isinstance(held, TileFile) else held for held in opened]
     _check_one_place([each.info.metadata for each in whole])
     if {"mesh", "series"} & set(kinds):
+        if profile != "main" and any(held.info.profile != profile for held in whole):
+            raise OptionError(f"profile {profile!r} does not apply where series or meshes are merged: curves are kept "
+                              "as they are", code="profile", remedy="leave it out")
         return spliced([held.data for held in whole])
     all_held = [held_by(each.data, limits, f"file {i}") for i, each in enumerate(whole, start=1)]
     _check_one_field(all_held)

@@ -77,18 +77,21 @@ class Pieces:
 
 def together(ranges: Iterable[Range]) -> list[Range]:
     """Sort ranges, and join them over the smallest gaps while there are too many."""
-    found = sorted(each for each in ranges if each[0] < each[1])
-    if not found:
-        return []
-    gaps = sorted((b[0] - a[1], i) for i, (a, b) in enumerate(pairwise(found), start=1))
-    most = max(len(found) - MOST_PIECES, 0)
-    bridged = {i for rank, (gap, i) in enumerate(gaps) if gap <= 0 or (rank < most and gap <= GAP)}
-    out = [found[0]]
-    for i, each in enumerate(found[1:], start=1):
-        if i in bridged:
-            out[-1] = out[-1][0], max(out[-1][1], each[1])
+    apart: list[Range] = []
+    for start, end in sorted(each for each in ranges if each[0] < each[1]):
+        if apart and start <= apart[-1][1]:
+            apart[-1] = apart[-1][0], max(apart[-1][1], end)
         else:
-            out.append(each)
+            apart.append((start, end))
+    gaps = sorted((b[0] - a[1], i) for i, (a, b) in enumerate(pairwise(apart), start=1))
+    most = max(len(apart) - MOST_PIECES, 0)
+    bridged = {i for gap, i in gaps[:most] if gap <= GAP}
+    out: list[Range] = []
+    for i, (start, end) in enumerate(apart):
+        if i in bridged:
+            out[-1] = out[-1][0], end
+        else:
+            out.append((start, end))
     return out
 
 

@@ -241,7 +241,7 @@ def in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]
     points = about.place(mesh.points.astype(np.float64))
     first = mesh.cells[:1]
     corners = about.flat.place(mesh.points[first.ravel()].astype(np.float64))
-    corners = corners.reshape(*first.shape, -1)
+    corners = corners.reshape(*first.shape, corners.shape[1])
     sides, cells = corners[:, 1:] - corners[:, :1], mesh.cells
     # of triangles in space no order is that of the axes
     if sides.shape[1] == sides.shape[2] and (np.linalg.det(sides) < 0).any():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from math import isnan
 from typing import Any
 
 from ...drawing.areas import polygons
@@ -94,7 +95,7 @@ def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> b
         {
             "type": "Feature",
             "properties": {
-                "isovalue": float(contour.isovalue),
+                "isovalue": None if isnan(contour.isovalue) else float(contour.isovalue),
                 "shape": [int(n) for n in contour.shape],
                 "complete": bool(contour.complete),
                 **properties,
