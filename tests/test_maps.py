@@ -124,7 +124,7 @@ def test_geojson_that_is_not_in_degrees(tmp_path: Path, hills: bytes) -> None:
     unknown = isocodec.encode(isocodec.Field(HILLS, placement=(1, 1)), 80.5, metadata={"crs": "EPSG:999999"})
     (tmp_path / "in.iso").write_bytes(unknown)
     line = fails(2, "decode", tmp_path / "in.iso", "-o", tmp_path / "o.geojson")
-    assert "unknown reference system EPSG:999999" in line
+    assert "no reference system EPSG:999999" in line
 
 
 # ---- Drawings -------------------------------------------------------------------------------------------------------
