@@ -253,7 +253,7 @@ def test_devices_and_pipes(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file beside it"):
         read_field(tmp_path / "v.mhd", follow=True)
     for verb in (["info"], ["decode", "--what", "above", "-o", tmp_path / "m.npy"]):
-        assert "not a valid .iso file" in fails(4, verb[0], "/dev/zero", *verb[1:])
+        assert "not an .iso file" in fails(4, verb[0], "/dev/zero", *verb[1:])
 
 
 def test_a_curve_comes_in_pieces_but_not_without_end(

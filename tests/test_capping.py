@@ -46,7 +46,7 @@ def test_what_cannot_be_capped() -> None:
         isocodec.decode(isocodec.encode(noise(1)[0], 0.02)).capped()
     field = noise(1)
     field[2, 2, 2] = np.nan
-    with pytest.raises(OptionError, match="missing samples"):
+    with pytest.raises(OptionError, match="samples are missing"):
         isocodec.decode(isocodec.encode(field, 0.02)).capped()
     data = isocodec.encode(noise(1), 0.02)
     ends = []

@@ -358,7 +358,7 @@ def test_what_was_received_of_another_isovalue(two: Path, tmp_path: Path) -> Non
         assert 0 < report["points"] <= len(whole.points)
     part.write_bytes(data[:40])
     for more in ((), ("--partial",)):
-        assert "does not reach isovalue 40.25" in fails(5, "decode", part, "-o", out, "--isovalue", 40.25, *more)
+        assert "before isovalue 40.25 begins" in fails(5, "decode", part, "-o", out, "--isovalue", 40.25, *more)
 
 
 def test_bytes_that_end_before_the_curve_begins(two: Path, tmp_path: Path) -> None:

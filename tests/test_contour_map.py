@@ -370,7 +370,7 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
         (3, tmp_path / "none.npy", [], "No such file"),
         (3, plane, ["--interval", 1000, "--offset", 500], "choose a smaller interval"),
         (3, plane, ["--interval", 0.1], "choose a larger interval"),
-        (4, tmp_path / "no.iso", [], "not a valid .iso file"),
+        (4, tmp_path / "no.iso", [], "not an .iso file"),
         (5, tmp_path / "cut.iso", [], "before it is complete"),
     ):
         line = fails(code, "plot", "--map", source, "-o", out, *more)

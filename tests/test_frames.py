@@ -258,7 +258,7 @@ def test_piece_by_piece_and_at_once():
     ("frames", "message"),
     [
         ([], "without frames"),
-        ([np.zeros((4, 5)), np.zeros((5, 4))], "frame 1 has the shape 5 x 4, those before 4 x 5"),
+        ([np.zeros((4, 5)), np.zeros((5, 4))], "frame 1 has the shape 5 x 4, but earlier frames have 4 x 5"),
         ([np.zeros((4, 5), np.int16), np.zeros((4, 5), np.int32)], "int32"),
         ([np.zeros((4, 5)), np.zeros((4, 5, 6))], "shape"),
     ],

@@ -135,7 +135,7 @@ def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
 
 def test_areas_are_not_closed_along_holes() -> None:
     contour = isocodec.decode(isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5))
-    with pytest.raises(isocodec.errors.OptionError, match="missing samples"):
+    with pytest.raises(isocodec.errors.OptionError, match="samples are missing"):
         contour.areas()
 
 

@@ -127,7 +127,7 @@ def test_pictures(tmp_path):
         "plot", data, "-o", out, "--mesh", tmp_path / "mesh.npz", "--isovalue", 120, "--steps", 3
     )
     assert out.read_bytes().startswith(b"\x89PNG")
-    assert "does not hold" in fails(3, "plot", data, "-o", out)
+    assert "does not store" in fails(3, "plot", data, "-o", out)
     assert "--view" in fails(2, "plot", data, "-o", out, "--view", "front")
     solid = tmp_path / "solid.iso"
     solid.write_bytes(isocodec.encode(isocodec.Mesh(*space(1), np.arange(30), stored="coded"), 14.5))

@@ -109,7 +109,7 @@ def test_what_libraries_say_is_one_warning(capfd: pytest.CaptureFixture[str]) ->
             print("printed")
     out, err = capfd.readouterr()
     assert out == ""
-    assert err == "isocodec: a.tif: warning: messages while reading it: warned; logged twice; printed, and 1 more\n"
+    assert err == "isocodec: a.tif: warning: messages while reading: warned; logged twice; printed, and 1 more\n"
     assert logger.handlers == [mine] and logging.root.handlers == before
     os.write(1, b"back\n")
     with pytest.raises(InputError), one_warning(Path("a.tif")):
@@ -133,7 +133,7 @@ def test_libraries_are_heard_in_one_line(tmp_path: Path) -> None:
         lines = done.stderr.splitlines()
         assert done.returncode == 0, done
         assert all(line.startswith(f"isocodec: {tmp_path / name}: warning: ") for line in lines), lines
-        assert sum("messages while reading it: " in line for line in lines) == 1, lines
+        assert sum("messages while reading: " in line for line in lines) == 1, lines
     (tmp_path / "v.mha").write_bytes(
         META.replace(b"MET_UCHAR", b"MET_NOTHING") + b"ElementDataFile = LOCAL\n" + bytes(24)
     )
@@ -158,7 +158,7 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
     assert len(lines) == len(maps) + 1, done.stderr
     for line, suffix in zip(lines, [*(suffix for suffix, _ in maps), ".gpkg"], strict=True):
         assert line.startswith("isocodec: ") and f"{suffix} is written without a reference system" in line
-    assert last.startswith("isocodec: m.png: warning: messages while writing it: Glyph 28450")
+    assert last.startswith("isocodec: m.png: warning: messages while writing: Glyph 28450")
 
 
 WRITERS = {
@@ -190,5 +190,5 @@ def test_each_command_hears_its_writers(
     assert result.exit_code == 0, result.output
     (line,) = result.stderr.splitlines()
     out = WRITERS[writer][WRITERS[writer].index("-o") + 1]
-    assert line == f"isocodec: {out}: warning: messages while writing it: raw"
+    assert line == f"isocodec: {out}: warning: messages while writing: raw"
     assert capfd.readouterr() == ("", "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import tempfile
@@ -51,7 +52,7 @@ def opened(url: str) -> Iterator[Any]:
             yield file
     except FileNotFoundError as exc:
         # the library's message is only the URL
-        raise InputError(MISSING, code="url", remedy="check the URL") from exc
+        raise FileNotFoundError(errno.ENOENT, MISSING, url) from exc
     except TimeoutError as exc:
         # the messages of libraries are empty
         raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Callable, Iterable
 from itertools import pairwise
@@ -134,7 +135,7 @@ def _remote(url: str) -> Fetch:
                 remedy=f"try again later, or raise {TIMEOUT}",
             ) from exc
         except FileNotFoundError as exc:
-            raise InputError(MISSING, code="url", remedy="check the URL") from exc
+            raise FileNotFoundError(errno.ENOENT, MISSING, url) from exc
         except OSError:
             raise
         except Exception as exc:
