@@ -182,6 +182,8 @@ def test_urls(tmp_path: Path) -> None:
         assert np.array_equal(isocodec.decode(f"{at}/a.iso").points, isocodec.decode(tmp_path / "a.iso").points)
         with pytest.raises(FileNotFoundError):
             isocodec.read(f"{at}/none.tif")
+        with pytest.raises(FileNotFoundError, match="no such file"):
+            isocodec.open(f"{at}/none.iso").contour()
         server.shutdown()
     with pytest.raises(InputError, match="cannot be opened"):
         isocodec.read("gopher://nowhere/a.tif")

@@ -8,7 +8,8 @@ from typing import NamedTuple
 from ..drawing.contour import Contour
 from ..io.writers.output_formats import Cost
 from ..stream.decoder import Decoder
-from .files import Viewed, bounds_of, clipped
+from ..stream.recoder import ends_of
+from .files import Viewed, clipped
 
 
 class Counts(NamedTuple):
@@ -53,7 +54,7 @@ class Drawings(Collection[Contour]):
         self.counts: list[Counts] = []
         self._decoder, self._view, self._cost = decoder, view, cost
         if view.window is not None:
-            bounds_of(view.window, self.n)
+            ends_of(view.window, self.n)
 
     def __len__(self) -> int:
         return len(self._decoder.isovalues)

@@ -20,6 +20,7 @@ from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
+from ..stream.recoder import ends_of
 from ..stream.statistics import FileStatistics, statistics
 from ..stream.truncation import truncate
 from ..tin.tin import Tin
@@ -449,16 +450,6 @@ def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> 
     return out
 
 
-def bounds_of(window: Sequence[Sequence[float]], d: int) -> NDArray[np.float64]:
-    """Convert a window along d axes to (d, 2) numbers; raises `OptionError` if it is not valid."""
-    bounds = np.array(window, np.float64)
-    if bounds.shape != (d, 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
-        raise OptionError(
-            f"the window is {window!r}; it must be {d} pairs, start and end along each axis", code="window"
-        )
-    return bounds
-
-
 def clipped(contour: Contour, window: Sequence[Sequence[float]] | None) -> Contour:
     """Keep the cells of a contour that reach into a window of index coordinates (on a mesh: of its coordinates)."""
     if window is None:
@@ -480,7 +471,7 @@ def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessel
 
 def _reaching(drawn: Contour | Tessellation, window: Sequence[Sequence[float]]) -> NDArray[np.bool_]:
     """Find the cells that reach into a window."""
-    bounds = bounds_of(window, drawn.points.shape[1])
+    bounds = ends_of(window, drawn.points.shape[1])
     corners = drawn.points[drawn.cells]
     inside: NDArray[np.bool_] = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
     return inside.all(axis=1)

@@ -137,6 +137,22 @@ def _radices(parts: int) -> list[int]:
     return out
 
 
+def ends_of(window: Sequence[Sequence[float]], d: int) -> NDArray[np.float64]:
+    """Convert a window along d axes to its ends, (d, 2).
+
+    Raises
+    ------
+    OptionError
+        If it is not a valid window.
+    """
+    ends = np.array(window, np.float64)
+    if ends.shape != (d, 2) or not np.isfinite(ends).all() or (ends[:, 0] > ends[:, 1]).any():
+        raise OptionError(
+            f"the window is {window!r}; it must be {d} pairs, start and end along each axis", code="window"
+        )
+    return ends
+
+
 def bounds_of(
     shape: Sequence[int], box: Sequence[Sequence[float]] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -150,11 +166,7 @@ def bounds_of(
     last = np.array(shape, np.float64) - 1
     if box is None:
         return np.zeros(len(last)), last
-    bounds = np.array(box, np.float64)
-    if bounds.shape != (len(last), 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
-        raise OptionError(
-            f"the window is {box!r}; it must be {len(last)} pairs, start and end along each axis", code="window"
-        )
+    bounds = ends_of(box, len(last))
     if (bounds[:, 1] < 0).any() or (bounds[:, 0] > last).any():
         raise OptionError(f"the window lies outside the field of {tuple(shape)} samples", code="window")
     return np.clip(bounds[:, 0], 0, last), np.clip(bounds[:, 1], 0, last)
