@@ -13,7 +13,7 @@ for line in sys.stdin:
         isovalue = file.isovalues[options.pop("isovalue", 0)]
         if "layer" in options:
             options["layers"] = options.pop("layer") + 1
-        contour = file.contour(isovalue, box=asked["window"], **options)
+        contour = file.contour(isovalue, window=asked["window"], **options)
     else:
         contour = isocodec.decode(asked["file"])
     print(json.dumps({"points": contour.points.tolist(), "cells": contour.cells.tolist()}), flush=True)
