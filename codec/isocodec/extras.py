@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import importlib
+import sys
+from functools import cache
+from importlib.util import find_spec
 from typing import Any
 
 from .errors import MissingExtraError
+
+
+def check_installed(module: str, *, extra: str, purpose: str) -> None:
+    """Check, without loading it, that a library is installed; parameters and errors as of `optional`."""
+    if find_spec(module) is None:
+        optional(module, extra=extra, purpose=purpose)
 
 
 def optional(module: str, *, extra: str, purpose: str) -> Any:
@@ -37,3 +46,37 @@ def optional(module: str, *, extra: str, purpose: str) -> Any:
             code="missing-extra",
             remedy=f"pip install 'isocodec[{extra}]'",
         ) from exc
+
+
+@cache
+def without(module: str, heavy: tuple[str, ...], *, extra: str, purpose: str) -> Any:
+    """Import ``module`` as `optional` does, but without other libraries that it loads only to offer more functions.
+
+    Importing pyogrio takes five times as long with geopandas, pandas and pyarrow as without. What this returns is
+    private: the next ``import`` of the same library finds all of it.
+
+    Parameters
+    ----------
+    module : str
+    heavy : tuple of str
+        Names of libraries; if one is loaded already, nothing is left out.
+    extra, purpose
+        As of `optional`.
+
+    Raises
+    ------
+    MissingExtraError
+    """
+    if any(name in sys.modules for name in (module, *heavy)):
+        return optional(module, extra=extra, purpose=purpose)
+    sys.modules.update(dict.fromkeys(heavy))  # type: ignore[arg-type]
+    try:
+        return optional(module, extra=extra, purpose=purpose)
+    finally:
+        for name in heavy:
+            del sys.modules[name]
+        # compiled modules, and errors that these raise, can be loaded only once
+        for name, each in list(sys.modules.items()):
+            python = str(getattr(each, "__file__", "")).endswith(".py")
+            if name.partition(".")[0] == module and python and not name.endswith(".errors"):
+                del sys.modules[name]

@@ -158,14 +158,15 @@ class Contour:
         step = following.tolist()
         walks = []
         for first in [*np.flatnonzero(starts_line).tolist(), *range(len(step))]:
+            last, point = first, step[first]
+            if point < 0:
+                continue
             walk = [first]
-            point = step[first]
             while point >= 0:
                 walk.append(point)
-                step[walk[-2]] = -1
-                point = step[point]
-            if len(walk) > 1:
-                walks.append(walk)
+                step[last] = -1
+                last, point = point, step[point]
+            walks.append(walk)
         return walks
 
     @property
@@ -315,9 +316,9 @@ class Contour:
         MissingExtraError
             If geopandas is not installed.
         """
-        from .line_table import table_of
+        from .line_table import rows_of
 
-        return table_of([self])
+        return rows_of([self]).table
 
     def to_trimesh(self) -> Any:
         """Convert an isosurface to a ``trimesh.Trimesh``, with its points as vertices, in the same order.

@@ -1,8 +1,9 @@
-"""Lines and areas as geopandas tables."""
+"""Lines and areas as rows: geometries in WKB with columns, and geopandas tables of these."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,58 +16,115 @@ from .areas import areas_of, lifted
 from .bands import bands
 from .curve import Curve
 
+ISOVALUE = "isovalue"
 
-def table_of(
-    contours: Iterable[Curve], side: str | None = None, valid: NDArray[np.bool_] | None = None
-) -> Any:
-    """Make a ``GeoDataFrame`` with a row for each line or, with ``side``, for the areas of each isovalue or the bands.
 
-    Columns are ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete`` and ``geometry``; of bands ``lower``,
-    ``upper`` and ``geometry``. An isocontour of the plane has lines; the system is that of the file if it names one by
-    its EPSG number or a definition.
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """A row for each line, or for the areas of each isovalue, or for each band.
+
+    Attributes
+    ----------
+    shapes : (R,) array of bytes
+        Geometries in WKB.
+    columns : dict of str to (R,) array
+        ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete``, and ``index`` if it is asked for; of bands
+        ``lower`` and ``upper``.
+    system : pyproj.CRS or None
+        Reference system of the coordinates.
+    has_z, has_empty : bool
+        Whether coordinates are three; whether a geometry is empty.
+    """
+
+    shapes: NDArray[Any]
+    columns: dict[str, NDArray[Any]]
+    system: Any
+    has_z: bool
+    has_empty: bool
+
+    @property
+    def table(self) -> Any:
+        """The rows as a ``GeoDataFrame``."""
+        geopandas = optional("geopandas", extra="vector", purpose="making tables of lines")
+        return geopandas.GeoDataFrame(
+            self.columns, geometry=geopandas.GeoSeries.from_wkb(self.shapes), crs=self.system
+        )
+
+
+def rows_of(
+    contours: Iterable[Curve], side: str | None = None, valid: NDArray[np.bool_] | None = None,
+    attribute: str = ISOVALUE, index: Collection[float] | None = None,
+) -> Rows:
+    """Make a row for each line or, with ``side``, for the areas of each isovalue or the bands.
+
+    Of each contour no more is kept than its rows.
+
+    Parameters
+    ----------
+    contours : iterable of Contour
+        Of the plane, in one reference system.
+    side, valid
+        As of `areas`; ``"bands"`` for bands.
+    attribute : str
+        Name of the column of isovalues.
+    index : collection of float, optional
+        Isovalues of index contours, which a column marks.
 
     Raises
     ------
     OptionError
         For an isosurface; TruncatedError and others as for `Contour.areas`.
     MissingExtraError
-        If geopandas or shapely are not installed.
+        If shapely is not installed.
     """
-    geopandas = optional("geopandas", extra="vector", purpose="making tables of lines")
     shapely = optional("shapely", extra="geo", purpose="making tables of lines")
-    if side == "bands":
-        return _table_of_bands(list(contours), valid, geopandas, shapely)
-    columns: dict[str, list[Any]] = {"isovalue": [], "side" if side else "closed": [], "complete": []}
-    shapes: list[Any] = []
-    system: Any = None
+    found: list[tuple[NDArray[Any], dict[str, Any]]] = []
+    system, has_z, has_empty = None, False, False
+    for contour, shapes, columns in (_bands if side == "bands" else _isovalues)(contours, side, valid, shapely):
+        if side != "bands":
+            level = columns.pop(ISOVALUE)
+            marks = {} if index is None else {"index": level in index}
+            columns = {attribute: level, **columns, "complete": bool(contour.complete), **marks}
+        has_z |= bool(shapely.has_z(shapes).any())
+        has_empty |= bool(shapely.is_empty(shapes).any())
+        found.append((shapely.to_wkb(shapes), {
+            name: np.broadcast_to(np.asarray(column, object if isinstance(column, str) else None), len(shapes))
+            for name, column in columns.items()
+        }))
+        system = system_of(contour.placement)
+        del contour, shapes
+    joined = {name: np.concatenate([columns[name] for _, columns in found]) for name in (found[0][1] if found else ())}
+    shapes = np.concatenate([shapes for shapes, _ in found]) if found else np.zeros(0, object)
+    return Rows(shapes, joined, system, has_z, has_empty)
+
+
+def _isovalues(
+    contours: Iterable[Curve], side: str | None, valid: NDArray[np.bool_] | None, shapely: Any
+) -> Iterator[tuple[Curve, NDArray[Any], dict[str, Any]]]:
+    """Make the geometries of each contour, and their columns."""
     for contour in contours:
         if contour.n != 2:
             raise OptionError("only an isocontour (n = 2) has lines for a map", code="dimension")
+        columns: dict[str, Any] = {ISOVALUE: float(contour.isovalue)}
         if side is not None:
             areas = lifted(areas_of(contour, above=side == "above", valid=valid), contour.placement)
-            parts = [shapely.geometry.shape(areas)]
-            kinds: list[Any] = [side]
+            yield contour, np.array([shapely.geometry.shape(areas)], object), {**columns, "side": side}
         else:
             whole = contour.joined
-            parts = [shapely.LineString(whole.along(walk)) for walk in whole.walks]
-            kinds = [len(walk) > 2 and walk[0] == walk[-1] for walk in whole.walks]
-            del whole
-        shapes += parts
-        columns["isovalue"] += [float(contour.isovalue)] * len(parts)
-        columns["side" if side else "closed"] += kinds
-        columns["complete"] += [bool(contour.complete)] * len(parts)
-        system = system_of(contour.placement)
+            walks = whole.walks
+            places = [whole.along(walk) for walk in walks] or [np.zeros((0, 2))]
+            owner = np.repeat(np.arange(len(walks)), [len(walk) for walk in walks])
+            closed = np.array([len(walk) > 2 and walk[0] == walk[-1] for walk in walks], np.bool_)
+            yield contour, shapely.linestrings(np.concatenate(places), indices=owner), {**columns, "closed": closed}
+            del whole, walks, places
         del contour
-    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system)
 
 
-def _table_of_bands(
-    contours: list[Curve], valid: NDArray[np.bool_] | None, geopandas: Any, shapely: Any
-) -> Any:
-    found = bands(contours, valid=valid)
-    columns = {
-        "lower": np.array([band.lower for band in found], float),
-        "upper": np.array([band.upper for band in found], float),
-    }
-    shapes = [shapely.geometry.shape(band.geometry) for band in found]
-    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system_of(contours[0].placement))
+def _bands(
+    contours: Iterable[Curve], _: str | None, valid: NDArray[np.bool_] | None, shapely: Any
+) -> Iterator[tuple[Curve, NDArray[Any], dict[str, Any]]]:
+    """Make the geometries of all bands."""
+    whole = list(contours)
+    found = bands(whole, valid=valid)
+    columns = {name: np.array([getattr(band, name) for band in found], float) for name in ("lower", "upper")}
+    yield whole[0], np.array([shapely.geometry.shape(band.geometry) for band in found], object), columns

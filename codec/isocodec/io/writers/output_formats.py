@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from ...extras import optional
+from ...extras import check_installed
 
 Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin", "pyramid", "picture"]
 """A curve or surface; polygons beside curves or between them; bools of samples, or labels; simplices under a contour; a
@@ -51,11 +51,23 @@ class OutputOptions:
         Write coordinates in samples, even if there is a placement.
     to : str or None
         Suffix of the format, if the name has none: ``".geojson"``.
+    attribute : str
+        Name of the column or property that holds isovalues.
+    layer : str or None
+        Name of the layer.
+    index : collection of float, or None
+        Isovalues of index contours; a column or property ``index`` marks them.
+    raised : bool
+        Give points of curves a third coordinate, the isovalue.
     """
 
     keep_crs: bool = False
     in_samples: bool = False
     to: str | None = None
+    attribute: str = "isovalue"
+    layer: str | None = None
+    index: Collection[float] | None = None
+    raised: bool = False
 
 
 @dataclass(frozen=True)
@@ -127,4 +139,4 @@ class Output:
         MissingExtraError
         """
         for module in self.libraries:
-            optional(module, extra=self.extra, purpose=f"writing {suffix}")
+            check_installed(module, extra=self.extra, purpose=f"writing {suffix}")

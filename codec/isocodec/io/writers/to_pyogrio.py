@@ -8,13 +8,14 @@ from __future__ import annotations
 import io
 import warnings
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from ...drawing.line_table import table_of
-from ...extras import optional
+from ...drawing.line_table import Rows, rows_of
+from ...extras import without
 from .output_formats import Cost, Output, OutputOptions
 from .things import Areas
 
@@ -25,46 +26,63 @@ SHAPEFILE = ".shp"
 _DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
 _DATE = "2000-01-01T00:00:00.000Z"
 """Fixed time of writing in a GeoPackage, so that equal input gives equal bytes."""
+_PIECE = 1 << 20
+"""Bytes of a file that are handed on at once."""
 
 
-def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
-    return _file(table_of(contours), suffix, "LineString", "isolines")
+def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) -> Iterator[bytes]:
+    rows = rows_of(contours, attribute=options.attribute, index=options.index)
+    return _file(rows, suffix, "LineString", options.layer or "isolines")
 
 
-def _render_areas(what: Areas, suffix: str, _: OutputOptions) -> bytes:
+def _render_areas(what: Areas, suffix: str, options: OutputOptions) -> Iterator[bytes]:
     shape = "Polygon" if suffix == SHAPEFILE else "MultiPolygon"
-    return _file(table_of(what.contours, what.side, what.valid), suffix, shape, "areas")
+    rows = rows_of(what.contours, what.side, what.valid, options.attribute, options.index)
+    return _file(rows, suffix, shape, options.layer or "areas")
 
 
-def _file(table: Any, suffix: str, shape: str, layer: str) -> bytes:
-    """Write the file of a table; for a Shapefile, an archive of its several files (see `_unpacked`)."""
+def _file(rows: Rows, suffix: str, shape: str, layer: str) -> Iterator[bytes]:
+    """Write the file of some rows, and yield it; for a Shapefile, an archive of its several files (see `_unpacked`)."""
     if suffix not in _DRIVERS:
         buffer = io.BytesIO()
-        table.to_parquet(buffer, index=False)
-        return buffer.getvalue()
-    pyogrio = optional("pyogrio", extra="vector", purpose=f"writing {suffix}")
+        rows.table.to_parquet(buffer, index=False)
+        yield buffer.getvalue()
+        return
     options = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == SHAPEFILE else {}
-    if _DRIVERS[suffix] == "FlatGeobuf" and table.geometry.is_empty.any():
+    if _DRIVERS[suffix] == "FlatGeobuf" and rows.has_empty:
         options = {"SPATIAL_INDEX": "NO"}  # it cannot have one of what lies nowhere
-    # on a plane in space
-    shape += " Z" * bool(table.geometry.has_z.any())
-    before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
-    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
-    try:
-        with TemporaryDirectory(prefix="isocodec-") as folder, warnings.catch_warnings():
+    number = None if rows.system is None else rows.system.to_epsg()
+    with TemporaryDirectory(prefix="isocodec-") as folder:
+        path = Path(folder) / f"{layer}{suffix}"
+        with _pyogrio(suffix) as raw, warnings.catch_warnings():
             # the caller knows that the file has no reference system
             warnings.filterwarnings("ignore", message="'crs' was not provided")
-            path = Path(folder) / f"{layer}{suffix}"
-            pyogrio.write_dataframe(
-                table, path, driver=_DRIVERS[suffix], layer=layer, geometry_type=shape, layer_options=options,
+            raw.write(
+                path, rows.shapes, [*rows.columns.values()], [*rows.columns], driver=_DRIVERS[suffix], layer=layer,
+                # on a plane in space
+                geometry_type=shape + " Z" * rows.has_z, layer_options=options,
+                crs=rows.system and (f"EPSG:{number}" if number else rows.system.to_wkt("WKT1_GDAL")),
             )
-            if suffix != SHAPEFILE:
-                return path.read_bytes()
+        if suffix == SHAPEFILE:
             packed = io.BytesIO()
             with zipfile.ZipFile(packed, "w") as archive:
                 for part in sorted(Path(folder).iterdir()):
                     archive.writestr(zipfile.ZipInfo(part.suffix), part.read_bytes())
-            return packed.getvalue()
+            yield packed.getvalue()
+            return
+        with path.open("rb") as file:
+            while piece := file.read(_PIECE):
+                yield piece
+
+
+@contextmanager
+def _pyogrio(suffix: str) -> Iterator[Any]:
+    """Yield ``pyogrio.raw``, which writes arrays, while the time of writing is fixed."""
+    pyogrio = without("pyogrio", ("geopandas", "pandas", "pyarrow"), extra="vector", purpose=f"writing {suffix}")
+    before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
+    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
+    try:
+        yield pyogrio.raw
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
 
@@ -79,15 +97,15 @@ def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
 def _outputs(suffixes: tuple[str, ...], title: str, *libraries: str, parts: Any = None) -> tuple[Output, Output]:
     shared: Any = {
         "dimensions": (2,), "several": (2,), "holds": "a column", "names_crs": True, "extra": "vector",
-        "libraries": ("pyogrio", "geopandas", "shapely", *libraries), "parts": parts,
+        "libraries": ("shapely", "pyproj", *(libraries or ["pyogrio"])), "parts": parts,
     }
     return (
-        Output("contour", suffixes, title, _render, cost={2: Cost(160, 100)}, **shared),
+        Output("contour", suffixes, title, _render, cost={2: Cost(160, 100, kept=60)}, **shared),
         Output("areas", suffixes, title, _render_areas, cost={2: Cost(300, 240, kept=100)}, **shared),
     )
 
 
 OUTPUTS = (
     *_outputs((".gpkg",), "GeoPackage"), *_outputs((".fgb",), "FlatGeobuf"),
-    *_outputs((SHAPEFILE,), "Shapefile", parts=_unpacked), *_outputs((".parquet",), "GeoParquet", "pyarrow"),
+    *_outputs((SHAPEFILE,), "Shapefile", parts=_unpacked), *_outputs((".parquet",), "GeoParquet", "geopandas", "pyarrow"),
 )
