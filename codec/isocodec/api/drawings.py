@@ -1,14 +1,14 @@
-"""Contours of a decoded file, drawn one by one, so that the data of each can be released after it is drawn."""
+"""Contours that are drawn one by one, so that the data of each can be released after it is drawn."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from abc import abstractmethod
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from ..drawing.contour import Contour
 from ..io.writers.output_formats import Cost
 from ..stream.decoder import Decoder
-from ..stream.recoder import ends_of
 from .files import Viewed, clipped
 
 
@@ -26,8 +26,59 @@ class Counts(NamedTuple):
         return cls(len(contour.points), len(contour.cells), float(contour.isovalue), contour.complete)
 
 
-class Drawings(Collection[Contour]):
-    """Contours of all isovalues that a decoder of a grid has decoded; can be iterated over once.
+class OneByOne(Collection[Contour]):
+    """Contours, each drawn when it is needed; can be iterated over once.
+
+    Parameters
+    ----------
+    isovalues : sequence of float
+    shape : tuple of int
+        Samples along each axis; empty on a mesh.
+    n : int
+        Axes of the field.
+    progress : callable, optional
+        Called with the number of contours drawn and that of all.
+
+    Attributes
+    ----------
+    counts : list of Counts
+        Counts of the contours drawn so far.
+    """
+
+    def __init__(
+        self, isovalues: Sequence[float], shape: tuple[int, ...], n: int,
+        progress: Callable[[int, int], object] | None,
+    ) -> None:
+        self.isovalues, self.shape, self.n = tuple(isovalues), shape, n
+        self.counts: list[Counts] = []
+        self.progress = progress
+
+    @abstractmethod
+    def draw(self, number: int) -> Contour:
+        """Draw the contour of an isovalue, by its number."""
+
+    def __len__(self) -> int:
+        return len(self.isovalues)
+
+    def __contains__(self, contour: object) -> bool:
+        return False
+
+    def __iter__(self) -> Iterator[Contour]:
+        for number in range(len(self)):
+            contour = self.draw(number)
+            self.counts.append(Counts.of(contour))
+            yield contour
+            del contour
+            self.drawn(self.counts[-1])
+            if self.progress is not None:
+                self.progress(number + 1, len(self))
+
+    def drawn(self, counts: Counts) -> None:
+        """Take notice that a contour has been used."""
+
+
+class Drawings(OneByOne):
+    """Contours of all isovalues that a decoder of a grid has decoded.
 
     Together, the decoder's state, one drawing and a writer's copy of it stay within the memory limit.
 
@@ -37,42 +88,30 @@ class Drawings(Collection[Contour]):
     view : Viewed
     cost : Cost
         Memory that writing needs.
-
-    Attributes
-    ----------
-    n : int
-        Axes of the field.
-    shape : tuple of int
-    counts : list of Counts
-        Counts of the contours drawn so far.
     """
 
     def __init__(self, decoder: Decoder, view: Viewed, cost: Cost) -> None:
         assert decoder.header is not None
-        self.shape = decoder.header.shape
-        self.n = len(self.shape)
-        self.counts: list[Counts] = []
+        shape = decoder.header.shape
+        super().__init__(decoder.isovalues, shape, len(shape), None)
         self._decoder, self._view, self._cost = decoder, view, cost
+        self._kept = 0
         if view.window is not None:
+            from ..stream.recoder import ends_of
+
             ends_of(view.window, self.n)
 
-    def __len__(self) -> int:
-        return len(self._decoder.isovalues)
+    def draw(self, number: int) -> Contour:
+        """Draw the contour of an isovalue, by its number, and release what was decoded of it."""
+        decoder, view = self._decoder, self._view
+        contour = decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes)
+        decoder.discard(number)
+        contour = clipped(contour, view.window)
+        size = contour.points.nbytes + contour.cells.nbytes
+        decoder.hold(self._kept + size + self._cost.peak(len(contour.points), len(contour.cells)))
+        return contour
 
-    def __contains__(self, contour: object) -> bool:
-        return False
-
-    def __iter__(self) -> Iterator[Contour]:
-        decoder, view, kept = self._decoder, self._view, 0
-        for number in range(len(self)):
-            contour = decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes)
-            decoder.discard(number)
-            contour = clipped(contour, view.window)
-            counts = Counts.of(contour)
-            size = contour.points.nbytes + contour.cells.nbytes
-            decoder.hold(kept + size + self._cost.peak(counts.points, counts.cells))
-            self.counts.append(counts)
-            yield contour
-            del contour
-            kept += self._cost.after(counts.points, counts.cells)
-            decoder.hold(kept)
+    def drawn(self, counts: Counts) -> None:
+        """Count what a writer keeps of a contour."""
+        self._kept += self._cost.after(counts.points, counts.cells)
+        self._decoder.hold(self._kept)

@@ -6,7 +6,7 @@ import io
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,8 +21,8 @@ from ..io.writers.write import USUAL, Written, check, write
 from ..limits import Budget, Limits
 from ..stream.inspect import FileInfo, inspect
 from ..tin.tin import Tin
-from .drawings import Counts, Drawings
-from .files import Viewed, WholeFile
+from .drawings import Counts, Drawings, OneByOne
+from .files import Progress, Viewed, WholeFile
 from .isofile import IsoFile
 
 Target = str | os.PathLike[str] | BinaryIO
@@ -65,6 +65,8 @@ class Wanted:
         The mesh of the whole domain, not only what the curve crosses.
     capped : bool
         Close surfaces in space where they leave the field, around the side.
+    index : int, optional
+        Mark every so many isovalues as index contours.
     options : OutputOptions
     """
 
@@ -76,7 +78,17 @@ class Wanted:
     through_holes: bool = False
     whole: bool = False
     capped: bool = False
+    index: int | None = None
     options: OutputOptions = USUAL
+
+    def options_for(self, isovalues: Sequence[float]) -> OutputOptions:
+        """Options of writers, with the index contours among some isovalues."""
+        if self.index is None or not isovalues:
+            return self.options
+        from ..drawing.pictures.map_picture import index_lines
+
+        marked = index_lines(isovalues, self.index)
+        return replace(self.options, index=frozenset(v for v, one in zip(isovalues, marked, strict=True) if one))
 
 
 @dataclass
@@ -94,7 +106,7 @@ class Exported:
     remarks : list of str
         What was not taken from the file.
     options : OutputOptions
-    drawings : Drawings or None
+    drawings : OneByOne or None
         Contours that are drawn while they are written; if given, facts and text come from them.
     """
 
@@ -103,12 +115,12 @@ class Exported:
     text: str
     remarks: list[str] = field(default_factory=list)
     options: OutputOptions = USUAL
-    drawings: Drawings | None = None
+    drawings: OneByOne | None = None
 
-    def write(self, target: Target) -> int:
+    def write(self, target: Target, progress: Progress | None = None) -> int:
         """Write the content, completely or not at all; returns the number of bytes.
 
-        What the format loses is added to the remarks.
+        What the format loses is added to the remarks. Contours that are drawn while they are written report progress.
 
         Raises
         ------
@@ -116,6 +128,8 @@ class Exported:
         """
         if isinstance(self.thing, bytes):
             return _put(target, self.thing)
+        if self.drawings is not None:
+            self.drawings.progress = progress
         written: Written = write(target, self.thing, options=self.options)
         self.remarks += written.remarks
         if self.drawings is not None:
@@ -193,8 +207,9 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     for name in _APART.get(what, ()):
         if name in wanted.view:
             raise OptionError(f"--{name.replace('_', '-')} does not apply to {what}", code=name, remedy="leave it out")
+    check_marks(what, wanted)
     made = _MAKERS[what](file, suffix, wanted, progress)
-    made.options = wanted.options
+    made.options = wanted.options_for(file.isovalues) if wanted.index else wanted.options
     # bytes after the part that was decoded may be damaged
     with suppress(FormatError):
         if file.frames > 1 and wanted.view.get("frame") is None and what != "valid":
@@ -210,11 +225,55 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     return made
 
 
+def check_marks(what: str, wanted: Wanted) -> None:
+    """Refuse options of columns with isovalues where bands have two.
+
+    Raises
+    ------
+    OptionError
+    """
+    given = {"attribute": wanted.options.attribute != USUAL.attribute, "index": wanted.index is not None}
+    for name in (name for name, wrong in given.items() if wrong and what not in ("curve", "areas")):
+        raise OptionError(f"--{name} does not apply to {what}", code=name, remedy="leave it out")
+
+
+def drawn(what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any, **options: Any) -> Exported:
+    """Prepare the contours of a field in a form that the format of ``path`` can hold, without an ``.iso`` file.
+
+    Parameters
+    ----------
+    what : Field or Mesh
+    path : path
+    wanted : Wanted
+        ``curve``, ``areas`` or ``bands``.
+    isovalue : object
+        As for `encode`, but of any number of isovalues.
+    **options
+        Of `encode`, for curves as a file of these options has them.
+
+    Raises
+    ------
+    InputError, OptionError, MissingExtraError
+    """
+    from .tracing import Traced
+
+    shown = wanted.what or "curve"
+    check_marks(shown, wanted)
+    contours = Traced(what, isovalue, through_holes=wanted.along_holes, **options)
+    several = shown == "curve" and len(contours) > 1
+    made = Exported(contours, {}, "", options=wanted.options_for(contours.isovalues), drawings=contours)
+    check(path, Thing(_KINDS[shown], contours.n, several, bool(contours.shape)), options=made.options)
+    if shown != "curve":
+        valid = contours.valid if wanted.along_holes else None
+        made.thing = Areas(contours, "bands" if shown == "bands" else wanted.side, valid)
+    return made
+
+
 def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
     if wanted.capped:
         contours = [contour.capped(above=wanted.side == "above") for contour in contours]
-    if isinstance(contours, Drawings):
+    if isinstance(contours, OneByOne):
         return _of_contours(contours, contours, [])
     remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others_in(file, contours[0].isovalue)
     thing: Any = contours if len(contours) > 1 else contours[0]
@@ -270,9 +329,9 @@ def _holds(suffix: str, thing: Thing) -> bool:
     return True
 
 
-def _of_contours(thing: Any, contours: Drawings | Sequence[Contour], remarks: list[str]) -> Exported:
+def _of_contours(thing: Any, contours: OneByOne | Sequence[Contour], remarks: list[str]) -> Exported:
     made = Exported(thing, {}, "", remarks)
-    if isinstance(contours, Drawings):
+    if isinstance(contours, OneByOne):
         made.drawings = contours
     else:
         made.count([Counts.of(one) for one in contours], contours[0].shape, contours[0].n)

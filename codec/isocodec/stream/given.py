@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from isospec.container import MAX_ISOVALUES
 
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS, DecodedSamples, near_values
@@ -17,13 +19,12 @@ from ..field.framed import Frames
 from ..field.labelling import having
 from ..field.meshed import Mesh
 from ..field.missing import filled
-from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Placement, read_placement
+from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Placement, closed, read_placement
 from ..field.sampled import Field
-from ..field.samples import Samples, isovalue_of, missing_of, without_holes
-from .grid_encoder import sampled
+from ..field.samples import Samples, check_field, isovalue_of, missing_of, without_holes
 from .isovalues import isovalues_of, range_of
 from .options import COORDINATES_SHARE, PROMISE, Options, Precision
-from .placing import without_folds
+from .placing import check_axes, without_folds
 
 
 def taken(what: Any) -> Any:
@@ -149,7 +150,8 @@ def _of_labels(field: Field, options: Options) -> Options:
 
 
 def levels_of(
-    first: Field | Mesh, isovalue: object, options: Options, all_of: Iterable[Any] | None = None
+    first: Field | Mesh, isovalue: object, options: Options, all_of: Iterable[Any] | None = None,
+    most: int = MAX_ISOVALUES,
 ) -> list[float]:
     """The isovalues of a file.
 
@@ -162,6 +164,8 @@ def levels_of(
     options : Options
     all_of : iterable, optional
         All frames, if they are known and can be iterated over again.
+    most : int
+        Largest number of isovalues.
 
     Raises
     ------
@@ -173,7 +177,7 @@ def levels_of(
         if isovalue is not None:
             raise OptionError("a field with labels cannot have isovalues, too",
                               code="isovalue", remedy="leave them out")
-        return isovalues_of(list(first.labels)) if len(first.labels) else _none()
+        return isovalues_of(list(first.labels), most=most) if len(first.labels) else _none()
     if isovalue is None:
         if options.layers.written and plans is not None:
             return isovalues_of(list(plans))
@@ -185,7 +189,7 @@ def levels_of(
         raise OptionError("no isovalue",
                           code="isovalue", remedy="only a mask (bool) or labels can be encoded without one")
     ends = None if all_of is None else lambda: _ends(all_of)
-    found = isovalues_of(isovalue, ends)
+    found = isovalues_of(isovalue, ends, most)
     if options.layers.written and plans is not None and set(found) != set(plans):
         raise OptionError(
             f"the isovalues given, {', '.join(f'{v:g}' for v in found)}, differ from those of the plan, "
@@ -216,7 +220,14 @@ def _ends(frames: Iterable[Any]) -> tuple[float, float]:
 def samples_of(
     field: Field, isovalues: Sequence[float], options: Options, placement: Placement | None, series: bool = False
 ) -> list[Samples]:
-    """Prepare the samples of a field at each isovalue: fill missing ones as the field asks for, close periodic axes.
+    """Prepare the samples of a field at each isovalue; see `sampler_of`."""
+    return [*map(sampler_of(field, isovalues, options, placement, series), isovalues)]
+
+
+def sampler_of(
+    field: Field, isovalues: Sequence[float], options: Options, placement: Placement | None, series: bool = False
+) -> Callable[[float], Samples]:
+    """Make a function from an isovalue to samples: missing ones filled as the field asks for, periodic axes closed.
 
     Parameters
     ----------
@@ -230,7 +241,7 @@ def samples_of(
     Raises
     ------
     InputError, OptionError
-        If it cannot be encoded.
+        If it cannot be encoded; the function, too.
     """
     values, mask = field.values, field.mask
     if field.labels is None and field.missing != "hole":
@@ -241,12 +252,14 @@ def samples_of(
     if field.labels is None:
         periodic = () if placement is None else placement.periodic
         hole = without_folds(placement, bare.shape, hole)
-        return sampled(bare, hole, isovalues, options.precision.step, periodic)
+        check_axes(periodic, bare.shape)
+        bare, hole = closed(bare, periodic), None if hole is None else closed(hole, periodic)
+        return lambda isovalue: check_field(bare, isovalue, options.precision.step, hole)
     if bare.ndim not in (2, 3) or bare.dtype.kind not in "biuf":
         raise InputError(f"labels of shape {bare.shape} and type {bare.dtype}", code="labels",
                          remedy="give numbers on 2 or 3 axes")
     without = hole if field.missing == "below" else None
-    return [_border(bare, label, hole, without, series) for label in isovalues]
+    return lambda label: _border(bare, label, hole, without, series)
 
 
 def _border(

@@ -171,23 +171,6 @@ def grid_file(
     )
 
 
-def sampled(
-    values: NDArray[Any], gone: NDArray[np.bool_] | None, isovalues: Sequence[float], step: float | None,
-    periodic: Sequence[int] = (),
-) -> list[Samples]:
-    """Make a field of samples at each isovalue: missing samples get some value, and periodic axes are closed.
-
-    Raises
-    ------
-    InputError, OptionError
-        As for `check_field`.
-    """
-    check_axes(periodic, values.shape)
-    values = closed(values, periodic)
-    gone = None if gone is None else closed(gone, periodic)
-    return [check_field(values, value, step, gone) for value in isovalues]
-
-
 class GridFrame:
     """Encodes the isovalues of a frame one after the other; `chunks`, to be called once, yields the bytes.
 

@@ -22,7 +22,7 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _EVERY = re.compile(rf"every\s+({_NUMBER})(?:\s+from\s+({_NUMBER}))?")
 
 
-def isovalues_of(given: object, ends: Range | None = None) -> list[float]:
+def isovalues_of(given: object, ends: Range | None = None, most: int = MAX_ISOVALUES) -> list[float]:
     """Determine the isovalues of a file.
 
     Parameters
@@ -31,6 +31,8 @@ def isovalues_of(given: object, ends: Range | None = None) -> list[float]:
         As text: "every 20", all multiples of 20 within the range of the data; "every 20 from 5", the same shifted by 5.
     ends : callable, optional
         Finds the range of the data; called only for texts.
+    most : int
+        Largest number of isovalues; that of a file if not given.
 
     Raises
     ------
@@ -41,7 +43,7 @@ def isovalues_of(given: object, ends: Range | None = None) -> list[float]:
         known yet.
     """
     if isinstance(given, str):
-        return list(_every(given, ends))
+        return list(_every(given, ends, most))
     if isinstance(given, bytes) or not isinstance(given, Sequence | np.ndarray) or np.shape(given) == ():
         return [isovalue_of(given)]
     values = [isovalue_of(value) for value in given]
@@ -49,13 +51,12 @@ def isovalues_of(given: object, ends: Range | None = None) -> list[float]:
         raise OptionError("no isovalue", code="isovalue", remedy="give one")
     if len(set(values)) < len(values):
         raise OptionError("an isovalue is given twice", code="isovalue", remedy="give each once")
-    if len(values) > MAX_ISOVALUES:
-        raise OptionError(f"{len(values)} isovalues are given, but a file holds at most {MAX_ISOVALUES}",
-                          code="isovalue")
+    if len(values) > most:
+        raise OptionError(f"{len(values):,} isovalues are given, but {_held(most)}", code="isovalue")
     return values
 
 
-def _every(text: str, ends: Range | None) -> tuple[float, ...]:
+def _every(text: str, ends: Range | None, most: int) -> tuple[float, ...]:
     found = _EVERY.fullmatch(text.strip())
     interval = float(found[1]) if found else 0.0
     if found is None or not 0 < interval < math.inf:
@@ -64,10 +65,16 @@ def _every(text: str, ends: Range | None) -> tuple[float, ...]:
     if ends is None:
         raise OptionError(f"{text!r} needs the range of all frames before the first one is encoded", code="isovalue",
                           remedy="give the isovalues as numbers")
-    return multiples(interval, *ends(), float(found[2] or 0))
+    return multiples(interval, *ends(), float(found[2] or 0), most)
 
 
-def multiples(interval: float, low: float, high: float, offset: float | None = None) -> tuple[float, ...]:
+def _held(most: int) -> str:
+    return f"{'a file holds' if most == MAX_ISOVALUES else 'a map has'} at most {most:,}"
+
+
+def multiples(
+    interval: float, low: float, high: float, offset: float | None = None, most: int = MAX_ISOVALUES
+) -> tuple[float, ...]:
     """Multiples of an interval that some samples lie above and others do not, increasing: for 0.1, 0.1, 0.2, 0.3 .. .
 
     ``low`` and ``high`` are the least and the largest sample. With an offset, multiples shifted by it.
@@ -75,19 +82,19 @@ def multiples(interval: float, low: float, high: float, offset: float | None = N
     Raises
     ------
     InputError
-        If no multiple lies within the range of the data, or more than a file can hold.
+        If no multiple lies within the range of the data, or more than ``most``.
     """
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError("the data hold infinite values", code="interval", remedy="give the isovalues as numbers")
     offset = offset or 0
     first, end = math.floor((low - offset) / interval), math.ceil((high - offset) / interval) + 1
     step, start = Decimal(repr(interval)), Decimal(repr(offset))
-    near = (float(k * step + start) for k in range(first, min(end, first + MAX_ISOVALUES + 3)))
+    near = (float(k * step + start) for k in range(first, min(end, first + most + 3)))
     out = tuple(value for value in near if low <= value < high)
-    if len(out) > MAX_ISOVALUES:
+    if len(out) > most:
         raise InputError(
-            f"about {end - first - 1:,} multiples of {interval:g} lie within the data ({low:g} to {high:g}), but a "
-            f"file holds at most {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
+            f"about {end - first - 1:,} multiples of {interval:g} lie within the data ({low:g} to {high:g}), but "
+            f"{_held(most)}", code="interval", remedy="choose a larger interval",
         )
     if not out:
         raise InputError(

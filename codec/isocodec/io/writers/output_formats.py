@@ -94,6 +94,8 @@ class Output:
         Kind of the coordinates in the file.
     names_crs : bool
         Whether the file names the reference system.
+    layer : str
+        Usual name of the layer; empty if the format has no names of layers that can be chosen.
     single : bool
         Whether coordinates have single precision.
     sampled : bool
@@ -117,6 +119,7 @@ class Output:
     holds: str = ""
     coordinates: Coordinates = "placement"
     names_crs: bool = False
+    layer: str = ""
     single: bool = False
     sampled: bool = True
     extra: str = ""
@@ -130,6 +133,11 @@ class Output:
             (n is None or n in self.dimensions) and (sampled or not self.sampled)
             and (not several or (bool(self.several) if n is None else n in self.several))
         )
+
+    @property
+    def attributed(self) -> bool:
+        """Whether isovalues are in a column, or property of features, which has a name."""
+        return self.holds in ("a column", "a feature each")
 
     def check_libraries(self, suffix: str) -> None:
         """Check, before the work begins, that no library is missing.

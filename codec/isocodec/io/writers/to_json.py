@@ -25,7 +25,7 @@ def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes
         move = (lambda points: points) if keep else to_degrees(contour.placement)
         whole = contour.joined
         coordinates = [move(whole.along(walk)).tolist() for walk in whole.walks]
-        return _feature(contour, {"type": "MultiLineString", "coordinates": coordinates})
+        return _feature(contour, {"type": "MultiLineString", "coordinates": coordinates}, options)
 
     return _features(contours, feature, keep)
 
@@ -45,7 +45,7 @@ def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
 
     def feature(contour: Contour) -> bytes:
         geometry = contour.areas(above=what.side == "above", valid=what.valid)
-        return _feature(contour, moved(contour, geometry), area=what.side)
+        return _feature(contour, moved(contour, geometry), options, area=what.side)
 
     if what.side != "bands":
         return _features(what.contours, feature, keep)
@@ -89,13 +89,15 @@ def _tin(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
     return _json({"type": "FeatureCollection", **named(placed.placement), "features": features}) + b"\n"
 
 
-def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
+def _feature(contour: Contour, geometry: dict[str, Any], options: OutputOptions, **properties: Any) -> bytes:
     """Write a feature with the properties isovalue, shape and complete; an empty curve has an empty geometry."""
+    if options.index is not None:
+        properties["index"] = contour.isovalue in options.index
     return _json(
         {
             "type": "Feature",
             "properties": {
-                "isovalue": None if isnan(contour.isovalue) else float(contour.isovalue),
+                options.attribute: None if isnan(contour.isovalue) else float(contour.isovalue),
                 "shape": [int(n) for n in contour.shape],
                 "complete": bool(contour.complete),
                 **properties,

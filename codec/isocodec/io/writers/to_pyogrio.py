@@ -26,19 +26,20 @@ SHAPEFILE = ".shp"
 _DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
 _DATE = "2000-01-01T00:00:00.000Z"
 """Fixed time of writing in a GeoPackage, so that equal input gives equal bytes."""
+_LINES, _AREAS = "isolines", "areas"
 _PIECE = 1 << 20
 """Bytes of a file that are handed on at once."""
 
 
 def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) -> Iterator[bytes]:
     rows = rows_of(contours, attribute=options.attribute, index=options.index)
-    return _file(rows, suffix, "LineString", options.layer or "isolines")
+    return _file(rows, suffix, "LineString", options.layer or _LINES)
 
 
 def _render_areas(what: Areas, suffix: str, options: OutputOptions) -> Iterator[bytes]:
     shape = "Polygon" if suffix == SHAPEFILE else "MultiPolygon"
     rows = rows_of(what.contours, what.side, what.valid, options.attribute, options.index)
-    return _file(rows, suffix, shape, options.layer or "areas")
+    return _file(rows, suffix, shape, options.layer or _AREAS)
 
 
 def _file(rows: Rows, suffix: str, shape: str, layer: str) -> Iterator[bytes]:
@@ -99,9 +100,10 @@ def _outputs(suffixes: tuple[str, ...], title: str, *libraries: str, parts: Any 
         "dimensions": (2,), "several": (2,), "holds": "a column", "names_crs": True, "extra": "vector",
         "libraries": ("shapely", "pyproj", *(libraries or ["pyogrio"])), "parts": parts,
     }
+    lines, areas = (_LINES, _AREAS) if suffixes[0] in (".gpkg", ".fgb") else ("", "")
     return (
-        Output("contour", suffixes, title, _render, cost={2: Cost(160, 100, kept=60)}, **shared),
-        Output("areas", suffixes, title, _render_areas, cost={2: Cost(300, 240, kept=100)}, **shared),
+        Output("contour", suffixes, title, _render, cost={2: Cost(160, 100, kept=60)}, layer=lines, **shared),
+        Output("areas", suffixes, title, _render_areas, cost={2: Cost(300, 240, kept=100)}, layer=areas, **shared),
     )
 
 

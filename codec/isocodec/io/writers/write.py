@@ -20,6 +20,7 @@ import numpy as np
 from ...drawing.contour import Contour
 from ...drawing.tessellation import Tessellation
 from ...errors import OptionError, one_line
+from ...field.placement import Placement, unplaced
 from ...storage.atomic import check_target, writing
 from ...tin.tin import Tin
 from .losses import Losses
@@ -81,7 +82,16 @@ def check(
     MissingExtraError
         If a library is missing.
     """
-    return find(path if options.to is None else f"_.{options.to.lstrip('.')}", thing)
+    suffix, output = find(path if options.to is None else f"_.{options.to.lstrip('.')}", thing)
+    refused = {
+        "layer": options.layer is not None and not output.layer,
+        "attribute": options.attribute != USUAL.attribute and not output.attributed,
+        "index": options.index is not None and not output.attributed,
+        "3d": options.raised and (thing.kind != "contour" or output.coordinates == "samples"),
+    }
+    for name in (name for name, wrong in refused.items() if wrong):
+        raise OptionError(f"--{name} does not apply to {thing.text} in {suffix}", code=name, remedy="leave it out")
+    return suffix, output
 
 
 def write(path: str | os.PathLike[str] | BinaryIO, what: Any, *, options: OutputOptions = USUAL) -> Written:
@@ -177,6 +187,8 @@ def _located(what: Any, options: OutputOptions, losses: Losses) -> Any:
     def change(contour: Contour) -> Contour:
         if options.in_samples:
             contour = replace(contour, placement=None)
+        if options.raised:
+            contour = _raised(contour)
         losses.see(contour)
         return contour
 
@@ -193,6 +205,17 @@ def _located(what: Any, options: OutputOptions, losses: Losses) -> Any:
     if isinstance(what, SampleMask):
         return SampleMask(what.rows, None if options.in_samples else what.placement)
     return Each(what, change) if isinstance(what, Collection) else what
+
+
+def _raised(contour: Contour) -> Contour:
+    """Place a curve at the height of its isovalue: on a plane in space."""
+    placement = contour.placement or Placement(unplaced(2))
+    matrix = placement.matrix
+    if contour.n != 2 or not contour.shape or matrix is None or placement.in_space:
+        raise OptionError("--3d needs curves of a plane field whose samples are evenly spaced", code="3d",
+                          remedy="leave it out")
+    height = 0.0 if np.isnan(contour.isovalue) else float(contour.isovalue)
+    return replace(contour, placement=replace(placement, matrix=np.vstack([matrix, [0, 0, height]])))
 
 
 @contextmanager

@@ -1,0 +1,116 @@
+"""Contours of a field, drawn one by one from its samples: a contour map without an .iso file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..drawing.contour import Contour
+from ..errors import InputError, OptionError
+from ..field.framed import Frames
+from ..field.meshed import Mesh
+from ..field.placement import Placement
+from ..field.sampled import Field
+from ..format.coordinate_record import read_coordinates
+from ..limits import Budget, Limits
+from ..search.original import original
+from ..stream.given import levels_of, options_of, placement_of_file, sampler_of
+from ..stream.options import Options
+from ..stream.placing import DecodedCoordinates, coordinates_payload
+from .drawings import OneByOne
+
+MOST = 100_000
+"""Largest number of isovalues."""
+Progress = Callable[[int, int], object]
+
+
+class Traced(OneByOne):
+    """Contours of a field, drawn as a decoder draws those of its exact file.
+
+    On a mesh, or with options of `encode`, each contour is decoded from a file of its isovalue, which is not kept.
+
+    Parameters
+    ----------
+    what : Field or Mesh
+    isovalue : object
+        As for `encode`, but of any number of isovalues.
+    through_holes : bool
+        Draw curves through missing samples.
+    progress : callable, optional
+        Called with the number of isovalues drawn and that of all.
+    **options
+        Of `encode`.
+
+    Attributes
+    ----------
+    isovalues : tuple of float
+    valid : (s0, s1) bool, or None
+        Samples that are not missing; None if all are, or on a mesh.
+
+    Raises
+    ------
+    InputError, OptionError
+        As for `encode`.
+    """
+
+    def __init__(
+        self, what: Field | Mesh, isovalue: Any, *, through_holes: bool = False, progress: Progress | None = None,
+        **options: Any,
+    ) -> None:
+        if isinstance(what, Frames):
+            raise InputError("is a series, of which one frame can be drawn", code="frames", remedy="give --frame N")
+        asked = Options.of()
+        isovalues = levels_of(what, isovalue, asked, [what], MOST)
+        shape = () if isinstance(what, Mesh) else what.shape
+        tetrahedra = isinstance(what, Mesh) and what.cells is not None and np.shape(what.cells)[1:] == (4,)
+        super().__init__(isovalues, shape, len(shape) or 2 + tetrahedra, progress)
+        self._what, self._through_holes, self._options = what, through_holes, options
+        self.valid: NDArray[np.bool_] | None = None
+        drawn = self._coded if isinstance(what, Mesh) else self._on_grid(what, asked)
+        self._draw = self._coded if options else drawn
+
+    def draw(self, number: int) -> Contour:
+        """Draw the contour of an isovalue, by its number."""
+        return self._draw(self.isovalues[number])
+
+    def _on_grid(self, field: Field, asked: Options) -> Callable[[float], Contour]:
+        options = options_of(field, None, asked)
+        placement = placement_of_file(field, options)
+        samples = sampler_of(field, self.isovalues, options, placement)
+        notes = {**options.metadata, **(placement.notes() if placement is not None else {})}
+        first = samples(self.isovalues[0])
+        self.shape, self.n = first.signs.shape, first.signs.ndim
+        self.valid = None if first.gone is None else ~first.gone
+        options.check_placement_note(self.n)
+        where = _as_stored(placement, self.shape, first.gone, notes)
+
+        def drawn(isovalue: float) -> Contour:
+            field = samples(isovalue)
+            contour = original(replace(field, gone=None) if self._through_holes else field)
+            return replace(contour, placement=where, metadata=dict(notes), origin_above=bool(field.signs.flat[0]))
+
+        return drawn
+
+    def _coded(self, isovalue: float) -> Contour:
+        from .encoding import encode
+        from .files import Viewed, WholeFile
+
+        what: Any = self._what
+        if isinstance(what, Field) and what.labels is not None:
+            what = replace(what, labels=[isovalue])
+        mesh = (what.points, what.cells) if isinstance(what, Mesh) and what.cells is not None else None
+        data = encode(what, None if getattr(what, "labels", None) else isovalue, **self._options)
+        return WholeFile(data, None, mesh).contour(None, Viewed(through_holes=self._through_holes))
+
+
+def _as_stored(
+    placement: Placement | None, shape: tuple[int, ...], gone: NDArray[np.bool_] | None, notes: Mapping[str, str]
+) -> Placement | None:
+    """The placement that a file would have: its coordinates are rounded."""
+    payload, limits = coordinates_payload(placement, shape, gone), Limits()
+    record = read_coordinates(payload, shape) if payload else None
+    return DecodedCoordinates(Budget(limits.memory), limits).placement(record, shape, notes)
