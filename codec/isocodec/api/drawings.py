@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..drawing.contour import Contour
 from ..io.writers.output_formats import Cost
-from ..stream.decoder import Decoder
-from .files import Viewed, clipped
+
+if TYPE_CHECKING:
+    from ..stream.decoder import Decoder
+    from .files import Viewed
 
 
 class Counts(NamedTuple):
@@ -37,7 +39,7 @@ class OneByOne(Collection[Contour]):
     n : int
         Axes of the field.
     progress : callable, optional
-        Called with the number of contours drawn and that of all.
+        Called with the number of contours drawn and that of all, and one more for what a writer does with them.
 
     Attributes
     ----------
@@ -71,7 +73,8 @@ class OneByOne(Collection[Contour]):
             del contour
             self.drawn(self.counts[-1])
             if self.progress is not None:
-                self.progress(number + 1, len(self))
+                # writing takes time, too, when all are drawn
+                self.progress(number + 1, len(self) + 1)
 
     def drawn(self, counts: Counts) -> None:
         """Take notice that a contour has been used."""
@@ -103,6 +106,8 @@ class Drawings(OneByOne):
 
     def draw(self, number: int) -> Contour:
         """Draw the contour of an isovalue, by its number, and release what was decoded of it."""
+        from .files import clipped
+
         decoder, view = self._decoder, self._view
         contour = decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes)
         decoder.discard(number)

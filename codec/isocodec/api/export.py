@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -19,11 +19,12 @@ from ..io.writers.registry import suffix_of
 from ..io.writers.things import Areas, Pyramid, SampleMask, Thing
 from ..io.writers.write import USUAL, Written, check, write
 from ..limits import Budget, Limits
-from ..stream.inspect import FileInfo, inspect
-from ..tin.tin import Tin
 from .drawings import Counts, Drawings, OneByOne
-from .files import Progress, Viewed, WholeFile
-from .isofile import IsoFile
+
+if TYPE_CHECKING:
+    from ..stream.inspect import FileInfo
+    from ..tin.tin import Tin
+    from .isofile import IsoFile
 
 Target = str | os.PathLike[str] | BinaryIO
 _KINDS: Mapping[str, Kind] = {
@@ -117,7 +118,7 @@ class Exported:
     options: OutputOptions = USUAL
     drawings: OneByOne | None = None
 
-    def write(self, target: Target, progress: Progress | None = None) -> int:
+    def write(self, target: Target, progress: Any = None) -> int:
         """Write the content, completely or not at all; returns the number of bytes.
 
         What the format loses is added to the remarks. Contours that are drawn while they are written report progress.
@@ -133,6 +134,8 @@ class Exported:
         written: Written = write(target, self.thing, options=self.options)
         self.remarks += written.remarks
         if self.drawings is not None:
+            if progress is not None:
+                progress(len(self.drawings) + 1, len(self.drawings) + 1)
             self.count(self.drawings.counts, self.drawings.shape, self.drawings.n)
         if written.above is not None:
             name, samples = self.text, self.facts["samples"]
@@ -292,6 +295,8 @@ def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exporte
 
 def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Drawings | list[Contour]:
     """Decode all isovalues that the format can hold, or the one wanted, within the memory limit."""
+    from .files import Viewed, WholeFile
+
     view = {**wanted.view, "progress": progress}
     if wanted.through_holes or wanted.along_holes:
         view["through_holes"] = True
@@ -367,6 +372,8 @@ def _others_in(file: IsoFile, isovalue: float) -> list[str]:
 
 
 def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
+    from .files import Viewed, WholeFile
+
     if wanted.what == "valid":
         rows, isovalue, remarks = file.valid(), None, list[str]()
         placement, complete = file.placement, file.complete
@@ -452,4 +459,6 @@ def counted(file: IsoFile) -> FileInfo:
     ------
     FormatError, LimitError
     """
+    from ..stream.inspect import inspect
+
     return inspect(file.data, symbols=True, limits=file.limits) if file.kind != "tiles" else file.info

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,10 +21,11 @@ from ..field.samples import missing_of
 from ..io.readers.input_formats import read_mesh
 from ..io.readers.load import ReadOptions, load, open_source
 from ..limits import in_units
-from ..tin.tin import Tin
 from .georeference import NOWHERE, Georeference
-from .isofile import IsoFile
-from .thinned import MEMORY
+
+if TYPE_CHECKING:
+    from ..tin.tin import Tin
+    from .isofile import IsoFile
 
 MOST = 1 << 20
 """Largest size of a plan file, in bytes."""
@@ -250,7 +251,9 @@ class Observed:
         for field in self._given if isinstance(self._given, Frames) else [self._given]:
             values = field.values if field.mask is None else field.values[~field.mask]
             for isovalue in isovalues:
-                counts[isovalue] += int((values == isovalue).sum())
+                if kind == "f" or isovalue.is_integer():
+                    # comparing integers with a float takes ten times as long
+                    counts[isovalue] += int(np.count_nonzero(values == (isovalue if kind == "f" else int(isovalue))))
         tied = [isovalue for isovalue, count in counts.items() if count]
         if not tied:
             return []
@@ -350,6 +353,8 @@ def as_points(what: Any) -> Mesh:
 
 def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:
     """Prepare input for thinning, with remarks; for a file, a field with holes becomes scattered points."""
+    from .thinned import MEMORY
+
     if isinstance(what, Mesh) and (what.cells is not None or what.values is None):
         raise InputError(
             "a terrain surface needs z = f(x, y): a field, or points with one value each", code="surface",

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from .isofile import IsoFile
 
 __all__ = [
-    "STANDARD", "check_output", "engine_of", "formats", "other_format", "read_of", "undo_all", "undoing", "write_bytes",
+    "STANDARD", "check_output", "engine_of", "formats", "is_converted", "other_format", "read_of", "undo_all",
+    "undoing", "write_bytes",
 ]
 
 STANDARD = "-"
@@ -74,6 +75,13 @@ def other_format(name: str) -> str | None:
     return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
 
 
+def is_converted(output: str | os.PathLike[str]) -> bool:
+    """Whether the suffix of a name is that of a format of other tools, which contours are converted to."""
+    from ..io.writers.registry import suffix_of
+
+    return suffix_of(output) is not None
+
+
 def formats() -> dict[str, str]:
     """Lists of suffixes for help texts, from the writers' records, by the names that help texts have in braces."""
     from ..io.writers.registry import suffixes_of
@@ -90,7 +98,10 @@ def formats() -> dict[str, str]:
     table = "\n".join(f"{name:16} {suffixes}" for name, suffixes in rows.items())
     many = suffixes_of("contour", several=True)
     single = ", ".join(suffix for suffix in suffixes_of("contour") if suffix not in many)
-    return {"formats": table, "pictures": listed("picture"), "surfaces": listed("tin"), "single": single}
+    return {
+        "curves": rows["Curves"], "spatial": rows["Surfaces"], "formats": table, "pictures": listed("picture"),
+        "surfaces": listed("tin"), "single": single,
+    }
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
-from ..errors import InputError, OptionError
+from ..errors import InputError
 from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import Placement
@@ -41,7 +41,7 @@ class Traced(OneByOne):
     through_holes : bool
         Draw curves through missing samples.
     progress : callable, optional
-        Called with the number of isovalues drawn and that of all.
+        As of `OneByOne`.
     **options
         Of `encode`.
 

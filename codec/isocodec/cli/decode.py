@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import OptionError, TruncatedError
-from .option_records import COUNT, DRAWING, OUTPUT, PART, SizeType, Viewing, WindowType, Writing, command, option
-from .report import PARTIAL, STANDARD, Failure, concerning, named, progress_bar, result, warn, written_to
+from .option_records import COUNT, DRAWING, OUTPUT, PART, Converting, SizeType, Viewing, WindowType, command, option
+from .report import PARTIAL, STANDARD, Failure, concerning, named, progress_bar, timed_result, written_out
 
 if TYPE_CHECKING:
     from ..api.export import Wanted
@@ -21,7 +20,7 @@ WHAT = ("curve", "areas", "bands", "above", "valid", "labels", "mesh", "surface"
 
 
 @dataclass(frozen=True, kw_only=True)
-class DecodeArguments(Writing, Viewing):
+class DecodeArguments(Converting, Viewing):
     """Options of ``decode``."""
 
     what: str | None = option(
@@ -40,10 +39,6 @@ class DecodeArguments(Writing, Viewing):
     )
     within: float | None = option("--within", heading=PART, type=float, metavar="N",
                                   help="Stop refining as soon as mesh cells are at most N samples wide.")
-    side: str = option("--side", heading=OUTPUT, type=click.Choice(["above", "below"]), default="above",
-                       show_default=True, help="With --what areas or --capped: which side of the curve.")
-    along_holes: bool = option("--along-holes", heading=DRAWING, is_flag=True,
-                               help="With --what areas or bands: close areas along missing samples, too.")
     through_holes: bool = option("--through-holes", heading=DRAWING, is_flag=True,
                                  help="Draw curves through missing samples, where the encoder chose their course.")
     capped: bool = option("--capped", heading=DRAWING, is_flag=True,
@@ -51,15 +46,6 @@ class DecodeArguments(Writing, Viewing):
     whole: bool = option("--whole", heading=OUTPUT, is_flag=True,
                          help="With --what mesh: the mesh of the whole field, not only the cells that the curve "
                               "crosses.")
-    to: str | None = option("--to", heading=OUTPUT, metavar="SUFFIX",
-                            help="Format of OUT if its name has no suffix, or is -; for example .geojson.")
-    keep_crs: bool = option(
-        "--keep-crs", heading=OUTPUT, is_flag=True,
-        help="Write .geojson in the reference system of the file, not in longitude and latitude.",
-    )
-    in_samples: bool = option("--in-samples", heading=OUTPUT, is_flag=True,
-                              help="Write coordinates in samples, even if the file states where its samples lie.")
-
     @property
     def view(self) -> dict[str, Any]:
         """Keywords of `IsoFile.contour`, as far as they were given."""
@@ -70,12 +56,11 @@ class DecodeArguments(Writing, Viewing):
     @property
     def wanted(self) -> Wanted:
         """The choice of what to decode, as the library takes it."""
-        from ..api.export import OutputOptions, Wanted
+        from ..api.export import Wanted
 
         return Wanted(
-            what=self.what, side=self.side, isovalue=self.isovalue, view=self.view, along_holes=self.along_holes,
-            through_holes=self.through_holes, whole=self.whole, capped=self.capped,
-            options=OutputOptions(self.keep_crs, self.in_samples, self.to),
+            what=self.what, isovalue=self.isovalue, view=self.view, through_holes=self.through_holes,
+            whole=self.whole, capped=self.capped, **self.converted,
         )
 
     def check(self) -> None:
@@ -93,8 +78,7 @@ class DecodeArguments(Writing, Viewing):
             self.refuse(f"apply to --what {self.what}", "capped")
         if self.capped:
             self.refuse("apply with --capped", "window")
-        if self.what not in ("areas", "bands"):
-            self.refuse("apply without --what areas or bands", "along_holes")
+        self.check_converting(self.what)
         if self.what != "mesh":
             self.refuse("apply without --what mesh", "whole")
         if self.what in ("above", "valid", "labels", "surface", "mesh"):
@@ -136,19 +120,14 @@ def decode_command(options: DecodeArguments) -> None:
     with concerning(options.output):
         check_output(options.output, options.source)
         check_export(options.output, options.what, options.wanted.options)
-    started = time.perf_counter()
     file = options.opened()
     with concerning(options.source), explained(options), progress_bar("decoding") as progress:
         made = decoded(file, options.output, options.wanted, progress)
-    with written_to(options.output, options.source) as target:
-        size = made.write(target)
-    for remark in made.remarks:
-        warn(options.source, remark)
-    seconds, (text, read) = time.perf_counter() - started, read_of(file)
-    result(
-        f"{named(options.output)}: {made.text}{text}, {seconds:.2f} s",
-        {"output": str(options.output), "bytes": size, **made.facts, **read, "seconds": round(seconds, 3)},
-        options.as_json,
+    size = written_out(made, options.output, options.source)
+    text, read = read_of(file)
+    timed_result(
+        f"{named(options.output)}: {made.text}{text}",
+        {"output": str(options.output), "bytes": size, **made.facts, **read}, options.as_json,
     )
 
 

@@ -1,16 +1,16 @@
-"""``isocodec encode``: a field, a series, a mesh or points in, an .iso file out."""
+"""``isocodec encode``: a field, a series, a mesh or points in, an .iso file out, or contours in another format."""
 
 from __future__ import annotations
 
 import math
 import re
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from .decode import explained
 from .option_records import (
     COUNT,
     FILE,
@@ -23,12 +23,12 @@ from .option_records import (
     SURFACE,
     TILES,
     WHOLE,
+    Converting,
     LabelType,
     NumbersType,
     NumberType,
     Reading,
     ThinningArguments,
-    Writing,
     argument,
     command,
     multiples_of,
@@ -43,9 +43,10 @@ from .report import (
     named,
     own_warnings,
     progress_bar,
-    result,
+    timed_result,
     warn,
     write_output,
+    written_out,
 )
 
 if TYPE_CHECKING:
@@ -65,6 +66,10 @@ APART = {
              "period", "coordinates_error", "missing"),
 }
 """Options that do not apply to a kind of file, by the option that chooses the kind."""
+CODED = ("surface", "tile", "frames", "independent", "stored", "mesh_error", "metadata", "profile")
+"""Options of .iso files that other formats do not have."""
+CONVERTED = ("what", "side", "along_holes", "layer", "attribute", "index", "raised", "keep_crs", "in_samples")
+"""Options of other formats."""
 OF_TILES, OF_SURFACES = ("workers", "scheduler", "spool"), ("points", "error", "size", "tolerance", "step")
 
 
@@ -78,7 +83,7 @@ def _explain(context: click.Context, _: click.Parameter, asked: bool) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EncodeArguments(ThinningArguments, Writing, Reading):
+class EncodeArguments(ThinningArguments, Converting, Reading):
     """Options of ``encode``."""
 
     source: str = argument("INPUT")
@@ -170,6 +175,12 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
     profile: str = option("--profile", heading=OUTPUT, type=click.Choice(["main", "baseline"]), default="main",
                           metavar="NAME", help="Entropy coding: main (default) or baseline.")
 
+    what: str | None = option(
+        "--what", heading=OUTPUT, type=click.Choice(["curve", "areas", "bands"]), metavar="WHAT",
+        help="Unless OUT is .iso: curve (default; of a volume, a surface), areas (on one side), or bands (between "
+        "curves).",
+    )
+
     def check(self) -> None:
         """Refuse options that cannot be combined.
 
@@ -177,6 +188,13 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
         ------
         UsageError
         """
+        if self.converts:
+            self.refuse("apply unless OUT is .iso", *CODED)
+            self.check_converting(self.what)
+            if self.what != "areas":
+                self.refuse("apply without --what areas", "side")
+        else:
+            self.refuse("apply to .iso files", *CONVERTED)
         self.choose("values", "surface", "tile")
         for kind, apart in APART.items():
             if self.given(kind):
@@ -199,6 +217,13 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
         self.choose("crs", "no_placement")
         self.choose("labels", "missing")
         self.choose("workers", "scheduler")
+
+    @property
+    def converts(self) -> bool:
+        """Whether contours are written in another format than .iso."""
+        from ..api.output import is_converted
+
+        return self.to is not None or is_converted(self.output)
 
     @property
     def plan(self) -> Path | None:
@@ -224,6 +249,8 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
                 given["layers"] = layers_of(self.layers, self.plan)
         if self.frame_interval is not None:
             given["interval"] = self.frame_interval
+        if self.converts:
+            return given
         return {**given, "profile": self.profile, "metadata": notes_of(self.metadata)}
 
     def observed(self) -> Observed:
@@ -254,6 +281,10 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
 def encode_command(options: EncodeArguments) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
+    If OUT has the suffix of another format ({curves}, for surfaces {spatial}; see decode), contours of the samples are
+    written there, of any number of isovalues, and no .iso file is kept: encode dem.tif -o map.gpkg --interval 20. With
+    --precision, --keep-topology or --layers they are those of such a file.
+
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
     (a folder of slices, or a file), or a grid of VTK or XDMF; - for standard input, or a URL. With --values it is a
     mesh of triangles or tetrahedra: .vtu, .vtp, .vtk, .msh, .ply, .xdmf, .obj, .stl (values: x, y or z), or .npz with
@@ -266,21 +297,45 @@ def encode_command(options: EncodeArguments) -> None:
     from ..api.output import check_output
 
     with concerning(options.output):
-        check_output(options.output, options.source, iso=True)
+        check_output(options.output, options.source, iso=not options.converts)
     keywords = options.keywords()
-    started = time.perf_counter()
+    if options.converts:
+        _drawn(options, keywords)
+        return
     facts, remarks = (_tiled if options.tile is not None else _whole)(options, keywords)
     for remark in remarks:
         warn(options.source, remark)
-    seconds = time.perf_counter() - started
     holds = counted(facts["points"], "point") if options.surface else counted(facts["layers"], "layer")
     if len(options.labels) > 1 or "all" in options.labels:
         holds = counted(len(facts["isovalues"]), "label")
     if options.tile is not None:
         holds = counted(facts["tiles"], "tile")
-    result(
-        f"{named(options.output)}: {facts['bytes']:,} bytes, {holds}, {seconds:.2f} s",
-        {"output": str(options.output), **facts, "seconds": round(seconds, 3)}, options.as_json,
+    timed_result(
+        f"{named(options.output)}: {facts['bytes']:,} bytes, {holds}", {"output": str(options.output), **facts},
+        options.as_json,
+    )
+
+
+def _drawn(options: EncodeArguments, keywords: dict[str, Any]) -> None:
+    """Write contours in another format, without an .iso file."""
+    from ..api.export import Wanted, check_export, drawn
+
+    wanted = Wanted(what=options.what, **options.converted)
+    with concerning(options.output):
+        check_export(options.output, options.what or "curve", wanted.options)
+    seen = options.observed()
+    for remark in seen.before:
+        warn(options.source, remark)
+    with concerning(options.source), explained(options), own_warnings(options.source):
+        made = drawn(seen.what, options.output, wanted, options.isovalue, **keywords)
+    size = written_out(made, options.output, options.source)
+    marked = options.nodata is not None or options.missing is not None
+    for remark in seen.after(made.drawings, keywords or {"precision": "exact"}, marked):
+        warn(options.source, remark)
+    facts = {name: fact for name, fact in seen.facts(made.drawings).items() if name in ("dtype", "missing")}
+    timed_result(
+        f"{named(options.output)}: {made.text}",
+        {"output": str(options.output), "bytes": size, **made.facts, **facts}, options.as_json,
     )
 
 

@@ -256,6 +256,58 @@ class Writing(Arguments):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Converting(Writing):
+    """A command that writes formats of other tools."""
+
+    side: str = option("--side", heading=OUTPUT, type=click.Choice(["above", "below"]), default="above",
+                       show_default=True, help="With --what areas or --capped: which side of the curve.")
+    along_holes: bool = option("--along-holes", heading=DRAWING, is_flag=True,
+                               help="With --what areas or bands: close areas along missing samples, too.")
+    to: str | None = option("--to", heading=OUTPUT, metavar="SUFFIX",
+                            help="Format of OUT if its name has no suffix, or is -; for example .geojson.")
+    layer: str | None = option("--layer", heading=OUTPUT, metavar="NAME",
+                               help="Name of the layer (.gpkg, .fgb).  [default: isolines, or areas]")
+    attribute: str = option("--attribute", heading=OUTPUT, default="isovalue", show_default=True, metavar="NAME",
+                            help="Name of the column that holds isovalues.")
+    index: int | None = option("--index", heading=OUTPUT, type=COUNT, metavar="K",
+                               help="Mark every K-th isovalue in a column named index.")
+    raised: bool = option("--3d", heading=OUTPUT, is_flag=True,
+                          help="Write curves with a third coordinate, the isovalue.")
+    keep_crs: bool = option(
+        "--keep-crs", heading=OUTPUT, is_flag=True,
+        help="Write .geojson in the reference system of the file, not in longitude and latitude.",
+    )
+    in_samples: bool = option("--in-samples", heading=OUTPUT, is_flag=True,
+                              help="Write coordinates in samples, even if it is known where samples lie.")
+
+    @property
+    def converted(self) -> dict[str, Any]:
+        """Attributes of what is wanted, as the library takes it."""
+        from ..api.export import OutputOptions
+
+        options = OutputOptions(
+            self.keep_crs, self.in_samples, self.to, attribute=self.attribute, layer=self.layer, raised=self.raised
+        )
+        return {"side": self.side, "along_holes": self.along_holes, "index": self.index, "options": options}
+
+    def check_converting(self, what: str | None) -> None:
+        """Refuse options that do not apply to what is written.
+
+        Raises
+        ------
+        UsageError
+        """
+        if what not in ("areas", "bands"):
+            self.refuse("apply without --what areas or bands", "along_holes")
+        if what not in (None, "curve"):
+            self.refuse(f"apply to --what {what}", "raised")
+        if what not in (None, "curve", "areas"):
+            self.refuse(f"apply to --what {what}", "attribute", "index")
+        if what not in (None, "curve", "areas", "bands"):
+            self.refuse(f"apply to --what {what}", "layer")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Opening(Limited):
     """A command that opens an ``.iso`` file."""
 

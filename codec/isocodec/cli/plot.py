@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +23,7 @@ from .option_records import (
     notes_of,
     option,
 )
-from .report import concerning, named, one_warning, progress_bar, result, warn, write_output
+from .report import concerning, named, one_warning, progress_bar, timed_result, warn, write_output
 
 if TYPE_CHECKING:
     from ..api.plots import Plotted
@@ -112,17 +111,15 @@ def plot_command(options: PlotArguments) -> None:
     with concerning(options.output):
         check_output(options.output, options.source)
         check_plot(options.output, options.seen_from)
-    started = time.perf_counter()
     drawn = (_map if options.map else _steps)(options, every)
     with concerning(options.source), one_warning(options.output, "writing"):
         data = drawn.render()
     write_output(options.output, data)
     for remark in drawn.remarks:
         warn(options.source, remark)
-    seconds = time.perf_counter() - started
-    result(
-        f"{named(options.output)}: {drawn.text}, {seconds:.2f} s",
-        {"output": str(options.output), "bytes": len(data), **drawn.facts, "seconds": round(seconds, 3)},
+    timed_result(
+        f"{named(options.output)}: {drawn.text}",
+        {"output": str(options.output), "bytes": len(data), **drawn.facts},
         options.as_json,
     )
 

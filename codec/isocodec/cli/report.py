@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -31,6 +31,9 @@ from ..errors import (
     one_line,
     plain,
 )
+
+if TYPE_CHECKING:
+    from ..api.export import Exported
 
 EXIT_CODES = """\b
 Exit codes:
@@ -87,6 +90,7 @@ class Program(click.Group):
     """A group of commands that never ends in a traceback."""
 
     verb = ""
+    started = time.perf_counter()
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -108,6 +112,8 @@ class Program(click.Group):
             # A name that the terminal's encoding lacks must not end the command.
             sys.stdout.reconfigure(errors="backslashreplace")
         self.verb = ""
+        if args is not None:  # of a program that has begun before
+            Program.started = time.perf_counter()
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
         try:
@@ -183,6 +189,13 @@ def result(text: str, record: dict[str, Any], as_json: bool) -> None:
     click.echo(json.dumps(record, allow_nan=False) if as_json else plain(text, "\n"), err=away)
 
 
+def timed_result(text: str, record: dict[str, Any], as_json: bool) -> None:
+    """Print the result of a command as `result` does, with the seconds since it began, loading of libraries included.
+    """
+    seconds = time.perf_counter() - Program.started
+    result(f"{text}, {seconds:.2f} s", {**record, "seconds": round(seconds, 3)}, as_json)
+
+
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
     """Yield a function ``(done, total)`` to report progress with, or None if the error stream is not a terminal.
@@ -193,6 +206,8 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
         yield None
         return
     started = time.monotonic()
+    # while a library writes, both streams of the process lead elsewhere
+    terminal = os.fdopen(os.dup(2), "w", encoding=sys.stderr.encoding)
     bar: Any = None
     task: Any = None
 
@@ -204,7 +219,7 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
             from rich.console import Console
             from rich.progress import Progress
 
-            bar = Progress(console=Console(stderr=True), transient=True)
+            bar = Progress(console=Console(file=terminal), transient=True)
             task = bar.add_task("", total=None)
             bar.start()
         if total:
@@ -215,7 +230,7 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
     def clear() -> None:
         # bypasses rich, whose locks may be held when a signal arrives: clear the line, show the cursor
         if bar is not None:
-            os.write(2, b"\r\x1b[2K\x1b[?25h")
+            os.write(terminal.fileno(), b"\r\x1b[2K\x1b[?25h")
 
     try:
         with undoing(clear):
@@ -223,6 +238,7 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
     finally:
         if bar is not None:
             bar.stop()
+        terminal.close()
 
 
 @contextmanager
@@ -323,6 +339,15 @@ def written_to(output: Path, source: str) -> Iterator[Any]:
         raise Failure(source, failure.cause) from failure.cause
     if str(output) == STANDARD:
         write_output(output, whole.getvalue())
+
+
+def written_out(made: Exported, output: Path, source: str) -> int:
+    """Write what was decoded or drawn, with a progress bar and its remarks as warnings; returns the bytes."""
+    with progress_bar("writing") as progress, written_to(output, source) as target:
+        size = made.write(target, progress)
+    for remark in made.remarks:
+        warn(source, remark)
+    return size
 
 
 def write_output(output: Path, data: bytes) -> None:

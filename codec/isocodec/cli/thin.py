@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import click
 
 from .option_records import COUNT, SURFACE, NumberType, Reading, ThinningArguments, Writing, argument, command, option
-from .report import concerning, named, progress_bar, result, warn, write_output, written_to
+from .report import concerning, named, progress_bar, timed_result, warn, write_output, written_to
 
 CRITERIA = ("AT1", "AT2", "AT3", "inf", "l2", "NAT")
 
@@ -66,7 +65,6 @@ def thin_command(options: ThinArguments) -> None:
         given, remarks = to_thin(as_points(what) if options.scattered else what, coded)
     for remark in [*getattr(what, "remarks", ()), *remarks]:
         warn(options.source, remark)
-    started = time.perf_counter()
     with concerning(options.source), progress_bar("thinning") as progress:
         criterion = options.criterion or (None if coded else "AT1")
         tin = options.thinned(given, options.isovalues, options.layers, criterion, progress)
@@ -79,13 +77,13 @@ def thin_command(options: ThinArguments) -> None:
     else:
         with written_to(options.output, options.source) as target:
             size = write_surface(tin, target, OutputOptions())
-    seconds, facts = time.perf_counter() - started, facts_of(tin, given)
+    facts = facts_of(tin, given)
     error = f", largest error {facts['error']:g}" if "error" in facts else ""
     error += f", RMS error {facts['rms']:.4g}" if "rms" in facts else ""
     of = f" of {facts['points'] + facts['removed']:,}" if "removed" in facts else ""
-    result(
+    timed_result(
         f"{named(options.output)}: {size:,} bytes, {facts['points']:,}{of} points, {facts['triangles']:,} triangles"
-        f"{error}, {seconds:.2f} s",
-        {"output": str(options.output), "bytes": size, **facts, **({"criterion": criterion} if criterion else {}),
-         "seconds": round(seconds, 3)}, options.as_json,
+        f"{error}",
+        {"output": str(options.output), "bytes": size, **facts, **({"criterion": criterion} if criterion else {})},
+        options.as_json,
     )

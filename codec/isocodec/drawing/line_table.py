@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..extras import optional
+from ..field.placement import Placement
 from ..field.reference_system import system_of
 from .areas import areas_of, lifted
 from .bands import bands
@@ -30,15 +31,15 @@ class Rows:
     columns : dict of str to (R,) array
         ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete``, and ``index`` if it is asked for; of bands
         ``lower`` and ``upper``.
-    system : pyproj.CRS or None
-        Reference system of the coordinates.
+    placement : Placement or None
+        That of the contours.
     has_z, has_empty : bool
         Whether coordinates are three; whether a geometry is empty.
     """
 
     shapes: NDArray[Any]
     columns: dict[str, NDArray[Any]]
-    system: Any
+    placement: Placement | None
     has_z: bool
     has_empty: bool
 
@@ -47,7 +48,7 @@ class Rows:
         """The rows as a ``GeoDataFrame``."""
         geopandas = optional("geopandas", extra="vector", purpose="making tables of lines")
         return geopandas.GeoDataFrame(
-            self.columns, geometry=geopandas.GeoSeries.from_wkb(self.shapes), crs=self.system
+            self.columns, geometry=geopandas.GeoSeries.from_wkb(self.shapes), crs=system_of(self.placement)
         )
 
 
@@ -79,7 +80,7 @@ def rows_of(
     """
     shapely = optional("shapely", extra="geo", purpose="making tables of lines")
     found: list[tuple[NDArray[Any], dict[str, Any]]] = []
-    system, has_z, has_empty = None, False, False
+    placement, has_z, has_empty = None, False, False
     for contour, shapes, columns in (_bands if side == "bands" else _isovalues)(contours, side, valid, shapely):
         if side != "bands":
             level = columns.pop(ISOVALUE)
@@ -91,11 +92,11 @@ def rows_of(
             name: np.broadcast_to(np.asarray(column, object if isinstance(column, str) else None), len(shapes))
             for name, column in columns.items()
         }))
-        system = system_of(contour.placement)
+        placement = contour.placement
         del contour, shapes
     joined = {name: np.concatenate([columns[name] for _, columns in found]) for name in (found[0][1] if found else ())}
     shapes = np.concatenate([shapes for shapes, _ in found]) if found else np.zeros(0, object)
-    return Rows(shapes, joined, system, has_z, has_empty)
+    return Rows(shapes, joined, placement, has_z, has_empty)
 
 
 def _isovalues(

@@ -18,8 +18,8 @@ from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import PROMISE
 from .promise import Promise
 from .repair import MOST_REPAIRS, Plan, repaired
-from .strategy import EXACT, NotKeptError, base_of, smallest, whole_mesh
-from .tolerance import NO_OFFSETS, grid_offsets, pitches, radices
+from .strategy import NotKeptError, base_of, smallest, whole_mesh
+from .tolerance import EXACT, NO_OFFSETS, grid_offsets, pitches, radices
 
 FULL: Plan = [("refine", None)]
 """From any mesh to the full grid."""

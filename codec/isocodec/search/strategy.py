@@ -20,8 +20,6 @@ from .tolerance import Slack, grid_offsets, pitches, radices
 
 _Found = tuple[float, Plan]
 """Bytes of the runs of a plan, and the plan."""
-EXACT = 0.0
-"""A step that asks for all values, to the last bit."""
 BASE_CYCLES = 1
 """The default base has cubes of half the root's edge: refinements find what is small more cheaply than it does."""
 MOST_TIGHTENED = 16

@@ -15,6 +15,8 @@ from ..errors import OptionError
 from ..field.samples import OFFSET_BITS
 from ..grid.layers.plan import Entry
 
+EXACT = 0.0
+"""A step that asks for all values, to the last bit."""
 PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
 """Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""
 NO_OFFSETS = 1, 40

@@ -6,7 +6,6 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,8 @@ from isospec.container import ChunkType, Profile
 
 from ..drawing.snapshot import drawing_bytes
 from ..errors import FormatError, InputError, OptionError
-from ..field.placement import Placement, closed
-from ..field.samples import Samples, check_field, mask_field
+from ..field.placement import Placement
+from ..field.samples import Samples, mask_field
 from ..format.chunks import (
     LayerRecord,
     Promises,
@@ -43,7 +42,7 @@ from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from .container import ContainerEncoder, beginning
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options
-from .placing import check_axes, coordinates_payload
+from .placing import coordinates_payload
 from .plan_file import check_plan
 from .plan_meshes import with_meshes
 from .series import LeanOn, Series

@@ -16,7 +16,7 @@ from ..errors import OptionError
 from ..field.placement import PLACEMENT, read_placement
 from ..field.units import distance_of
 from ..grid.layers.plan import Entry
-from ..search.strategy import EXACT
+from ..search.tolerance import EXACT
 from .plan_file import CRITERIA, read_plan
 
 ProfileName: TypeAlias = Literal["main", "baseline"]

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.run import Account
 from ..errors import InputError, LimitError
 from ..field.coordinates import Given, arrays_of, check_coordinates, folds
 from ..field.filling import filled_smoothly
 from ..field.mapped import Mapped
 from ..field.placement import DEFAULT_ERROR, Placement, closed, coded_placement, read_placement
 from ..format.coordinate_record import CoordinatesRecord, write_coordinates
-from ..grid.passes.node_run import NodeGrid, decode_run, encode_run
 from ..limits import Budget, Limits
 
 
@@ -48,6 +46,9 @@ class DecodedCoordinates:
         if record is not self._record:
             self.drop()
             if record is not None:
+                from ..entropy.run import Account
+                from ..grid.passes.node_run import NodeGrid, decode_run
+
                 grids = [NodeGrid(one.counts(shape), one.period) for one in record.coordinates]
                 self._budget.hold(self, 8 * sum(grid.nodes for grid in grids))
                 try:
@@ -150,6 +151,8 @@ def coordinates_payload(
     """Write the payload of the chunk of coordinates (empty without any); see `given_of`."""
     if placement is None or (placement.coordinates is None and not placement.periodic):
         return b""
+    from ..grid.passes.node_run import NodeGrid, encode_run
+
     given = given_of(placement, shape, gone)
     grids = [NodeGrid(array.shape, one.period) for one, array in zip(given.coordinates, given.arrays, strict=True)]
     free = [~_leant_on(needed) for needed in given.needed]

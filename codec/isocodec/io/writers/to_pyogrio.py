@@ -15,7 +15,10 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ...drawing.line_table import Rows, rows_of
+from ...errors import OptionError, one_line
 from ...extras import without
+from ...field.placement import Placement
+from ...field.reference_system import epsg_of, system_of
 from .output_formats import Cost, Output, OutputOptions
 from .things import Areas
 
@@ -52,7 +55,6 @@ def _file(rows: Rows, suffix: str, shape: str, layer: str) -> Iterator[bytes]:
     options = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == SHAPEFILE else {}
     if _DRIVERS[suffix] == "FlatGeobuf" and rows.has_empty:
         options = {"SPATIAL_INDEX": "NO"}  # it cannot have one of what lies nowhere
-    number = None if rows.system is None else rows.system.to_epsg()
     with TemporaryDirectory(prefix="isocodec-") as folder:
         path = Path(folder) / f"{layer}{suffix}"
         with _pyogrio(suffix) as raw, warnings.catch_warnings():
@@ -62,7 +64,7 @@ def _file(rows: Rows, suffix: str, shape: str, layer: str) -> Iterator[bytes]:
                 path, rows.shapes, [*rows.columns.values()], [*rows.columns], driver=_DRIVERS[suffix], layer=layer,
                 # on a plane in space
                 geometry_type=shape + " Z" * rows.has_z, layer_options=options,
-                crs=rows.system and (f"EPSG:{number}" if number else rows.system.to_wkt("WKT1_GDAL")),
+                crs=_system(rows.placement),
             )
         if suffix == SHAPEFILE:
             packed = io.BytesIO()
@@ -76,14 +78,26 @@ def _file(rows: Rows, suffix: str, shape: str, layer: str) -> Iterator[bytes]:
                 yield piece
 
 
+def _system(placement: Placement | None) -> str | None:
+    """The reference system of coordinates as GDAL takes it."""
+    if (number := epsg_of(placement)) is not None:
+        return f"EPSG:{number}"
+    system = system_of(placement)
+    return None if system is None else str(system.to_wkt("WKT1_GDAL"))
+
+
 @contextmanager
 def _pyogrio(suffix: str) -> Iterator[Any]:
     """Yield ``pyogrio.raw``, which writes arrays, while the time of writing is fixed."""
-    pyogrio = without("pyogrio", ("geopandas", "pandas", "pyarrow"), extra="vector", purpose=f"writing {suffix}")
+    heavy = ("geopandas", "pandas", "pyarrow", "pyproj")
+    pyogrio = without("pyogrio", heavy, extra="vector", purpose=f"writing {suffix}")
     before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
     try:
         yield pyogrio.raw
+    except pyogrio.errors.CRSError as exc:
+        raise OptionError(f"the reference system is unknown to GDAL, which writes {suffix}: {one_line(str(exc))}",
+                          code="crs", remedy="write .geojson with --keep-crs") from exc
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
 
@@ -98,7 +112,7 @@ def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
 def _outputs(suffixes: tuple[str, ...], title: str, *libraries: str, parts: Any = None) -> tuple[Output, Output]:
     shared: Any = {
         "dimensions": (2,), "several": (2,), "holds": "a column", "names_crs": True, "extra": "vector",
-        "libraries": ("shapely", "pyproj", *(libraries or ["pyogrio"])), "parts": parts,
+        "libraries": ("shapely", *(libraries or ["pyogrio"])), "parts": parts,
     }
     lines, areas = (_LINES, _AREAS) if suffixes[0] in (".gpkg", ".fgb") else ("", "")
     return (
@@ -109,5 +123,6 @@ def _outputs(suffixes: tuple[str, ...], title: str, *libraries: str, parts: Any 
 
 OUTPUTS = (
     *_outputs((".gpkg",), "GeoPackage"), *_outputs((".fgb",), "FlatGeobuf"),
-    *_outputs((SHAPEFILE,), "Shapefile", parts=_unpacked), *_outputs((".parquet",), "GeoParquet", "geopandas", "pyarrow"),
+    *_outputs((SHAPEFILE,), "Shapefile", parts=_unpacked),
+    *_outputs((".parquet",), "GeoParquet", "geopandas", "pyarrow"),
 )
