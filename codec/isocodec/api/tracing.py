@@ -72,10 +72,13 @@ class Traced(OneByOne):
         self.valid: NDArray[np.bool_] | None = None
         drawn = self._coded if isinstance(what, Mesh) else self._on_grid(what, asked)
         self._draw = self._coded if options else drawn
+        # errors come before anything is written
+        self._first: Contour | None = self._draw(self.isovalues[0])
 
     def draw(self, number: int) -> Contour:
         """Draw the contour of an isovalue, by its number."""
-        return self._draw(self.isovalues[number])
+        first, self._first = self._first, None
+        return self._draw(self.isovalues[number]) if first is None else first
 
     def _on_grid(self, field: Field, asked: Options) -> Callable[[float], Contour]:
         options = options_of(field, None, asked)

@@ -66,7 +66,7 @@ APART = {
              "period", "coordinates_error", "missing"),
 }
 """Options that do not apply to a kind of file, by the option that chooses the kind."""
-CODED = ("surface", "tile", "frames", "independent", "stored", "mesh_error", "metadata", "profile")
+CODED = ("surface", "tile", "frames", "layers", "independent", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
 CONVERTED = ("what", "side", "along_holes", "layer", "attribute", "index", "raised", "keep_crs", "in_samples")
 """Options of other formats."""
@@ -283,7 +283,7 @@ def encode_command(options: EncodeArguments) -> None:
 
     If OUT has the suffix of another format ({curves}, for surfaces {spatial}; see decode), contours of the samples are
     written there, of any number of isovalues, and no .iso file is kept: encode dem.tif -o map.gpkg --interval 20. With
-    --precision, --keep-topology or --layers they are those of such a file.
+    --precision or --keep-topology they are those of such a file.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
     (a folder of slices, or a file), or a grid of VTK or XDMF; - for standard input, or a URL. With --values it is a

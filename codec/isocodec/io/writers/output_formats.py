@@ -96,6 +96,8 @@ class Output:
         Whether the file names the reference system.
     layer : str
         Usual name of the layer; empty if the format has no names of layers that can be chosen.
+    heights : bool
+        Whether points of curves may have a third coordinate.
     single : bool
         Whether coordinates have single precision.
     sampled : bool
@@ -120,6 +122,7 @@ class Output:
     coordinates: Coordinates = "placement"
     names_crs: bool = False
     layer: str = ""
+    heights: bool = True
     single: bool = False
     sampled: bool = True
     extra: str = ""

@@ -209,7 +209,7 @@ def _archive(
 
 
 _SHARED: Any = {
-    "suffixes": (".pmtiles",), "title": "PMTiles", "several": (2,), "holds": "a property", "coordinates": "degrees",
+    "suffixes": (".pmtiles",), "title": "PMTiles", "several": (2,), "holds": "a property", "coordinates": "degrees", "heights": False,
     "names_crs": True, "extra": "pmtiles", "libraries": ("shapely", "pyproj", "mapbox_vector_tile", "pmtiles.writer"),
     "cost": {2: Cost(480, 150, 1 << 20, kept=300)},
 }

@@ -87,7 +87,7 @@ def check(
         "layer": options.layer is not None and not output.layer,
         "attribute": options.attribute != USUAL.attribute and not output.attributed,
         "index": options.index is not None and not output.attributed,
-        "3d": options.raised and (thing.kind != "contour" or output.coordinates == "samples"),
+        "3d": options.raised and (thing.kind != "contour" or output.coordinates == "samples" or not output.heights),
     }
     for name in (name for name, wrong in refused.items() if wrong):
         raise OptionError(f"--{name} does not apply to {thing.text} in {suffix}", code=name, remedy="leave it out")
