@@ -16,6 +16,7 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.sampled import Field
 from ..storage.atomic import check_target, write_bytes
+from ..stream.given import field_of, taken
 from ..stream.options import EncodeOptions, Isovalues, Options
 from .isofile import IsoFile
 
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from ..field.sampled import SpatialImage
     from ..tiles.workers import Engine
     from ..tin.tin import Tin
+
+_OF_CURVES = {"precision", "keep_topology"}
+"""Options of encoding that curves in other formats have an effect of."""
 
 
 def save(
@@ -47,9 +51,10 @@ def save(
     what : bytes, IsoFile, Contour, several Contours, Tin, Tessellation, or what `encode` takes
         For ``.iso``: bytes and an IsoFile are written as they are, everything else is encoded. For other formats:
         contours, a Tin, the mesh of `IsoFile.mesh`, or bytes and an IsoFile, which are decoded: a surface to its points
-        and triangles, other files to their contours.
+        and triangles, other files to their contours; or a field or a mesh, whose contours are drawn one by one.
     isovalue : optional
-        Isovalues to encode, as for `encode`; or isovalues of the file whose contours are to be written.
+        Isovalues to encode, as for `encode`, or to draw, as many as wanted; or isovalues of the file whose contours are
+        to be written.
     tile : int, optional
         Write a tiled file, with tiles of this many samples along each axis: a power of two from 32 to 8192 (1024 in 2-D
         and 128 in 3-D are usual). ``what`` is a Field, or anything that has ``shape``, ``dtype`` and slices: an array
@@ -65,7 +70,8 @@ def save(
     progress : callable, optional
         As for `encode`; with ``tile``, called with the number of tiles done and the total.
     **options
-        Options of `encode`.
+        Options of `encode`. For contours of a field in another format, ``precision`` and ``keep_topology``: they are
+        then those of such a file.
 
     Raises
     ------
@@ -87,10 +93,15 @@ def save(
         raise OptionError("engine, workers and spool apply to tiles only", code="tile", remedy="tile=1024")
     suffix = Path(path).suffix.lower()
     if suffix != ".iso":
-        if options or tile is not None:
+        if options.keys() - _OF_CURVES or tile is not None:
             raise OptionError(f"options of encoding do not apply to {suffix or 'a name without a suffix'}",
                               code="options", remedy="choose a name that ends in .iso")
-        _write_other(path, what, isovalue, suffix)
+        if not _write_other(path, what, isovalue, suffix, bool(options)):
+            from .export import Wanted, drawn
+
+            field = taken(what)
+            field = field if isinstance(field, Frames | Mesh) else field_of(field)
+            drawn(field, path, Wanted(), isovalue, **options).write(path, progress)
         return
     if _contours(what) is not None:
         raise OptionError("contours cannot be written to an .iso file", code="suffix",
@@ -113,13 +124,16 @@ def save(
     encode_tiles(path, what, tiling, engine=engine, workers=workers, spool=spool, progress=progress)
 
 
-def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str) -> None:
-    """Write contours or a surface in another format than .iso."""
+def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str, options: bool) -> bool:
+    """Write contours or a surface in another format than .iso; returns whether ``what`` is such."""
     from ..io.writers.things import Thing
     from ..io.writers.write import check, write
     from ..tin.tin import Tin
 
     contours = _contours(what)
+    made = contours is not None or isinstance(what, bytes | IsoFile | Tin | Tessellation)
+    if made and options:
+        raise OptionError("options of encoding do not apply to what is encoded or drawn already", code="options")
     if contours is not None and isovalue is not None:
         raise OptionError("isovalue does not apply to contours", code="options")
     if isinstance(what, bytes | IsoFile):
@@ -134,11 +148,12 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
             contours = file.contours() if isovalue is None else [file.contour(value) for value in values]
     if isinstance(what, Tin | Tessellation):
         write(path, what)
-        return
-    if not contours:
+    elif contours:
+        write(path, contours if len(contours) > 1 else contours[0])
+    elif made:
         raise OptionError(f"an .iso file cannot be saved as {suffix or 'a name without a suffix'}", code="suffix",
                           remedy="choose a name that ends in .iso, or decode it first")
-    write(path, contours if len(contours) > 1 else contours[0])
+    return made
 
 
 def _contours(what: Any) -> list[Contour] | None:
