@@ -60,6 +60,19 @@ class DecodeArguments(Writing, Viewing):
     in_samples: bool = option("--in-samples", heading=OUTPUT, is_flag=True,
                               help="Write coordinates in samples, even if the file states where its samples lie.")
 
+    layer: str | None = option(
+        "--layer", heading=OUTPUT, metavar="NAME",
+        help="Layer to write; a GeoPackage that exists keeps its others.  [default: isolines or areas; of .pmtiles "
+        "contours]",
+    )
+    decimals: int | None = option("--precision", heading=OUTPUT, type=click.IntRange(0, 17), metavar="N",
+                                  help="Decimals of the coordinates in .geojson.  [default: all]")
+    higher_on: str = option(
+        "--higher-on", heading=OUTPUT, type=click.Choice(["left", "right"]), default="left", show_default=True,
+        help="Side of a line on which values are higher, with x to the right and y upwards; in .npz, .svg and .png as "
+        "the array is shown.",
+    )
+
     @property
     def view(self) -> dict[str, Any]:
         """Keywords of `IsoFile.contour`, as far as they were given."""
@@ -75,7 +88,9 @@ class DecodeArguments(Writing, Viewing):
         return Wanted(
             what=self.what, side=self.side, isovalue=self.isovalue, view=self.view, along_holes=self.along_holes,
             through_holes=self.through_holes, whole=self.whole, capped=self.capped,
-            options=OutputOptions(self.keep_crs, self.in_samples, self.to),
+            options=OutputOptions(
+                self.keep_crs, self.in_samples, self.to, self.layer, self.decimals, self.higher_on
+            ),
         )
 
     def check(self) -> None:
@@ -98,7 +113,9 @@ class DecodeArguments(Writing, Viewing):
         if self.what != "mesh":
             self.refuse("apply without --what mesh", "whole")
         if self.what in ("above", "valid", "labels", "surface", "mesh"):
-            self.refuse(f"apply to --what {self.what}", "smooth", "through_holes", "keep_crs")
+            self.refuse(f"apply to --what {self.what}", "smooth", "through_holes")
+        if self.what in ("above", "valid", "labels"):
+            self.refuse(f"apply to --what {self.what}", "keep_crs")
         if self.what in ("valid", "labels", "surface"):
             self.refuse(f"apply to --what {self.what}", "isovalue")
 
@@ -120,7 +137,10 @@ def decode_command(options: DecodeArguments) -> None:
     Coordinates are in samples: x, y, z along axes 0, 1, 2; .svg has x along axis 1, y along axis 0. If the file states
     where its samples lie (from NIfTI or GeoTIFF, for example, or encode --spacing), all formats but .npz, .svg and .png
     have world coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the file names its reference
-    system.
+    system: lines and areas are cut at 180 degrees, and areas closed over a pole that they hold. In .glb, y is up.
+
+    Lines run with higher values on their left (--higher-on), triangles of surfaces counter-clockwise as seen from the
+    side of lower values, rings of areas counter-clockwise, and holes clockwise.
 
     If there are several isovalues, {single} hold one of them, the other formats all of them: as features or rows with
     their isovalue, layers (.dxf) or named objects.

@@ -6,67 +6,122 @@ Each line of a contour, or each area, is a row with its isovalue; coordinates ar
 from __future__ import annotations
 
 import io
+import sqlite3
 import warnings
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from ...drawing.line_table import table_of
+from ...errors import InputError, OptionError, one_line
 from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
-from .things import Areas
+from .things import Areas, library_files
 
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
 
-SHAPEFILE = ".shp"
-_DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
+SHAPEFILE, _GEOPACKAGE, _FLAT = ".shp", ".gpkg", ".fgb"
+_DRIVERS = {_GEOPACKAGE: "GPKG", _FLAT: "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
+_LINES, _AREAS = "isolines", "areas"
+_PIECE = 1 << 22
 _DATE = "2000-01-01T00:00:00.000Z"
 """Fixed time of writing in a GeoPackage, so that equal input gives equal bytes."""
 
 
-def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
-    return _file(table_of(contours), suffix, "LineString", "isolines")
+def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) -> Iterator[bytes]:
+    return _file(table_of(contours), suffix, "LineString", options.layer or _LINES, options)
 
 
-def _render_areas(what: Areas, suffix: str, _: OutputOptions) -> bytes:
+def _render_areas(what: Areas, suffix: str, options: OutputOptions) -> Iterator[bytes]:
     shape = "Polygon" if suffix == SHAPEFILE else "MultiPolygon"
-    return _file(table_of(what.contours, what.side, what.valid), suffix, shape, "areas")
+    table = table_of(what.contours, what.side, what.valid)
+    return _file(table, suffix, shape, options.layer or _AREAS, options)
 
 
-def _file(table: Any, suffix: str, shape: str, layer: str) -> bytes:
-    """Write the file of a table; for a Shapefile, an archive of its several files (see `_unpacked`)."""
+def _file(table: Any, suffix: str, shape: str, layer: str, options: OutputOptions) -> Iterator[bytes]:
+    """Yield the file of a table; for a Shapefile, an archive of its several files (see `_unpacked`)."""
     if suffix not in _DRIVERS:
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)
-        return buffer.getvalue()
-    pyogrio = optional("pyogrio", extra="vector", purpose=f"writing {suffix}")
-    options = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == SHAPEFILE else {}
+        yield buffer.getvalue()
+        return
+    more = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == SHAPEFILE else {}
     if _DRIVERS[suffix] == "FlatGeobuf" and table.geometry.is_empty.any():
-        options = {"SPATIAL_INDEX": "NO"}  # it cannot have one of what lies nowhere
+        more = {"SPATIAL_INDEX": "NO"}  # it cannot have one of what lies nowhere
+    if suffix == SHAPEFILE:
+        _check_numbers(table)
     # on a plane in space
     shape += " Z" * bool(table.geometry.has_z.any())
+    with library_files(suffix) as folder, warnings.catch_warnings():
+        # the caller knows that the file has no reference system
+        warnings.filterwarnings("ignore", message="'crs' was not provided")
+        path = folder / f"{layer if suffix == SHAPEFILE else 'a'}{suffix}"
+        if options.onto is not None:
+            _copy(options.onto, path, layer)
+        with _dated() as pyogrio:
+            pyogrio.write_dataframe(
+                table, path, driver=_DRIVERS[suffix], layer=layer, geometry_type=shape, layer_options=more,
+            )
+        if suffix == SHAPEFILE:
+            packed = io.BytesIO()
+            with zipfile.ZipFile(packed, "w") as archive:
+                for part in sorted(folder.iterdir()):
+                    archive.writestr(zipfile.ZipInfo(part.suffix), part.read_bytes())
+            yield packed.getvalue()
+            return
+        with path.open("rb") as file:
+            while piece := file.read(_PIECE):
+                yield piece
+
+
+@contextmanager
+def _dated() -> Iterator[Any]:
+    """The library, which writes a fixed date."""
+    pyogrio = optional("pyogrio", extra="vector", purpose="writing maps")
     before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
     try:
-        with TemporaryDirectory(prefix="isocodec-") as folder, warnings.catch_warnings():
-            # the caller knows that the file has no reference system
-            warnings.filterwarnings("ignore", message="'crs' was not provided")
-            path = Path(folder) / f"{layer}{suffix}"
-            pyogrio.write_dataframe(
-                table, path, driver=_DRIVERS[suffix], layer=layer, geometry_type=shape, layer_options=options,
-            )
-            if suffix != SHAPEFILE:
-                return path.read_bytes()
-            packed = io.BytesIO()
-            with zipfile.ZipFile(packed, "w") as archive:
-                for part in sorted(Path(folder).iterdir()):
-                    archive.writestr(zipfile.ZipInfo(part.suffix), part.read_bytes())
-            return packed.getvalue()
+        yield pyogrio
+    except pyogrio.errors.CRSError as exc:
+        raise OptionError(f"the reference system is unknown to GDAL, which writes maps: {one_line(str(exc))}",
+                          code="crs", remedy="write .geojson, which has longitude and latitude") from exc
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
+
+
+def _copy(path: Path, to: Path, layer: str) -> None:
+    """Copy a GeoPackage that another program may have open, to add or replace a layer of vectors.
+
+    Raises
+    ------
+    InputError
+        If it is none, or has something else by the name of the layer.
+    """
+    try:
+        with closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as old:
+            with closing(sqlite3.connect(to)) as new:
+                old.backup(new)
+            kinds = dict(old.execute("select lower(table_name), data_type from gpkg_contents"))
+            tables = {name for name, in old.execute("select lower(name) from sqlite_master")}
+    except sqlite3.DatabaseError as exc:
+        raise InputError(f"{path} exists, but is not a GeoPackage that can be read: {exc}", code="geopackage",
+                         remedy="write to another name, or delete it") from exc
+    if layer.lower() in tables and kinds.get(layer.lower()) != "features":
+        raise InputError(f"{path} has a table {layer!r} that is not a layer of vectors", code="layer",
+                         remedy="choose another --layer")
+
+
+def _check_numbers(table: Any) -> None:
+    """Warn of numbers that a Shapefile, which has 15 decimals, does not keep."""
+    for name in table.columns.intersection(["isovalue", "lower", "upper"]):
+        lost = [value for value in table[name].dropna().unique() if abs(float(f"{value:.15f}") - value) > abs(value) * 1e-9]
+        if lost:
+            warnings.warn(f"a Shapefile does not keep the {name} {', '.join(map(repr, map(float, lost)))}: its numbers "
+                          "have 15 decimals", stacklevel=2)
 
 
 def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
@@ -76,18 +131,19 @@ def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
         return [*parts, (path, archive.read(SHAPEFILE))]
 
 
-def _outputs(suffixes: tuple[str, ...], title: str, *libraries: str, parts: Any = None) -> tuple[Output, Output]:
+def _outputs(suffix: str, title: str, *libraries: str, **more: Any) -> tuple[Output, Output]:
     shared: Any = {
-        "dimensions": (2,), "several": (2,), "holds": "a column", "names_crs": True, "extra": "vector",
-        "libraries": ("pyogrio", "geopandas", "shapely", *libraries), "parts": parts,
+        "suffixes": (suffix,), "title": title, "several": (2,), "holds": "a column", "names_crs": True,
+        "extra": "vector", "libraries": ("pyogrio", "geopandas", "shapely", *libraries), **more,
     }
+    lines, areas = (_LINES, _AREAS) if suffix in (_GEOPACKAGE, _FLAT) else ("", "")
     return (
-        Output("contour", suffixes, title, _render, cost={2: Cost(160, 100)}, **shared),
-        Output("areas", suffixes, title, _render_areas, cost={2: Cost(300, 240, kept=100)}, **shared),
+        Output("contour", render=_render, cost={2: Cost(160, 100)}, layer=lines, **shared),
+        Output("areas", render=_render_areas, cost={2: Cost(300, 240, kept=100)}, layer=areas, **shared),
     )
 
 
 OUTPUTS = (
-    *_outputs((".gpkg",), "GeoPackage"), *_outputs((".fgb",), "FlatGeobuf"),
-    *_outputs((SHAPEFILE,), "Shapefile", parts=_unpacked), *_outputs((".parquet",), "GeoParquet", "pyarrow"),
+    *_outputs(_GEOPACKAGE, "GeoPackage", keeps=True), *_outputs(_FLAT, "FlatGeobuf"),
+    *_outputs(SHAPEFILE, "Shapefile", parts=_unpacked), *_outputs(".parquet", "GeoParquet", "pyarrow"),
 )
