@@ -82,7 +82,7 @@ def interval_of(values: NDArray[Any], levels: int) -> int:
     """Find an interval with this many multiples within the range of the data."""
     low, high = int(values.min()), int(values.max())
     for interval in range(1, high - low):
-        if len([v for v in range(-(-low // interval) * interval, high, interval)]) == levels:
+        if len(range(-(-low // interval) * interval, high, interval)) == levels:
             return interval
     raise SystemExit(f"no interval has {levels} multiples from {low} to {high}")
 

@@ -46,6 +46,9 @@ class DecodeArguments(Converting, Viewing):
     whole: bool = option("--whole", heading=OUTPUT, is_flag=True,
                          help="With --what mesh: the mesh of the whole field, not only the cells that the curve "
                               "crosses.")
+    decimals: int | None = option("--precision", heading=OUTPUT, type=click.IntRange(0, 17), metavar="N",
+                                  help="Decimals of the coordinates in .geojson.  [default: all]")
+
     @property
     def view(self) -> dict[str, Any]:
         """Keywords of `IsoFile.contour`, as far as they were given."""
@@ -82,7 +85,9 @@ class DecodeArguments(Converting, Viewing):
         if self.what != "mesh":
             self.refuse("apply without --what mesh", "whole")
         if self.what in ("above", "valid", "labels", "surface", "mesh"):
-            self.refuse(f"apply to --what {self.what}", "smooth", "through_holes", "keep_crs")
+            self.refuse(f"apply to --what {self.what}", "smooth", "through_holes")
+        if self.what in ("above", "valid", "labels"):
+            self.refuse(f"apply to --what {self.what}", "keep_crs")
         if self.what in ("valid", "labels", "surface"):
             self.refuse(f"apply to --what {self.what}", "isovalue")
 
@@ -104,7 +109,10 @@ def decode_command(options: DecodeArguments) -> None:
     Coordinates are in samples: x, y, z along axes 0, 1, 2; .svg has x along axis 1, y along axis 0. If the file states
     where its samples lie (from NIfTI or GeoTIFF, for example, or encode --spacing), all formats but .npz, .svg and .png
     have world coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the file names its reference
-    system.
+    system: lines and areas are cut at 180 degrees, and areas closed over a pole that they hold. In .glb, y is up.
+
+    Lines run with higher values on their left (--higher-on), triangles of surfaces counter-clockwise as seen from the
+    side of lower values, rings of areas counter-clockwise, and holes clockwise.
 
     If there are several isovalues, {single} hold one of them, the other formats all of them: as features or rows with
     their isovalue, layers (.dxf) or named objects.

@@ -68,7 +68,8 @@ APART = {
 """Options that do not apply to a kind of file, by the option that chooses the kind."""
 CODED = ("surface", "tile", "frames", "layers", "independent", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
-CONVERTED = ("what", "side", "along_holes", "layer", "attribute", "index", "raised", "keep_crs", "in_samples")
+CONVERTED = ("what", "side", "along_holes", "layer", "higher_on", "attribute", "index", "raised", "keep_crs",
+             "in_samples")
 """Options of other formats."""
 OF_TILES, OF_SURFACES = ("workers", "scheduler", "spool"), ("points", "error", "size", "tolerance", "step")
 

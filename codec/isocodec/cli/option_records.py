@@ -265,8 +265,16 @@ class Converting(Writing):
                                help="With --what areas or bands: close areas along missing samples, too.")
     to: str | None = option("--to", heading=OUTPUT, metavar="SUFFIX",
                             help="Format of OUT if its name has no suffix, or is -; for example .geojson.")
-    layer: str | None = option("--layer", heading=OUTPUT, metavar="NAME",
-                               help="Name of the layer (.gpkg, .fgb).  [default: isolines, or areas]")
+    layer: str | None = option(
+        "--layer", heading=OUTPUT, metavar="NAME",
+        help="Layer to write; a GeoPackage that exists keeps its others.  [default: isolines or areas; of .pmtiles "
+        "contours]",
+    )
+    higher_on: str = option(
+        "--higher-on", heading=OUTPUT, type=click.Choice(["left", "right"]), default="left", show_default=True,
+        help="Side of a line on which values are higher, with x to the right and y upwards; in .npz, .svg and .png as "
+        "the array is shown.",
+    )
     attribute: str = option("--attribute", heading=OUTPUT, default="isovalue", show_default=True, metavar="NAME",
                             help="Name of the column that holds isovalues.")
     index: int | None = option("--index", heading=OUTPUT, type=COUNT, metavar="K",
@@ -286,7 +294,8 @@ class Converting(Writing):
         from ..api.export import OutputOptions
 
         options = OutputOptions(
-            self.keep_crs, self.in_samples, self.to, attribute=self.attribute, layer=self.layer, raised=self.raised
+            self.keep_crs, self.in_samples, self.to, self.layer, getattr(self, "decimals", None), self.higher_on,
+            attribute=self.attribute, raised=self.raised,
         )
         return {"side": self.side, "along_holes": self.along_holes, "index": self.index, "options": options}
 
@@ -303,8 +312,6 @@ class Converting(Writing):
             self.refuse(f"apply to --what {what}", "raised")
         if what not in (None, "curve", "areas"):
             self.refuse(f"apply to --what {what}", "attribute", "index")
-        if what not in (None, "curve", "areas", "bands"):
-            self.refuse(f"apply to --what {what}", "layer")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -526,6 +526,12 @@ def read_placement(metadata: Mapping[str, str], n: int) -> Placement | None:
     return Placement(matrix, crs=metadata.get(CRS), unit=metadata.get(COORDINATE_UNIT))
 
 
+def own_placement(metadata: Mapping[str, str], n: int) -> Placement | None:
+    """The placement of points whose n coordinates are those of the world, on a mesh; None if no system is named."""
+    crs = metadata.get(CRS)
+    return None if crs is None else Placement(np.eye(n, n + 1), crs=crs, unit=metadata.get(COORDINATE_UNIT))
+
+
 def coded_placement(mapped: Mapped, metadata: Mapping[str, str]) -> Placement:
     """The placement of a file that holds coordinates of its samples."""
     return Placement(

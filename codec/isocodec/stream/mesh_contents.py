@@ -15,6 +15,7 @@ from ..drawing.contour import Contour
 from ..drawing.explicit import crossed_edges, draw_cells
 from ..drawing.tessellation import Tessellation
 from ..errors import FormatError, InputError, LimitError, OptionError, TruncatedError
+from ..field.placement import own_placement
 from ..field.samples import interval_value
 from ..format.chunks import Envelope
 from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
@@ -124,13 +125,15 @@ class MeshContents:
             return self._coarse(found, notes)
         if found is None or found.edges is None or self._domain is None or self._points is None:
             d = n if self.head is None else self.head.d
-            return Contour(np.zeros((0, d)), np.zeros((0, n), np.int64), float("nan"), (), False, metadata=notes)
+            return Contour(np.zeros((0, d)), np.zeros((0, n), np.int64), float("nan"), (), False,
+                           own_placement(notes, d), metadata=notes)
         leaves = found.leaves
         points, cells = draw_cells(
             self._points, self._domain.mesh.cell[leaves], self._domain.mirrored[leaves], found.strand.sign == 1,
             found.edges[:, :2], self._ratio(found),
         )
-        return Contour(points, cells, found.value, (), self._session.complete, metadata=notes)
+        return Contour(points, cells, found.value, (), self._session.complete,
+                       own_placement(notes, points.shape[1]), metadata=notes)
 
     def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
         """Draw the curve on the part of the mesh that remains after some rounds of removal."""
@@ -141,7 +144,7 @@ class MeshContents:
         points, pieces = draw_cells(
             self._points, cells, np.zeros(len(cells), np.bool_), above, edges, np.full(len(edges), 0.5)
         )
-        return Contour(points, pieces, found.value, (), False, metadata=notes)
+        return Contour(points, pieces, found.value, (), False, own_placement(notes, points.shape[1]), metadata=notes)
 
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
         """Find which vertices lie above an isovalue, by number, (V,).
@@ -174,7 +177,8 @@ class MeshContents:
         cells = cells if whole else cells[found.leaves]
         return Tessellation(
             self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self.above(number), found.value,
-            (), self._session.complete, metadata=dict(self.outline.metadata),
+            (), self._session.complete, own_placement(self.outline.metadata, self._points.shape[1]),
+            dict(self.outline.metadata),
         )
 
     def _wound(self, domain: Complex) -> NDArray[np.int64]:

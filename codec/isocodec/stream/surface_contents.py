@@ -14,7 +14,7 @@ from ..drawing.contour import Contour
 from ..drawing.explicit import surface_contour
 from ..entropy.run import Account
 from ..errors import FormatError, OptionError, TruncatedError
-from ..field.placement import read_placement
+from ..field.placement import own_placement, read_placement
 from ..format.chunks import Envelope, write_chunk
 from ..format.events import DomainRead, Event
 from ..format.header import Header
@@ -183,7 +183,7 @@ def contour_of_tin(tin: Tin, isovalue: float) -> Contour:
         raise OptionError(f"the isovalue is {isovalue}; it must be finite", code="isovalue")
     points, pieces = surface_contour(tin.points, tin.values, tin.triangles, isovalue)
     notes = dict(tin.metadata)
-    placement = None if tin.shape is None else read_placement(notes, 2)
+    placement = own_placement(notes, 2) if tin.shape is None else read_placement(notes, 2)
     return Contour(points, pieces, float(isovalue), tin.shape or (), tin.complete, placement, metadata=notes)
 
 

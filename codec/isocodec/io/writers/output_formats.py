@@ -51,10 +51,17 @@ class OutputOptions:
         Write coordinates in samples, even if there is a placement.
     to : str or None
         Suffix of the format, if the name has none: ``".geojson"``.
+    layer : str or None
+        Name of the layer, where a format has one; by default that of the content (`Output.layer`).
+    decimals : int or None
+        Decimals of coordinates, where a format has them as text; all that they have if None.
+    higher_on : {"left", "right"}
+        Side of lines on which values are higher, with x to the right and y upwards; for formats in samples, as pictures
+        show the array.
+    onto : Path or None
+        The existing file whose other layers are kept; set by `write`.
     attribute : str
         Name of the column or property that holds isovalues.
-    layer : str or None
-        Name of the layer.
     index : collection of float, or None
         Isovalues of index contours; a column or property ``index`` marks them.
     raised : bool
@@ -64,8 +71,11 @@ class OutputOptions:
     keep_crs: bool = False
     in_samples: bool = False
     to: str | None = None
-    attribute: str = "isovalue"
     layer: str | None = None
+    decimals: int | None = None
+    higher_on: Literal["left", "right"] = "left"
+    onto: Path | None = None
+    attribute: str = "isovalue"
     index: Collection[float] | None = None
     raised: bool = False
 
@@ -92,10 +102,14 @@ class Output:
         How several isovalues are represented in the file.
     coordinates : str
         Kind of the coordinates in the file.
-    names_crs : bool
-        Whether the file names the reference system.
+    names_crs, names_space : bool
+        Whether the file names the reference system, or the sides of a body that coordinates run to.
+    decimal : bool
+        Whether coordinates are text with a number of decimals that can be chosen.
     layer : str
         Usual name of the layer; empty if the format has no names of layers that can be chosen.
+    keeps : bool
+        Whether an existing file keeps its other layers.
     heights : bool
         Whether points of curves may have a third coordinate.
     single : bool
@@ -121,7 +135,10 @@ class Output:
     holds: str = ""
     coordinates: Coordinates = "placement"
     names_crs: bool = False
+    names_space: bool = False
+    decimal: bool = False
     layer: str = ""
+    keeps: bool = False
     heights: bool = True
     single: bool = False
     sampled: bool = True

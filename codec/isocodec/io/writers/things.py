@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -12,7 +15,7 @@ from numpy.typing import NDArray
 from ...drawing.contour import Contour
 from ...drawing.rows import MaskRows
 from ...drawing.tessellation import Tessellation
-from ...errors import OptionError
+from ...errors import IsoError, OptionError, one_line
 from ...field.placement import CRS, LPS, Placement, read_placement, unplaced
 from ...tin.tin import Tin
 from .output_formats import Kind
@@ -211,6 +214,21 @@ def volume_matrix(placement: Placement | None) -> NDArray[np.float64] | None:
     return np.diag([-1.0, -1.0, 1.0]) @ matrix if placement.crs == LPS else matrix
 
 
+@contextmanager
+def library_files(suffix: str) -> Iterator[Path]:
+    """Yield a folder for the files of a library that writes to paths only; what it raises becomes an OSError.
+
+    Libraries have errors of their own for a full disk.
+    """
+    try:
+        with TemporaryDirectory(prefix="isocodec-") as folder:
+            yield Path(folder)
+    except (IsoError, OSError, MemoryError):
+        raise
+    except Exception as exc:
+        raise OSError(f"writing {suffix} failed: {one_line(str(exc))}") from exc
+
+
 class Each(Collection[Contour]):
     """Contours, each changed and examined when it is needed, so that it can be drawn then and released afterwards."""
 
@@ -276,7 +294,8 @@ class PlacedTin:
         found = None if in_samples else read_placement(tin.metadata, 2)
         found = None if found is None else found.flat
         if found is None or found.matrix is None:
-            crs = None if in_samples else tin.metadata.get(CRS)
+            # coordinates in samples have no system
+            crs = tin.metadata.get(CRS) if tin.shape is None and not in_samples else None
             found = Placement(np.eye(2, 3) if tin.shape is None else unplaced(2), crs=crs)
         removed = tin.removals
         names = () if removed is None else ("order", "errors", "anticipated", "kept")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
-from .things import ABOVE, LEVEL, PlacedTin, in_space, space_of
+from .things import ABOVE, LEVEL, PlacedTin, in_space, library_files, space_of
 
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
@@ -121,8 +119,8 @@ def _vtu(points: NDArray[np.float64], cells: NDArray[np.int64], suffix: str, val
     meshio = optional("meshio", extra="vtu", purpose=f"writing {suffix}")
     mesh = meshio.Mesh(points, [(_CELLS[cells.shape[1]], cells)], **values)
     # the library writes to a path only
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"mesh{suffix}"
+    with library_files(suffix) as folder:
+        path = folder / f"mesh{suffix}"
         mesh.write(path, file_format="vtu")
         return path.read_bytes()
 
@@ -130,7 +128,7 @@ def _vtu(points: NDArray[np.float64], cells: NDArray[np.int64], suffix: str, val
 _MESHIO: Any = {"suffixes": (".vtu",), "title": "VTU", "extra": "vtu", "libraries": ("meshio",)}
 OUTPUTS = (
     Output("contour", (".vtp",), "VTP", _vtp, (2, 3), (2, 3), "a value of cells",
-           sampled=False, cost={2: Cost(120, 100), 3: Cost(200, 160)}),
+           sampled=False, names_space=True, cost={2: Cost(120, 100), 3: Cost(200, 160)}),
     Output("contour", render=_contour_vtu, dimensions=(2, 3), several=(2, 3), holds="a value of cells", sampled=False,
            **_MESHIO, cost={2: Cost(300, 200, 1 << 24), 3: Cost(300, 200, 1 << 24)}),
     Output("mesh", render=_mesh_vtu, dimensions=(2, 3), **_MESHIO,

@@ -50,7 +50,7 @@ def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[b
 
 
 OUTPUTS = tuple(
-    Output(kind, (suffix,), title, render, (2, 3), extra="nifti", libraries=("nibabel",))
+    Output(kind, (suffix,), title, render, (2, 3), names_space=True, extra="nifti", libraries=("nibabel",))
     for kind in ("mask", "labels")
     for suffix, title, render in ((".nii", "NIfTI", _nii), (".nii.gz", "NIfTI, compressed", _nii_gz))
 )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ...errors import OptionError
 from ...extras import optional
 from ...field.reference_system import is_named, to_degrees
+from .globe import Globe, ragged
 from .output_formats import Cost, Output, OutputOptions
 from .things import Pyramid
 
@@ -35,8 +36,12 @@ LONGEST = 1024
 """Largest length of a segment, in units; longer ones are divided."""
 ROUNDING = 2
 """Largest distance, in units, by which simplification may move a curve below the highest zoom level."""
-_POLE = 85.06
-"""Latitude, in degrees, beyond which there are no tiles."""
+MOST_TILES = 1 << 20
+"""Largest number of tiles that the highest zoom level of a field may have."""
+POLAR, _POLE = 85.06, 89.0
+"""Latitudes, in degrees: there are no tiles beyond the first, and curves end at the second."""
+_LATTICE = 7
+"""Places along each axis at which the distance of samples is measured."""
 Key = tuple[int, int, int]
 """Zoom, column and row of a tile."""
 Features = list[tuple[float, list[NDArray[np.int32]]]]
@@ -80,24 +85,39 @@ def _render_pyramid(pyramid: Pyramid, suffix: str, _: OutputOptions) -> bytes:
 
 
 def zoom_of(contour: Contour) -> int:
-    """Find the lowest zoom level at which a pixel is no wider than the sample spacing in the middle of a field."""
-    middle = (np.array(contour.shape) - 1) / 2
-    contour = _placed(contour)
-    ends = _mercator(to_degrees(contour.placement)(contour.place(np.array([middle, *(middle + np.eye(2))]))))
-    step = float(np.linalg.norm(ends[1:] - ends[0], axis=1).min())
-    return min(max(math.ceil(-math.log2(PIXELS * step) - 1e-6), 0), MOST_ZOOM) if step else MOST_ZOOM
+    """Find the lowest zoom level at which a pixel is no wider than most samples, and a field has few enough tiles."""
+    move = to_degrees(_placed(contour).placement)
+    lattice = np.stack(np.meshgrid(*(np.linspace(0, size - 2, _LATTICE) for size in contour.shape), indexing="ij"), -1)
+    ends = lattice.reshape(-1, 1, 2) + np.array([[0, 0], [1, 0], [0, 1]])
+    degrees = move(contour.flat.place(ends.reshape(-1, 2)))
+    places = _mercator(degrees).reshape(_LATTICE, _LATTICE, 3, 2)
+    for axis in (2, 1, 0):
+        places[..., 0] = np.unwrap(places[..., 0], axis=axis, period=1.0)
+    inside = (abs(degrees[:, 1].reshape(-1, 3)) < POLAR).all(axis=1)
+    steps = np.linalg.norm(places[:, :, 1:] - places[:, :, :1], axis=-1).min(axis=-1).ravel()[inside]
+    if not len(steps):
+        return 0
+    low, high = (f(places.clip([-np.inf, 0], [np.inf, 1]), axis=(0, 1, 2)) for f in (np.min, np.max))
+    finest = math.ceil(-math.log2(max(PIXELS * float(np.median(steps)), 0.5**MOST_ZOOM)) - 1e-6)
+    while finest > 0 and np.prod(np.ceil((high - low) * 2.0**finest)) > MOST_TILES:
+        finest -= 1
+    return min(max(finest, 0), MOST_ZOOM)
 
 
 def mercator_lines(contour: Contour) -> list[NDArray[np.float64]]:
-    """Lines of a contour in Web Mercator, (K, 2) each, 0 to 1 eastwards and southwards, and beyond where they go on."""
-    contour = _placed(contour)
-    move, whole = to_degrees(contour.placement), contour.joined
-    out = []
-    for walk in whole.walks:
-        degrees = move(whole.along(walk))
-        degrees[:, 0] = np.unwrap(degrees[:, 0], period=360.0)
-        out.append(_mercator(degrees))
-    return out
+    """Lines of a contour in Web Mercator, (K, 2) each, 0 to 1 southwards, and eastwards, and beyond where they go on."""
+    shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
+    whole = _placed(contour).joined
+    globe = Globe.of(whole.placement, whole.placed, whole.cells)
+    assert globe is not None
+    points, starts = globe.unrolled(*ragged([whole.along(walk) for walk in whole.walks]))
+    places = _mercator(points)
+    lines = np.split(places, starts[1:-1]) if len(places) else []
+    if not len(places) or 0 <= places[:, 1].min() <= places[:, 1].max() <= 1:
+        return lines
+    west, east = places[:, 0].min(), places[:, 0].max()
+    parts = shapely.get_parts(shapely.clip_by_rect([shapely.LineString(line) for line in lines], west, 0, east, 1))
+    return [shapely.get_coordinates(part) for part in parts if part.geom_type == "LineString" and not part.is_empty]
 
 
 def _placed(contour: Contour) -> Contour:
@@ -106,7 +126,7 @@ def _placed(contour: Contour) -> Contour:
         raise OptionError(
             "vector tiles need to know where the curve lies, but the file has no placement or names no reference "
             "system",
-            code="crs", remedy="encode with placement and --metadata crs=EPSG:..",
+            code="crs", remedy="encode with a placement and --crs EPSG:..",
         )
     return contour
 
@@ -192,11 +212,12 @@ def _archive(
     archive = writer.Writer(out)
     for number, key in sorted((format_.zxy_to_tileid(*key), key) for key in tiles):
         archive.write_tile(number, gzip.compress(_tile(tiles[key]), mtime=0))
-    points = np.concatenate(lines) if lines else np.array([[0.5, 0.5]])
+    # each line within one turn, or beyond
+    points = np.concatenate([line - [np.floor(line[:, 0].min()), 0] for line in lines] or [np.array([[0.5, 0.5]])])
     west, east = (float(f(points[:, 0])) * 360 - 180 for f in (np.min, np.max))
     north, south = (math.degrees(math.atan(math.sinh((0.5 - float(f(points[:, 1]))) * 2 * math.pi)))
                     for f in (np.min, np.max))
-    if west < -180 or east > 180:
+    if east > 180:
         west, east = -180.0, 180.0
     header = {
         "tile_compression": format_.Compression.GZIP, "tile_type": format_.TileType.MVT,
@@ -209,8 +230,9 @@ def _archive(
 
 
 _SHARED: Any = {
-    "suffixes": (".pmtiles",), "title": "PMTiles", "several": (2,), "holds": "a property", "coordinates": "degrees", "heights": False,
-    "names_crs": True, "extra": "pmtiles", "libraries": ("shapely", "pyproj", "mapbox_vector_tile", "pmtiles.writer"),
+    "suffixes": (".pmtiles",), "title": "PMTiles", "several": (2,), "holds": "a property", "coordinates": "degrees",
+    "heights": False, "names_crs": True, "extra": "pmtiles",
+    "libraries": ("shapely", "pyproj", "mapbox_vector_tile", "pmtiles.writer"),
     "cost": {2: Cost(480, 150, 1 << 20, kept=300)},
 }
 OUTPUTS = (Output("contour", render=_render, **_SHARED), Output("pyramid", render=_render_pyramid, **_SHARED))

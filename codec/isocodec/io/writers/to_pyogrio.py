@@ -6,70 +6,75 @@ Each line of a contour, or each area, is a row with its isovalue; coordinates ar
 from __future__ import annotations
 
 import io
+import sqlite3
 import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import numpy as np
 
 from ...drawing.line_table import Rows, rows_of
-from ...errors import OptionError, one_line
+from ...errors import InputError, OptionError, one_line
 from ...extras import without
 from ...field.placement import Placement
 from ...field.reference_system import epsg_of, system_of
 from .output_formats import Cost, Output, OutputOptions
-from .things import Areas
+from .things import Areas, library_files
 
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
 
-SHAPEFILE = ".shp"
-_DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
+SHAPEFILE, _GEOPACKAGE, _FLAT = ".shp", ".gpkg", ".fgb"
+_DRIVERS = {_GEOPACKAGE: "GPKG", _FLAT: "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
+_LINES, _AREAS = "isolines", "areas"
+_PIECE = 1 << 22
 _DATE = "2000-01-01T00:00:00.000Z"
 """Fixed time of writing in a GeoPackage, so that equal input gives equal bytes."""
-_LINES, _AREAS = "isolines", "areas"
-_PIECE = 1 << 20
-"""Bytes of a file that are handed on at once."""
 
 
 def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) -> Iterator[bytes]:
     rows = rows_of(contours, attribute=options.attribute, index=options.index)
-    return _file(rows, suffix, "LineString", options.layer or _LINES)
+    return _file(rows, suffix, "LineString", options.layer or _LINES, options)
 
 
 def _render_areas(what: Areas, suffix: str, options: OutputOptions) -> Iterator[bytes]:
     shape = "Polygon" if suffix == SHAPEFILE else "MultiPolygon"
     rows = rows_of(what.contours, what.side, what.valid, options.attribute, options.index)
-    return _file(rows, suffix, shape, options.layer or _AREAS)
+    return _file(rows, suffix, shape, options.layer or _AREAS, options)
 
 
-def _file(rows: Rows, suffix: str, shape: str, layer: str) -> Iterator[bytes]:
-    """Write the file of some rows, and yield it; for a Shapefile, an archive of its several files (see `_unpacked`)."""
+def _file(rows: Rows, suffix: str, shape: str, layer: str, options: OutputOptions) -> Iterator[bytes]:
+    """Yield the file of some rows; for a Shapefile, an archive of its several files (see `_unpacked`)."""
     if suffix not in _DRIVERS:
         buffer = io.BytesIO()
         rows.table.to_parquet(buffer, index=False)
         yield buffer.getvalue()
         return
-    options = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == SHAPEFILE else {}
+    more = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == SHAPEFILE else {}
     if _DRIVERS[suffix] == "FlatGeobuf" and rows.has_empty:
-        options = {"SPATIAL_INDEX": "NO"}  # it cannot have one of what lies nowhere
-    with TemporaryDirectory(prefix="isocodec-") as folder:
-        path = Path(folder) / f"{layer}{suffix}"
-        with _pyogrio(suffix) as raw, warnings.catch_warnings():
-            # the caller knows that the file has no reference system
-            warnings.filterwarnings("ignore", message="'crs' was not provided")
-            raw.write(
+        more = {"SPATIAL_INDEX": "NO"}  # it cannot have one of what lies nowhere
+    if suffix == SHAPEFILE:
+        _check_numbers(rows)
+    with library_files(suffix) as folder, warnings.catch_warnings():
+        # the caller knows that the file has no reference system
+        warnings.filterwarnings("ignore", message="'crs' was not provided")
+        path = folder / f"{layer if suffix == SHAPEFILE else 'a'}{suffix}"
+        if options.onto is not None:
+            _copy(options.onto, path, layer)
+        with _dated() as pyogrio:
+            pyogrio.raw.write(
                 path, rows.shapes, [*rows.columns.values()], [*rows.columns], driver=_DRIVERS[suffix], layer=layer,
                 # on a plane in space
-                geometry_type=shape + " Z" * rows.has_z, layer_options=options,
-                crs=_system(rows.placement),
+                geometry_type=shape + " Z" * rows.has_z, layer_options=more, crs=_system(rows.placement),
             )
         if suffix == SHAPEFILE:
             packed = io.BytesIO()
             with zipfile.ZipFile(packed, "w") as archive:
-                for part in sorted(Path(folder).iterdir()):
+                for part in sorted(folder.iterdir()):
                     archive.writestr(zipfile.ZipInfo(part.suffix), part.read_bytes())
             yield packed.getvalue()
             return
@@ -87,19 +92,50 @@ def _system(placement: Placement | None) -> str | None:
 
 
 @contextmanager
-def _pyogrio(suffix: str) -> Iterator[Any]:
-    """Yield ``pyogrio.raw``, which writes arrays, while the time of writing is fixed."""
+def _dated() -> Iterator[Any]:
+    """The library, which writes a fixed date, without what it loads to make tables."""
     heavy = ("geopandas", "pandas", "pyarrow", "pyproj")
-    pyogrio = without("pyogrio", heavy, extra="vector", purpose=f"writing {suffix}")
+    pyogrio = without("pyogrio", heavy, extra="vector", purpose="writing maps")
     before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
     try:
-        yield pyogrio.raw
+        yield pyogrio
     except pyogrio.errors.CRSError as exc:
-        raise OptionError(f"the reference system is unknown to GDAL, which writes {suffix}: {one_line(str(exc))}",
-                          code="crs", remedy="write .geojson with --keep-crs") from exc
+        raise OptionError(f"the reference system is unknown to GDAL, which writes maps: {one_line(str(exc))}",
+                          code="crs", remedy="write .geojson, which has longitude and latitude") from exc
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
+
+
+def _copy(path: Path, to: Path, layer: str) -> None:
+    """Copy a GeoPackage that another program may have open, to add or replace a layer of vectors.
+
+    Raises
+    ------
+    InputError
+        If it is none, or has something else by the name of the layer.
+    """
+    try:
+        with closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as old:
+            with closing(sqlite3.connect(to)) as new:
+                old.backup(new)
+            kinds = dict(old.execute("select lower(table_name), data_type from gpkg_contents"))
+            tables = {name for name, in old.execute("select lower(name) from sqlite_master")}
+    except sqlite3.DatabaseError as exc:
+        raise InputError(f"{path} exists, but is not a GeoPackage that can be read: {exc}", code="geopackage",
+                         remedy="write to another name, or delete it") from exc
+    if layer.lower() in tables and kinds.get(layer.lower()) != "features":
+        raise InputError(f"{path} has a table {layer!r} that is not a layer of vectors", code="layer",
+                         remedy="choose another --layer")
+
+
+def _check_numbers(rows: Rows) -> None:
+    """Warn of numbers that a Shapefile, which has 15 decimals, does not keep."""
+    for name, column in rows.columns.items():
+        numbers = np.unique(column[np.isfinite(column)]).tolist() if column.dtype.kind == "f" else []
+        if lost := [repr(number) for number in numbers if abs(float(f"{number:.15f}") - number) > abs(number) * 1e-9]:
+            warnings.warn(f"a Shapefile does not keep the {name} {', '.join(lost)}: its numbers have 15 decimals",
+                          stacklevel=2)
 
 
 def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
@@ -109,20 +145,19 @@ def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
         return [*parts, (path, archive.read(SHAPEFILE))]
 
 
-def _outputs(suffixes: tuple[str, ...], title: str, *libraries: str, parts: Any = None) -> tuple[Output, Output]:
+def _outputs(suffix: str, title: str, *libraries: str, **more: Any) -> tuple[Output, Output]:
     shared: Any = {
-        "dimensions": (2,), "several": (2,), "holds": "a column", "names_crs": True, "extra": "vector",
-        "libraries": ("shapely", *(libraries or ["pyogrio"])), "parts": parts,
+        "suffixes": (suffix,), "title": title, "several": (2,), "holds": "a column", "names_crs": True,
+        "extra": "vector", "libraries": ("shapely", *(libraries or ["pyogrio"])), **more,
     }
-    lines, areas = (_LINES, _AREAS) if suffixes[0] in (".gpkg", ".fgb") else ("", "")
+    lines, areas = (_LINES, _AREAS) if suffix in (_GEOPACKAGE, _FLAT) else ("", "")
     return (
-        Output("contour", suffixes, title, _render, cost={2: Cost(160, 100, kept=60)}, layer=lines, **shared),
-        Output("areas", suffixes, title, _render_areas, cost={2: Cost(300, 240, kept=100)}, layer=areas, **shared),
+        Output("contour", render=_render, cost={2: Cost(160, 100, kept=60)}, layer=lines, **shared),
+        Output("areas", render=_render_areas, cost={2: Cost(300, 240, kept=100)}, layer=areas, **shared),
     )
 
 
 OUTPUTS = (
-    *_outputs((".gpkg",), "GeoPackage"), *_outputs((".fgb",), "FlatGeobuf"),
-    *_outputs((SHAPEFILE,), "Shapefile", parts=_unpacked),
-    *_outputs((".parquet",), "GeoParquet", "geopandas", "pyarrow"),
+    *_outputs(_GEOPACKAGE, "GeoPackage", keeps=True), *_outputs(_FLAT, "FlatGeobuf"),
+    *_outputs(SHAPEFILE, "Shapefile", parts=_unpacked), *_outputs(".parquet", "GeoParquet", "geopandas", "pyarrow"),
 )

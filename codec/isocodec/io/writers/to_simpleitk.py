@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from ...extras import optional
 from .output_formats import Output, OutputOptions
-from .things import SampleMask, volume_matrix
+from .things import SampleMask, library_files, volume_matrix
 
 _NAMED, _UNNAMED = b"\nspace: left-posterior-superior\n", b"\nspace dimension: 3\n"
 
@@ -30,14 +28,14 @@ def _nrrd(mask: SampleMask, suffix: str, _: OutputOptions) -> bytes:
         image.SetDirection((matrix[:, :3] / steps).ravel().tolist())
         image.SetOrigin(matrix[:, 3].tolist())
     # the library writes to a path only
-    with TemporaryDirectory(prefix="isocodec-") as folder:
-        path = Path(folder) / f"mask{suffix}"
+    with library_files(suffix) as folder:
+        path = folder / f"mask{suffix}"
         sitk.WriteImage(image, str(path), useCompression=True)
         data = path.read_bytes()
     return data if matrix is not None else data.replace(_NAMED, _UNNAMED, 1)
 
 
 OUTPUTS = tuple(
-    Output(kind, (".nrrd",), "NRRD", _nrrd, (2, 3), extra="itk", libraries=("SimpleITK",))
+    Output(kind, (".nrrd",), "NRRD", _nrrd, (2, 3), names_space=True, extra="itk", libraries=("SimpleITK",))
     for kind in ("mask", "labels")
 )

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _PLY, _OBJ = ".ply", ".obj"
 _UUID = re.compile(rb'"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}"')
 _STL_HEADER = 80
+_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _THE_DAY = (1980, 1, 1, 0, 0, 0)
 
 
@@ -63,8 +64,9 @@ def _single(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
 def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
     """Write OBJ, GLB or 3MF, with an object for each isovalue, named after it.
 
-    OBJ has eight decimals of a cell, 3MF all digits. GLB holds single precision relative to the middle of each object,
-    which the object's node adds again, so that at most half of 2**-24 of its size is lost.
+    OBJ has eight decimals of a cell, 3MF all digits. GLB has x, z, -y, since its y is up; it holds single precision
+    relative to the middle of each object, which the object's node adds again, so that at most half of 2**-24 of its
+    size is lost.
     """
     trimesh = trimesh_for(suffix)
     scene = trimesh.Scene()
@@ -76,8 +78,9 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
             matrix = np.eye(4)
             if suffix == ".glb":
                 middle = mesh.bounds.mean(axis=0)
-                matrix[:3, 3] = middle
-                mesh.vertices = mesh.vertices - middle  # in place it would move the contour, which has them, too
+                matrix[:3, 3] = _Y_UP @ middle
+                # in place it would move the contour, which has them, too
+                mesh.vertices = (mesh.vertices - middle) @ _Y_UP.T
             name = f"isovalue {contour.isovalue:.12g}"
             scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
             text = space_of(contour.placement)
@@ -89,8 +92,8 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
         raise OptionError(f"the surface is empty, and {suffix} cannot hold that", code="empty")
     if suffix == _OBJ:
         return _bytes(scene.export(file_type="obj", digits=digits, header=text or None))
-    if text and suffix == ".glb":
-        scene.metadata.update([text.split("=")])
+    if suffix == ".glb":
+        scene.metadata.update([("up", "y"), *([text.split("=")] if text else [])])
     data = _bytes(scene.export(file_type=suffix[1:]))
     return _repacked(data) if suffix == ".3mf" else data
 
@@ -100,6 +103,8 @@ def _with_comment(data: bytes, text: str) -> bytes:
     head, elements, rest = data.partition(b"element ")
     lines = [line for line in head.splitlines() if not line.startswith(b"comment ")]
     return b"\n".join([*lines, *([b"comment " + text.encode()] if text else []), b""]) + elements + rest
+
+
 def _in_three(contour: Contour) -> NDArray[np.float64]:
     """Points of a curve with three coordinates."""
     return np.pad(contour.placed, ((0, 0), (0, 3 - contour.points.shape[1])))
@@ -113,7 +118,8 @@ def _segments_ply(contours: Iterable[Contour], _: str, __: OutputOptions) -> byt
         "property double y", "property double z", f"element edge {len(whole.cells)}", "property int vertex1",
         "property int vertex2", "end_header\n",
     ]
-    return "\n".join(head).encode() + _in_three(whole).astype("<f8").tobytes() + whole.cells.astype("<i4").tobytes()
+    text = "\n".join(head).encode() + _in_three(whole).astype("<f8").tobytes() + whole.cells.astype("<i4").tobytes()
+    return _with_comment(text, space_of(whole.placement))
 
 
 def _lines_obj(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
@@ -123,6 +129,7 @@ def _lines_obj(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
     for contour in contours:
         whole = contour.joined
         digits = _digits(whole)
+        lines += [f"# {text}" for text in [space_of(whole.placement)] if text and not lines]
         lines.append(f"o isovalue {contour.isovalue:.12g}")
         lines += ["v " + " ".join(f"{number:.{digits}f}" for number in point) for point in _in_three(whole).tolist()]
         lines += ["l " + " ".join(str(start + number) for number in walk) for walk in whole.walks]
@@ -195,28 +202,23 @@ def _binary_ply(
     return "\n".join(head).encode() + vertex.tobytes() + face.tobytes()
 
 
+def _surfaces(suffix: str, cost: Cost, *libraries: str, **more: Any) -> Output:
+    more = {"names_space": True, "render": _groups, "several": (3,), "holds": "a named object each"} | more
+    return Output("contour", (suffix,), suffix[1:].upper(), dimensions=(3,), sampled=False, extra="mesh",
+                  libraries=(*libraries, "trimesh"), cost={3: cost}, **more)
 
 
-def _one(suffix: str, cost: Cost, single: bool = True) -> Output:
-    return Output("contour", (suffix,), suffix[1:].upper(), _single, (3,), single=single, sampled=False, extra="mesh",
-                  libraries=("trimesh",), cost={3: cost})
-
-
-def _many(suffix: str, cost: Cost, *libraries: str) -> Output:
-    return Output("contour", (suffix,), suffix[1:].upper(), _groups, (3,), (3,), "a named object each", sampled=False,
-                  extra="mesh", libraries=(*libraries, "trimesh"), cost={3: cost})
-
-
+_ONE: Any = {"render": _single, "several": (), "holds": ""}
 OUTPUTS = (
-    _one(_PLY, Cost(70, 52)),
-    Output("contour", (_PLY,), "PLY", _segments_ply, sampled=False, cost={2: Cost(100, 60)}),
-    _one(".stl", Cost(120, 280)),
-    _one(".off", Cost(170, 220), single=False),
-    _many(_OBJ, Cost(140, 200)),
+    _surfaces(_PLY, Cost(70, 52), single=True, **_ONE),
+    Output("contour", (_PLY,), "PLY", _segments_ply, sampled=False, names_space=True, cost={2: Cost(100, 60)}),
+    _surfaces(".stl", Cost(120, 280), single=True, **_ONE),
+    _surfaces(".off", Cost(170, 220), names_space=False, **_ONE),
+    _surfaces(_OBJ, Cost(140, 200)),
     Output("contour", (_OBJ,), "OBJ", _lines_obj, (2,), (2,), "an object each", sampled=False,
-           cost={2: Cost(1000, 400)}),
-    _many(".glb", Cost(90, 90)),
-    _many(".3mf", Cost(600, 900), "networkx", "lxml"),
-    Output("mesh", (_PLY,), "PLY", _mesh_ply, (2, 3), cost={2: Cost(80, 80), 3: Cost(80, 700)}),
+           names_space=True, cost={2: Cost(1000, 400)}),
+    _surfaces(".glb", Cost(90, 90)),
+    _surfaces(".3mf", Cost(600, 900), "networkx", "lxml", names_space=False),
+    Output("mesh", (_PLY,), "PLY", _mesh_ply, (2, 3), names_space=True, cost={2: Cost(80, 80), 3: Cost(80, 700)}),
     Output("tin", (_PLY,), "PLY", _tin_ply, sampled=False),
 )

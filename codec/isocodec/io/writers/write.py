@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +26,7 @@ from ...tin.tin import Tin
 from .losses import Losses
 from .output_formats import Output, OutputOptions
 from .registry import find
-from .things import Areas, Each, PlacedTin, SampleMask, Thing, thing_of
+from .things import Areas, Each, PlacedTin, Pyramid, SampleMask, Thing, thing_of
 
 USUAL = OutputOptions()
 _SHOWN = 3
@@ -83,8 +83,11 @@ def check(
         If a library is missing.
     """
     suffix, output = find(path if options.to is None else f"_.{options.to.lstrip('.')}", thing)
+    lines = thing.kind in ("contour", "pyramid") and thing.n in (None, 2)
     refused = {
         "layer": options.layer is not None and not output.layer,
+        "precision": options.decimals is not None and not output.decimal,
+        "higher-on": options.higher_on != USUAL.higher_on and not lines,
         "attribute": options.attribute != USUAL.attribute and not output.attributed,
         "index": options.index is not None and not output.attributed,
         "3d": options.raised and (thing.kind != "contour" or output.coordinates == "samples" or not output.heights),
@@ -163,9 +166,10 @@ class _Rendering:
             raise OptionError("an open file has no suffix that names the format", code="suffix",
                               remedy="name it: OutputOptions(to='.geojson')")
         self.suffix, self.output = check(path, thing_of(what), options=options)
-        self._options = options
+        kept = self.output.keeps and path != "" and Path(path).is_file() and os.path.getsize(path) > 0
+        self._options = options = replace(options, onto=Path(path) if kept else None)
         self._losses = Losses(self.output, self.suffix, options)
-        self._what = _located(what, options, self._losses)
+        self._what = _located(what, self.output, options, self._losses)
         self._bytes = 0
 
     def __iter__(self) -> Iterator[bytes]:
@@ -181,30 +185,42 @@ class _Rendering:
         return Written(self.suffix, self._bytes, above, self._losses.remarks)
 
 
-def _located(what: Any, options: OutputOptions, losses: Losses) -> Any:
+def _located(what: Any, output: Output, options: OutputOptions, losses: Losses) -> Any:
     """Convert content to what writers take, without its placement if coordinates are to be in samples."""
 
-    def change(contour: Contour) -> Contour:
-        if options.in_samples:
-            contour = replace(contour, placement=None)
+    def change(one: Any) -> Any:
+        if options.in_samples and one.placement is not None:
+            one = replace(one, placement=None)
         if options.raised:
-            contour = _raised(contour)
-        losses.see(contour)
+            one = _raised(one)
+        losses.see(one)
+        return one
+
+    def turn(contour: Contour) -> Contour:
+        contour = change(contour)
+        right = contour.mirrored and output.coordinates != "samples"
+        if contour.n == 2 and right != (options.higher_on == "right"):
+            contour = replace(contour, cells=contour.cells[:, ::-1])
         return contour
 
+    def turned(at: Callable[[float], Contour]) -> Callable[[float], Contour]:
+        return lambda width: turn(at(width))
+
+    if isinstance(what, Pyramid):
+        return Pyramid(map(turned, what.isovalues))
     if isinstance(what, Contour):
-        return Each([what], change)
+        return Each([what], turn)
     if isinstance(what, Areas):
         return replace(what, contours=Each(what.contours, change))
-    if isinstance(what, Tessellation):
-        return replace(what, placement=None) if options.in_samples else what
     if isinstance(what, Tin):
-        return PlacedTin.of(what, options.in_samples)
+        what = PlacedTin.of(what, options.in_samples)
+        losses.see(what)
+        return what
     if isinstance(what, np.ndarray):
-        return SampleMask(what)
-    if isinstance(what, SampleMask):
-        return SampleMask(what.rows, None if options.in_samples else what.placement)
-    return Each(what, change) if isinstance(what, Collection) else what
+        what = SampleMask(what)
+    if isinstance(what, SampleMask | Tessellation):
+        return change(what)
+    return Each(what, turn) if isinstance(what, Collection) else what
 
 
 def _raised(contour: Contour) -> Contour:
