@@ -67,7 +67,7 @@ class OutputOptions:
     to: str | None = None
     layer: str | None = None
     decimals: int | None = None
-    higher_on: Literal["left", "right"] = "left"
+    higher_on: str = "left"
     onto: Path | None = None
 
 

@@ -118,9 +118,10 @@ def _copy(path: Path, to: Path, layer: str) -> None:
 def _check_numbers(table: Any) -> None:
     """Warn of numbers that a Shapefile, which has 15 decimals, does not keep."""
     for name in table.columns.intersection(["isovalue", "lower", "upper"]):
-        lost = [value for value in table[name].dropna().unique() if abs(float(f"{value:.15f}") - value) > abs(value) * 1e-9]
+        numbers = table[name].dropna().unique().tolist()
+        lost = [value for value in numbers if abs(float(f"{value:.15f}") - value) > abs(value) * 1e-9]
         if lost:
-            warnings.warn(f"a Shapefile does not keep the {name} {', '.join(map(repr, map(float, lost)))}: its numbers "
+            warnings.warn(f"a Shapefile does not keep the {name} {', '.join(map(repr, lost))}: its numbers "
                           "have 15 decimals", stacklevel=2)
 
 
