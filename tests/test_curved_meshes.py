@@ -12,6 +12,7 @@ import isocodec
 from commands import fails, ok, run
 from isocodec import Mesh
 from test_kinds import CHECKS, IMPOSSIBLE
+from written import Y_UP
 
 BLOB = pv.Sphere(radius=10, theta_resolution=24, phi_resolution=18)
 POINTS = np.asarray(BLOB.points, float) * [1, 1.2, 0.8] + [3, -2, 5]
@@ -158,6 +159,8 @@ def test_surfaces_on_tetrahedra_in_files(suffix: str, tmp_path: Path) -> None:
         assert set(pv.read(out).cell_data["isovalue"]) == {2.0, 2.5}
     else:
         found = trimesh.load(out, force="mesh")
+        if suffix == ".glb":
+            found.vertices = found.vertices @ Y_UP
         assert np.isclose(found.area, contour.area if hasattr(contour, "area") else found.area)
         assert np.allclose(found.bounds, [contour.points.min(axis=0), contour.points.max(axis=0)], atol=1e-4)
 

@@ -31,6 +31,7 @@ from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 import isocodec
 from commands import BALL, HILLS, ok
 from isocodec.io.writers.registry import table
+from written import Y_UP
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")
 STATED = {
@@ -95,11 +96,16 @@ def by_trimesh(path: Path) -> np.ndarray:
     return np.asarray(trimesh.util.concatenate(trimesh.load_scene(path, process=False).dump()).vertices)
 
 
+def by_trimesh_turned(path: Path) -> np.ndarray:
+    """Coordinates whose y is up."""
+    return by_trimesh(path) @ Y_UP
+
+
 CURVES: dict[str, Callable[[Path], np.ndarray]] = {
     ".geojson": by_json, ".gpkg": by_geopandas, ".fgb": by_geopandas, ".shp": by_geopandas, ".parquet": by_geopandas,
     ".dxf": by_ezdxf, ".vtp": lambda path: by_vtk(path)[:, :2],
 }
-SURFACES = {".vtp": by_vtk, **dict.fromkeys([".ply", ".stl", ".off", ".obj", ".glb", ".3mf"], by_trimesh)}
+SURFACES = {".vtp": by_vtk, **dict.fromkeys([".ply", ".stl", ".off", ".obj", ".3mf"], by_trimesh), ".glb": by_trimesh_turned}
 
 
 @pytest.mark.parametrize("suffix", CURVES)

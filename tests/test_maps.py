@@ -26,7 +26,7 @@ from commands import BALL as SHELL
 from commands import HILLS, fails, ok, run
 from isocodec.errors import OptionError
 from isocodec.io.writers.write import write
-from written import rendered
+from written import Y_UP, rendered
 
 BALL = int(SHELL.max()) - SHELL
 VALUES = [60.5, 80.5, 100.5]
@@ -176,6 +176,8 @@ def test_models_with_a_group_for_each(tmp_path: Path, shells: bytes, suffix: str
     meshes = sorted(scene.dump(), key=lambda mesh: -np.ptp(mesh.vertices, axis=0).max())
     for mesh, contour in zip(meshes, sorted(contours, key=lambda c: -np.ptp(c.placed, axis=0).max()), strict=True):
         expected = contour.to_trimesh()
+        if suffix == ".glb":
+            mesh.vertices = mesh.vertices @ Y_UP
         assert np.abs(mesh.bounds - expected.bounds).max() < 1e-7 * np.ptp(expected.bounds, axis=0).max()
         assert mesh.volume == pytest.approx(expected.volume, rel=1e-6) and mesh.volume > 0
     first = path.read_bytes()
@@ -201,7 +203,7 @@ def test_models_small_and_far_away(tmp_path: Path, where: str) -> None:
     length = int.from_bytes(content[12:16], "little")
     said, buffer = json.loads(content[20 : 20 + length]), content[28 + length :]
     for name, contour in contours.items():
-        places = contour.placed
+        places = contour.placed @ Y_UP.T
         size = np.ptp(places, axis=0).max()
         matrix, geometry = scene.graph[name]
         seen = trimesh.transform_points(scene.geometry[geometry].vertices, matrix)

@@ -40,8 +40,8 @@ class Losses:
         """Take a contour, a mesh, a surface or a mask into account."""
         self._placement = placement = what.placement
         # what lies on a mesh or at scattered points has their coordinates
-        free = isinstance(what, Contour) and not what.shape or isinstance(what, PlacedTin) and what.tin.shape is None
-        self._placed = free or placement is not None and placement.placed
+        free = isinstance(what, Contour | PlacedTin) and not (what.tin if isinstance(what, PlacedTin) else what).shape
+        self._placed = free or (placement is not None and placement.placed)
         if isinstance(what, Contour):
             self._seen |= bool(len(what.points))
             self._step = 0.0 if what.frame is None else float(np.linalg.norm(what.frame, axis=0).min())

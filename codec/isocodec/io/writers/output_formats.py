@@ -73,7 +73,7 @@ class OutputOptions:
     to: str | None = None
     layer: str | None = None
     decimals: int | None = None
-    higher_on: Literal["left", "right"] = "left"
+    higher_on: str = "left"
     onto: Path | None = None
     attribute: str = "isovalue"
     index: Collection[float] | None = None

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from ...drawing.areas import pieces_of, polygons
 from ...drawing.bands import bands
 from ...drawing.contour import Contour
+from ...drawing.globe import Globe, ragged, rounded, rounded_areas
 from ...drawing.tessellation import Tessellation
 from ...field.placement import Placement
 from ...field.reference_system import DEGREES, epsg_of, is_named
-from .globe import Globe, ragged, rounded, rounded_areas
 from .output_formats import Cost, Output, OutputOptions
 from .things import ABOVE, LEVEL, Areas, PlacedTin, in_space
 

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...drawing.globe import Globe, ragged
 from ...errors import OptionError
 from ...extras import optional
 from ...field.reference_system import is_named, to_degrees
-from .globe import Globe, ragged
 from .output_formats import Cost, Output, OutputOptions
 from .things import Pyramid
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ...drawing.contour import Contour
 
 LAYER = "contours"
-"""Name of the layer of all tiles."""
+"""Usual name of the layer of all tiles."""
 EXTENT = 4096
 """Number of units along each side of a tile."""
 PIXELS = 256
@@ -59,7 +59,7 @@ def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) ->
     return _render_pyramid(Pyramid(map(same, contours)), suffix, options)
 
 
-def _render_pyramid(pyramid: Pyramid, suffix: str, _: OutputOptions) -> bytes:
+def _render_pyramid(pyramid: Pyramid, suffix: str, options: OutputOptions) -> bytes:
     """Make the archive of isovalues that are drawn as coarsely as each zoom level allows.
 
     Raises
@@ -81,7 +81,7 @@ def _render_pyramid(pyramid: Pyramid, suffix: str, _: OutputOptions) -> bytes:
             for key, geometry in cut(lines, zoom, 0 if zoom == most else ROUNDING):
                 tiles.setdefault(key, []).append((finest.isovalue, geometry))
     # an empty map has one tile, too
-    return _archive(writer, tiles or {(0, 0, 0): []}, bounds, most)
+    return _archive(writer, tiles or {(0, 0, 0): []}, bounds, most, options.layer or LAYER)
 
 
 def zoom_of(contour: Contour) -> int:
@@ -105,7 +105,7 @@ def zoom_of(contour: Contour) -> int:
 
 
 def mercator_lines(contour: Contour) -> list[NDArray[np.float64]]:
-    """Lines of a contour in Web Mercator, (K, 2) each, 0 to 1 southwards, and eastwards, and beyond where they go on."""
+    """Lines of a contour in Web Mercator, (K, 2) each: 0 to 1 southwards; eastwards, too, and beyond."""
     shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
     whole = _placed(contour).joined
     globe = Globe.of(whole.placement, whole.placed, whole.cells)
@@ -191,7 +191,7 @@ def _divided(line: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([line[at] + part[:, None] * (line[at + 1] - line[at]), line[-1:]])
 
 
-def _tile(features: Features) -> bytes:
+def _tile(features: Features, name: str) -> bytes:
     """Make a tile with one layer, whose features have the isovalue as their only property."""
     shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
     encoder = optional("mapbox_vector_tile", extra="pmtiles", purpose="making vector tiles")
@@ -199,19 +199,19 @@ def _tile(features: Features) -> bytes:
         {"geometry": shapely.MultiLineString(lines), "properties": {"isovalue": isovalue}}
         for isovalue, lines in features
     ]
-    layer = {"name": LAYER, "features": found}
+    layer = {"name": name, "features": found}
     return bytes(encoder.encode(layer, default_options={"y_coord_down": True, "extents": EXTENT}))
 
 
 def _archive(
-    writer: Any, tiles: dict[Key, Features], lines: list[NDArray[np.float64]], most: int
+    writer: Any, tiles: dict[Key, Features], lines: list[NDArray[np.float64]], most: int, name: str
 ) -> bytes:
     """Make the archive of tiles, in the order of their numbers."""
     format_ = optional("pmtiles.tile", extra="pmtiles", purpose="writing .pmtiles")
     out = io.BytesIO()
     archive = writer.Writer(out)
     for number, key in sorted((format_.zxy_to_tileid(*key), key) for key in tiles):
-        archive.write_tile(number, gzip.compress(_tile(tiles[key]), mtime=0))
+        archive.write_tile(number, gzip.compress(_tile(tiles[key], name), mtime=0))
     # each line within one turn, or beyond
     points = np.concatenate([line - [np.floor(line[:, 0].min()), 0] for line in lines] or [np.array([[0.5, 0.5]])])
     west, east = (float(f(points[:, 0])) * 360 - 180 for f in (np.min, np.max))
@@ -224,14 +224,14 @@ def _archive(
         "min_lon_e7": math.floor(west * 1e7), "max_lon_e7": math.ceil(east * 1e7),
         "min_lat_e7": math.floor(south * 1e7), "max_lat_e7": math.ceil(north * 1e7),
     }
-    layer = {"id": LAYER, "fields": {"isovalue": "Number"}, "minzoom": 0, "maxzoom": most}
+    layer = {"id": name, "fields": {"isovalue": "Number"}, "minzoom": 0, "maxzoom": most}
     archive.finalize(header, {"vector_layers": [layer]})
     return out.getvalue()
 
 
 _SHARED: Any = {
     "suffixes": (".pmtiles",), "title": "PMTiles", "several": (2,), "holds": "a property", "coordinates": "degrees",
-    "heights": False, "names_crs": True, "extra": "pmtiles",
+    "heights": False, "names_crs": True, "layer": LAYER, "extra": "pmtiles",
     "libraries": ("shapely", "pyproj", "mapbox_vector_tile", "pmtiles.writer"),
     "cost": {2: Cost(480, 150, 1 << 20, kept=300)},
 }

@@ -202,8 +202,8 @@ def _binary_ply(
     return "\n".join(head).encode() + vertex.tobytes() + face.tobytes()
 
 
-def _surfaces(suffix: str, cost: Cost, *libraries: str, **more: Any) -> Output:
-    more = {"names_space": True, "render": _groups, "several": (3,), "holds": "a named object each"} | more
+def _surfaces(suffix: str, cost: Cost, *libraries: str, **given: Any) -> Output:
+    more: Any = {"names_space": True, "render": _groups, "several": (3,), "holds": "a named object each"} | given
     return Output("contour", (suffix,), suffix[1:].upper(), dimensions=(3,), sampled=False, extra="mesh",
                   libraries=(*libraries, "trimesh"), cost={3: cost}, **more)
 

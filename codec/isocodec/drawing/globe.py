@@ -1,4 +1,4 @@
-"""Longitudes and latitudes as maps of the globe take them (RFC 7946, 3.1.9): cut at 180 degrees, closed at poles.
+"""Longitudes and latitudes as maps take them (RFC 7946, clause 3.1.9): cut at 180 degrees, closed over poles.
 
 A straight line of a projection is in general not straight in longitude and latitude: points are added where it bends.
 Lines are ragged arrays: points (P, 2 or 3) of all lines, and where each line starts, with P at the end.
@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...drawing.areas import pieces_of, polygons
-from ...errors import OptionError
-from ...field.reference_system import DEGREES, Transform, epsg_of, is_named, to_degrees
+from ..errors import OptionError
+from ..field.reference_system import DEGREES, Transform, epsg_of, is_named, to_degrees
+from .areas import pieces_of, polygons
 
 if TYPE_CHECKING:
-    from ...field.placement import Placement
+    from ..field.placement import Placement
 
 Points = NDArray[np.float64]
 Starts = NDArray[np.int64]
