@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gc
 import json
+import os
 import subprocess
 import sys
+import time
 import weakref
 from pathlib import Path
 from typing import Any
@@ -20,9 +22,11 @@ import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
 from isocodec.api.export import Wanted, drawn
 from isocodec.api.tracing import Traced
+from isocodec.cli import report
 from isocodec.drawing.contour import Contour
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
+from isocodec.io.writers.output_formats import OutputOptions
 from isocodec.io.writers.registry import OUTPUTS
 
 ROWS, COLUMNS = np.mgrid[:33, :41]
@@ -235,16 +239,26 @@ def test_drawings_are_released_one_by_one(tmp_path: Path) -> None:
     assert seen == [(number, count + 1) for number in range(1, count + 2)]
 
 
+def test_the_bar_is_shown_while_a_library_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though what libraries print meanwhile is collected."""
+    terminal, end = os.openpty()
+    monkeypatch.setattr(report, "PATIENCE", 0.0)
+    made = drawn(isocodec.Field(HILLS), "a.gpkg", Wanted(), "every 20")
+    with os.fdopen(end, "w") as stream:
+        monkeypatch.setattr(sys, "stderr", stream)
+        report.written_out(made, tmp_path / "a.gpkg", "in.npy")
+    assert b"writing" in os.read(terminal, 1 << 16)
+    os.close(terminal)
+
+
 def test_raising_needs_evenly_spaced_samples(tmp_path: Path) -> None:
-    made = drawn(FIELDS["coordinates"][0], "a.gpkg", Wanted(options=Wanted().options.__class__(raised=True)), [40])
+    made = drawn(FIELDS["coordinates"][0], "a.gpkg", Wanted(options=OutputOptions(raised=True)), [40])
     with pytest.raises(OptionError, match="evenly spaced"):
         made.write(tmp_path / "a.gpkg")
 
 
 def test_seconds_are_those_that_a_user_waits_for(tmp_path: Path) -> None:
     """But for the interpreter's own beginning and end."""
-    import time
-
     np.save(tmp_path / "in.npy", HILLS)
     began = time.perf_counter()
     record = json.loads(process("encode", tmp_path / "in.npy", "-o", tmp_path / "a.gpkg", "--interval", 10, "--json")

@@ -206,8 +206,7 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
         yield None
         return
     started = time.monotonic()
-    # while a library writes, both streams of the process lead elsewhere
-    terminal = os.fdopen(os.dup(2), "w", encoding=sys.stderr.encoding)
+    terminal = _terminal()
     bar: Any = None
     task: Any = None
 
@@ -230,7 +229,7 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
     def clear() -> None:
         # bypasses rich, whose locks may be held when a signal arrives: clear the line, show the cursor
         if bar is not None:
-            os.write(terminal.fileno(), b"\r\x1b[2K\x1b[?25h")
+            os.write(terminal.fileno() if terminal is not sys.stderr else 2, b"\r\x1b[2K\x1b[?25h")
 
     try:
         with undoing(clear):
@@ -238,7 +237,17 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
     finally:
         if bar is not None:
             bar.stop()
-        terminal.close()
+        if terminal is not sys.stderr:
+            terminal.close()
+
+
+def _terminal() -> Any:
+    """The error stream, kept open for a bar while a library writes, when both streams of the process lead elsewhere."""
+    try:
+        number = os.dup(sys.stderr.fileno())
+    except (AttributeError, OSError):  # it is none of the process
+        return sys.stderr
+    return os.fdopen(number, "w", encoding=sys.stderr.encoding, errors="backslashreplace")
 
 
 @contextmanager
