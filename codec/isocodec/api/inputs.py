@@ -25,7 +25,6 @@ from .georeference import NOWHERE, Georeference
 
 if TYPE_CHECKING:
     from ..tin.tin import Tin
-    from .isofile import IsoFile
 
 MOST = 1 << 20
 """Largest size of a plan file, in bytes."""
@@ -205,7 +204,7 @@ class Observed:
         self._fields.append(_Seen.of(field))
         return field
 
-    def facts(self, file: IsoFile) -> dict[str, Any]:
+    def facts(self, file: Any) -> dict[str, Any]:
         """Facts for programs: shape (for a series, that of the input), type, isovalues, number of missing samples."""
         shape = file.shape
         if isinstance(self._given, Frames):
@@ -223,7 +222,7 @@ class Observed:
             out["cells"] = known if known is not None else domain.cells if domain else 0
         return out
 
-    def after(self, file: IsoFile, keywords: Mapping[str, Any], marked: bool) -> list[str]:
+    def after(self, file: Any, keywords: Mapping[str, Any], marked: bool) -> list[str]:
         """Remarks on isovalues outside the data, samples equal to an isovalue, and markers that mark no sample."""
         if not self._fields or self._fields[0].labels:
             return []

@@ -104,7 +104,7 @@ class Traced(OneByOne):
 
         what: Any = self._what
         if isinstance(what, Field) and what.labels is not None:
-            what = replace(what, labels=[isovalue])
+            what = replace(what, labels=(isovalue,))
         mesh = (what.points, what.cells) if isinstance(what, Mesh) and what.cells is not None else None
         data = encode(what, None if getattr(what, "labels", None) else isovalue, **self._options)
         return WholeFile(data, None, mesh).contour(None, Viewed(through_holes=self._through_holes))
