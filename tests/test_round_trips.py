@@ -113,7 +113,7 @@ def on_mesh(crs: str | None) -> isocodec.IsoFile:
 @cache
 def thinned(crs: str | None) -> Any:
     made = None if crs is None else Placement(grid(5e5, 30, 5e6, -20), crs=crs)
-    return isocodec.thin(isocodec.Field(bumps().astype(float), placement=made), points=150)
+    return isocodec.thin(isocodec.Field(bumps().astype(float), placement=made), to=150)
 
 
 def drawn(file: isocodec.IsoFile, *numbers: int) -> Any:

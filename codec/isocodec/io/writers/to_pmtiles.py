@@ -231,7 +231,7 @@ def _archive(
 
 _SHARED: Any = {
     "suffixes": (".pmtiles",), "title": "PMTiles", "several": (2,), "holds": "a property", "coordinates": "degrees",
-    "names_crs": True, "layer": LAYER, "extra": "pmtiles", "libraries": ("shapely", "pyproj", "mapbox_vector_tile", "pmtiles.writer"),
-    "cost": {2: Cost(480, 150, 1 << 20, kept=300)},
+    "names_crs": True, "layer": LAYER, "extra": "pmtiles", "cost": {2: Cost(480, 150, 1 << 20, kept=300)},
+    "libraries": ("shapely", "pyproj", "mapbox_vector_tile", "pmtiles.writer"),
 }
 OUTPUTS = (Output("contour", render=_render, **_SHARED), Output("pyramid", render=_render_pyramid, **_SHARED))

@@ -61,7 +61,7 @@ def _file(table: Any, suffix: str, shape: str, layer: str, options: OutputOption
         warnings.filterwarnings("ignore", message="'crs' was not provided")
         path = folder / f"{layer if suffix == SHAPEFILE else 'a'}{suffix}"
         if options.onto is not None:
-            _copy(options.onto, path, layer)
+            layer = _copied(options.onto, path, layer)
         with _dated() as pyogrio:
             pyogrio.write_dataframe(
                 table, path, driver=_DRIVERS[suffix], layer=layer, geometry_type=shape, layer_options=more,
@@ -93,8 +93,10 @@ def _dated() -> Iterator[Any]:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
 
 
-def _copy(path: Path, to: Path, layer: str) -> None:
-    """Copy a GeoPackage that another program may have open, to add or replace a layer of vectors.
+def _copied(path: Path, to: Path, layer: str) -> str:
+    """Copy a GeoPackage that another program may have open, to add or replace a layer of vectors; returns its name.
+
+    Names are the same in capitals.
 
     Raises
     ------
@@ -105,14 +107,16 @@ def _copy(path: Path, to: Path, layer: str) -> None:
         with closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as old:
             with closing(sqlite3.connect(to)) as new:
                 old.backup(new)
-            kinds = dict(old.execute("select lower(table_name), data_type from gpkg_contents"))
-            tables = {name for name, in old.execute("select lower(name) from sqlite_master")}
+            kinds = dict(old.execute("select table_name, data_type from gpkg_contents"))
+            tables = {name.lower(): name for name, in old.execute("select name from sqlite_master")}
     except sqlite3.DatabaseError as exc:
         raise InputError(f"{path} exists, but is not a GeoPackage that can be read: {exc}", code="geopackage",
                          remedy="write to another name, or delete it") from exc
-    if layer.lower() in tables and kinds.get(layer.lower()) != "features":
+    found = tables.get(layer.lower(), layer)
+    if found in tables.values() and kinds.get(found) != "features":
         raise InputError(f"{path} has a table {layer!r} that is not a layer of vectors", code="layer",
                          remedy="choose another --layer")
+    return found
 
 
 def _check_numbers(table: Any) -> None:
