@@ -80,9 +80,13 @@ def test_changes_that_another_program_has_open(source: Path, package: Path) -> N
         base.execute("pragma journal_mode=wal")
         base.execute("insert into notes values ('new')")
         base.commit()
-        ok("decode", source, "-o", package, "--layer", "new")
+        before = package.read_bytes()
+        assert "open: close it there" in fails(3, "decode", source, "-o", package, "--layer", "new")
+        assert package.read_bytes() == before
+    ok("decode", source, "-o", package, "--layer", "new")
     with closing(sqlite3.connect(package)) as base:
         assert base.execute("select text from notes").fetchall() == [("mine",), ("new",)]
+    assert layers(package).keys() == {"towns", "isolines", "new"}
 
 
 @pytest.mark.parametrize("layer", ["notes", "gpkg_contents"])
@@ -96,7 +100,7 @@ def test_what_is_no_package_is_kept(source: Path, tmp_path: Path) -> None:
     path = tmp_path / "b.gpkg"
     for content in (b"old", b"PK\3\4" * 1000):
         path.write_bytes(content)
-        assert "not a GeoPackage" in fails(3, "decode", source, "-o", path)
+        assert "no layer can be added" in fails(3, "decode", source, "-o", path)
         assert path.read_bytes() == content
     path.write_bytes(b"")
     ok("decode", source, "-o", path)

@@ -6,6 +6,7 @@ Each line of a contour, or each area, is a row with its isovalue; coordinates ar
 from __future__ import annotations
 
 import io
+import os
 import sqlite3
 import warnings
 import zipfile
@@ -94,23 +95,29 @@ def _dated() -> Iterator[Any]:
 
 
 def _copied(path: Path, to: Path, layer: str) -> str:
-    """Copy a GeoPackage that another program may have open, to add or replace a layer of vectors; returns its name.
+    """Copy a GeoPackage, to add or replace a layer of vectors; returns its name.
 
     Names are the same in capitals.
 
     Raises
     ------
     InputError
-        If it is none, or has something else by the name of the layer.
+        If it is none, has something else by the name of the layer, or another program has it open: what that writes to
+        its log would otherwise be lost, or harm the new file.
     """
+    real = os.path.realpath(path)
+    if any(os.path.exists(real + log) for log in ("-wal", "-journal")):
+        raise InputError(f"another program has {path} open", code="open",
+                         remedy="close it there, or write to another name")
     try:
-        with closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as old:
+        with closing(sqlite3.connect(f"file:{quote(real)}?immutable=1", uri=True)) as old:
             with closing(sqlite3.connect(to)) as new:
                 old.backup(new)
+                new.execute("pragma journal_mode=delete")
             kinds = dict(old.execute("select table_name, data_type from gpkg_contents"))
             tables = {name.lower(): name for name, in old.execute("select name from sqlite_master")}
     except sqlite3.DatabaseError as exc:
-        raise InputError(f"{path} exists, but is not a GeoPackage that can be read: {exc}", code="geopackage",
+        raise InputError(f"{path} exists, and no layer can be added to it: {exc}", code="geopackage",
                          remedy="write to another name, or delete it") from exc
     found = tables.get(layer.lower(), layer)
     if found in tables.values() and kinds.get(found) != "features":
