@@ -5,6 +5,7 @@ Each line of a contour, or each area, is a row with its isovalue; coordinates ar
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import sqlite3
@@ -63,11 +64,17 @@ def _file(table: Any, suffix: str, shape: str, layer: str, options: OutputOption
         path = folder / f"{layer if suffix == SHAPEFILE else 'a'}{suffix}"
         if options.onto is not None:
             layer = _copied(options.onto, path, layer)
+        # the library does not see that a disk is full when it closes a FlatGeobuf
+        target: Any = io.BytesIO() if suffix == _FLAT else path
         with _dated() as pyogrio:
             pyogrio.write_dataframe(
-                table, path, driver=_DRIVERS[suffix], layer=layer, geometry_type=shape, layer_options=more,
+                table, target, driver=_DRIVERS[suffix], layer=layer, geometry_type=shape, layer_options=more,
             )
+        if suffix == _FLAT:
+            yield target.getvalue()
+            return
         if suffix == SHAPEFILE:
+            _check_whole(folder)
             packed = io.BytesIO()
             with zipfile.ZipFile(packed, "w") as archive:
                 for part in sorted(folder.iterdir()):
@@ -124,6 +131,17 @@ def _copied(path: Path, to: Path, layer: str) -> str:
         raise InputError(f"{path} has a table {layer!r} that is not a layer of vectors", code="layer",
                          remedy="choose another --layer")
     return found
+
+
+def _check_whole(folder: Path) -> None:
+    """Check the lengths that headers of a Shapefile state: the library does not see that a disk is full at the end."""
+    for part in folder.iterdir():
+        data = part.read_bytes()
+        count, head, row = (int.from_bytes(data[a:b], "little") for a, b in ((4, 8), (8, 10), (10, 12)))
+        stated = {SHAPEFILE: 2 * int.from_bytes(data[24:28], "big"), ".shx": 2 * int.from_bytes(data[24:28], "big"),
+                  ".dbf": head + count * row}
+        if len(data) < stated.get(part.suffix, 0):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(part))
 
 
 def _check_numbers(table: Any) -> None:
