@@ -105,7 +105,9 @@ CURVES: dict[str, Callable[[Path], np.ndarray]] = {
     ".geojson": by_json, ".gpkg": by_geopandas, ".fgb": by_geopandas, ".shp": by_geopandas, ".parquet": by_geopandas,
     ".dxf": by_ezdxf, ".vtp": lambda path: by_vtk(path)[:, :2],
 }
-SURFACES = {".vtp": by_vtk, **dict.fromkeys([".ply", ".stl", ".off", ".obj", ".3mf"], by_trimesh), ".glb": by_trimesh_turned}
+SURFACES = {
+    ".vtp": by_vtk, **dict.fromkeys([".ply", ".stl", ".off", ".obj", ".3mf"], by_trimesh), ".glb": by_trimesh_turned,
+}
 
 
 @pytest.mark.parametrize("suffix", CURVES)

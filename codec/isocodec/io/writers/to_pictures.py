@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Collection, Iterable
+from itertools import groupby
 from typing import Any
 from xml.etree import ElementTree
 
@@ -55,9 +56,9 @@ def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
         size = {"width": str(columns), "height": str(rows), "viewBox": f"-0.5 -0.5 {columns} {rows}"}
         group = ElementTree.Element("g", strokes)
         ElementTree.SubElement(group, "title").text = f"isovalue {contour.isovalue:g}"
-        for line in contour.lines:
+        for path in filter(None, map(_path, contour.lines)):
             # The line width is measured on screen, since a contour has no width.
-            ElementTree.SubElement(group, "path", {"d": _path(np.asarray(line)), "vector-effect": "non-scaling-stroke"})
+            ElementTree.SubElement(group, "path", {"d": path, "vector-effect": "non-scaling-stroke"})
         groups.append(ElementTree.tostring(group))
         del contour, group
     root = ElementTree.tostring(ElementTree.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size}))
@@ -67,8 +68,9 @@ def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
 
 def _path(line: NDArray[np.float64]) -> str:
     closed = len(line) > 2 and bool(np.array_equal(line[0], line[-1]))
-    corners = [f"{_decimal(x)},{_decimal(y)}" for y, x in line[: -1 if closed else None].tolist()]
-    return "M" + " ".join(corners) + ("Z" if closed else "")
+    # points that fall together are one, and one point is no path
+    corners = [corner for corner, _ in groupby(f"{_decimal(x)},{_decimal(y)}" for y, x in line.tolist())]
+    return "" if len(corners) < 2 else "M" + " ".join(corners[: -1 if closed else None]) + ("Z" if closed else "")
 
 
 def _decimal(number: float) -> str:

@@ -5,7 +5,9 @@ Each line of a contour, or each area, is a row with its isovalue; coordinates ar
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 import sqlite3
 import warnings
 import zipfile
@@ -64,14 +66,20 @@ def _file(rows: Rows, suffix: str, shape: str, layer: str, options: OutputOption
         warnings.filterwarnings("ignore", message="'crs' was not provided")
         path = folder / f"{layer if suffix == SHAPEFILE else 'a'}{suffix}"
         if options.onto is not None:
-            _copy(options.onto, path, layer)
+            layer = _copied(options.onto, path, layer)
+        # the library does not see that a disk is full when it closes a FlatGeobuf
+        target: Any = io.BytesIO() if suffix == _FLAT else path
         with _dated() as pyogrio:
             pyogrio.raw.write(
-                path, rows.shapes, [*rows.columns.values()], [*rows.columns], driver=_DRIVERS[suffix], layer=layer,
+                target, rows.shapes, [*rows.columns.values()], [*rows.columns], driver=_DRIVERS[suffix], layer=layer,
                 # on a plane in space
                 geometry_type=shape + " Z" * rows.has_z, layer_options=more, crs=_system(rows.placement),
             )
+        if suffix == _FLAT:
+            yield target.getvalue()
+            return
         if suffix == SHAPEFILE:
+            _check_whole(folder)
             packed = io.BytesIO()
             with zipfile.ZipFile(packed, "w") as archive:
                 for part in sorted(folder.iterdir()):
@@ -107,26 +115,47 @@ def _dated() -> Iterator[Any]:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
 
 
-def _copy(path: Path, to: Path, layer: str) -> None:
-    """Copy a GeoPackage that another program may have open, to add or replace a layer of vectors.
+def _copied(path: Path, to: Path, layer: str) -> str:
+    """Copy a GeoPackage, to add or replace a layer of vectors; returns its name.
+
+    Names are the same in capitals.
 
     Raises
     ------
     InputError
-        If it is none, or has something else by the name of the layer.
+        If it is none, has something else by the name of the layer, or another program has it open: what that writes to
+        its log would otherwise be lost, or harm the new file.
     """
+    real = os.path.realpath(path)
+    if any(os.path.exists(real + log) for log in ("-wal", "-journal")):
+        raise InputError(f"another program has {path} open", code="open",
+                         remedy="close it there, or write to another name")
     try:
-        with closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as old:
+        with closing(sqlite3.connect(f"file:{quote(real)}?immutable=1", uri=True)) as old:
             with closing(sqlite3.connect(to)) as new:
                 old.backup(new)
-            kinds = dict(old.execute("select lower(table_name), data_type from gpkg_contents"))
-            tables = {name for name, in old.execute("select lower(name) from sqlite_master")}
+                new.execute("pragma journal_mode=delete")
+            kinds = dict(old.execute("select table_name, data_type from gpkg_contents"))
+            tables = {name.lower(): name for name, in old.execute("select name from sqlite_master")}
     except sqlite3.DatabaseError as exc:
-        raise InputError(f"{path} exists, but is not a GeoPackage that can be read: {exc}", code="geopackage",
+        raise InputError(f"{path} exists, and no layer can be added to it: {exc}", code="geopackage",
                          remedy="write to another name, or delete it") from exc
-    if layer.lower() in tables and kinds.get(layer.lower()) != "features":
+    found = tables.get(layer.lower(), layer)
+    if found in tables.values() and kinds.get(found) != "features":
         raise InputError(f"{path} has a table {layer!r} that is not a layer of vectors", code="layer",
                          remedy="choose another --layer")
+    return found
+
+
+def _check_whole(folder: Path) -> None:
+    """Check the lengths that headers of a Shapefile state: the library does not see that a disk is full at the end."""
+    for part in folder.iterdir():
+        data = part.read_bytes()
+        count, head, row = (int.from_bytes(data[a:b], "little") for a, b in ((4, 8), (8, 10), (10, 12)))
+        stated = {SHAPEFILE: 2 * int.from_bytes(data[24:28], "big"), ".shx": 2 * int.from_bytes(data[24:28], "big"),
+                  ".dbf": head + count * row}
+        if len(data) < stated.get(part.suffix, 0):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(part))
 
 
 def _check_numbers(rows: Rows) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zlib
+
 import numpy as np
 
 from ...extras import optional
@@ -31,6 +33,8 @@ def _nrrd(mask: SampleMask, suffix: str, _: OutputOptions) -> bytes:
         path = folder / f"mask{suffix}"
         sitk.WriteImage(image, str(path), useCompression=True)
         data = path.read_bytes()
+        # the library does not see that a disk is full at the end
+        zlib.decompress(data.partition(b"\n\n")[2], zlib.MAX_WBITS | 16)
     return data if matrix is not None else data.replace(_NAMED, _UNNAMED, 1)
 
 

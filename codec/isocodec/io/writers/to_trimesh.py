@@ -10,7 +10,8 @@ import io
 import math
 import re
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +31,7 @@ _UUID = re.compile(rb'"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}"')
 _STL_HEADER = 80
 _Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _THE_DAY = (1980, 1, 1, 0, 0, 0)
+EMPTY: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
 def trimesh_for(suffix: str) -> Any:
@@ -113,13 +115,7 @@ def _in_three(contour: Contour) -> NDArray[np.float64]:
 def _segments_ply(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
     """A curve, in the plane or in space, as PLY in double precision with an edge for each segment."""
     whole = next(iter(contours)).joined
-    head = [
-        "ply", "format binary_little_endian 1.0", f"element vertex {len(whole.points)}", "property double x",
-        "property double y", "property double z", f"element edge {len(whole.cells)}", "property int vertex1",
-        "property int vertex2", "end_header\n",
-    ]
-    text = "\n".join(head).encode() + _in_three(whole).astype("<f8").tobytes() + whole.cells.astype("<i4").tobytes()
-    return _with_comment(text, space_of(whole.placement))
+    return _binary_ply(_in_three(whole), whole.cells, text=space_of(whole.placement))
 
 
 def _lines_obj(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
@@ -174,32 +170,34 @@ def _mesh_ply(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
         first = np.unique(np.sort(sides[finest], axis=1), axis=0, return_index=True)[1]
         kept = np.sort(finest[first])
         cells, levels = sides[kept], np.tile(levels, 4)[kept]
-    made = _binary_ply(points, cells, {ABOVE: mesh.above}, {LEVEL: levels})
-    return _with_comment(made, space_of(mesh.placement))
+    return _binary_ply(points, cells, {ABOVE: mesh.above}, {LEVEL: levels}, space_of(mesh.placement))
 
 
 def _tin_ply(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
-    return _binary_ply(placed.vertices, placed.triangles, {}, {})
+    return _binary_ply(placed.vertices, placed.triangles)
 
 
 def _binary_ply(
-    points: NDArray[np.float64], triangles: NDArray[np.int64], at_points: dict[str, NDArray[Any]],
-    of_faces: dict[str, NDArray[Any]],
+    points: NDArray[np.float64], cells: NDArray[np.int64], at_points: Mapping[str, NDArray[Any]] = EMPTY,
+    of_cells: Mapping[str, NDArray[Any]] = EMPTY, text: str = "",
 ) -> bytes:
-    """Write binary PLY in double precision, with one-byte values at points and faces."""
+    """Write binary PLY in double precision: edges or triangles, with one-byte values at points and cells."""
+    edges = cells.shape[1] == 2
     vertex = np.empty(len(points), [("at", "<f8", 3), *((name, "u1") for name in at_points)])
-    face = np.empty(len(triangles), [("count", "u1"), ("of", "<i4", 3), *((name, "u1") for name in of_faces)])
-    vertex["at"], face["count"], face["of"] = points, 3, triangles
-    for array, values in ((vertex, at_points), (face, of_faces)):
+    cell = np.empty(len(cells), [*([] if edges else [("count", "u1")]), ("of", "<i4", cells.shape[1]),
+                                 *((name, "u1") for name in of_cells)])
+    vertex["at"], cell["of"] = points, cells
+    for array, values in ((vertex, at_points), (cell, of_cells if edges else {"count": 3, **of_cells})):
         for name, some in values.items():
             array[name] = some
+    corners = ["int vertex1", "int vertex2"] if edges else ["list uchar int vertex_indices"]
     head = [
-        "ply", "format binary_little_endian 1.0", f"element vertex {len(points)}", "property double x",
-        "property double y", "property double z", *(f"property uchar {name}" for name in at_points),
-        f"element face {len(face)}", "property list uchar int vertex_indices",
-        *(f"property uchar {name}" for name in of_faces), "end_header\n",
+        "ply", "format binary_little_endian 1.0", *([f"comment {text}"] if text else []),
+        f"element vertex {len(points)}", *(f"property double {name}" for name in "xyz"),
+        *(f"property uchar {name}" for name in at_points), f"element {'edge' if edges else 'face'} {len(cells)}",
+        *(f"property {corner}" for corner in corners), *(f"property uchar {name}" for name in of_cells), "end_header\n",
     ]
-    return "\n".join(head).encode() + vertex.tobytes() + face.tobytes()
+    return "\n".join(head).encode() + vertex.tobytes() + cell.tobytes()
 
 
 def _surfaces(suffix: str, cost: Cost, *libraries: str, **given: Any) -> Output:

@@ -200,7 +200,7 @@ def _located(what: Any, output: Output, options: OutputOptions, losses: Losses) 
         contour = change(contour)
         right = contour.mirrored and output.coordinates != "samples"
         if contour.n == 2 and right != (options.higher_on == "right"):
-            contour = replace(contour, cells=contour.cells[:, ::-1])
+            contour = replace(contour, cells=contour.cells[:, ::-1].copy())
         return contour
 
     def turned(at: Callable[[float], Contour]) -> Callable[[float], Contour]:
