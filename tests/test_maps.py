@@ -72,6 +72,7 @@ def test_maps_of_lines(tmp_path: Path, hills: bytes, suffix: str) -> None:
         assert np.array_equal(ends(rows.geometry), ends([shapely.LineString(contour.placed[w]) for w in contour.walks]))
         assert [bool(c) for c in rows.closed] == [line.is_closed for line in rows.geometry]
     first = path.read_bytes()
+    path.unlink()
     assert written(tmp_path, hills, f"map{suffix}").read_bytes() == first
     if suffix == ".gpkg":
         assert [name for name, _ in pyogrio.list_layers(path)] == ["isolines"]
