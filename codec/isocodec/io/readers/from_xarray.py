@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,11 +19,11 @@ from ...errors import InputError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement
 from ...field.sampled import Field
-from .arrays import ArrayInFile, Arrays
+from .arrays import Arrays, lazy
 from .from_h5py import arrays_of_hdf5
 from .from_zarr import arrays_of_zarr, is_store
 from .labels import Located, is_globe, is_time, located, notes_of
-from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened
+from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened, unjoined
 from .packing import Packing
 from .reading import about, channel_of, check_frame, reading
 from .slices import Slices
@@ -58,7 +57,7 @@ class OpenedLabels(Opened):
         self.unit, self.name = (one_line(str(text)) if text else None for text in (unit, name))
 
     def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
-        """Read a field with all that its labels state; see `Opened.field`."""
+        """Read a field; see `Opened.field`."""
         with about(self.label):
             array = self._field_of(self._taken(frame))
             self._mark(nodata)
@@ -154,11 +153,7 @@ class OpenedLabels(Opened):
         if array.ndim > n + 1:
             array = array.isel({array.dims[_axis_of_frames(array)]: 0})
         self._where = self._locate(array.isel({array.dims[axis]: 0}))
-        place = self._where.place
-        if not place.periodic:
-            return place
-        remark = f"its ends along axis {place.periodic[0]} are not joined, as it is a series"
-        return replace(place, periodic=(), remark="; ".join(filter(None, (place.remark, remark))))
+        return unjoined(self._where.place)
 
     def _slices(self, frame: int | None) -> Any:
         return LabelledWindows(self, self._taken(frame))
@@ -227,19 +222,9 @@ def is_labelled(thing: Any) -> bool:
 
 
 def variable(dataset: Any, key: str | None) -> Any:
-    """The array of a Dataset that a key names, or the only one of two axes or more.
-
-    Raises
-    ------
-    InputError
-        If the choice is open.
-    """
-    aside = {word for one in dataset.variables.values() for word in _words(one.attrs)}
-    aside |= {name for name, one in dataset.data_vars.items() if is_globe(name, one.attrs)}
-    fields = {str(name): one.shape for name, one in dataset.data_vars.items() if name not in aside}
-    array = dataset[_choose(fields, key, dataset.variables, remedy="choose one with key=")]
-    more = {name: dataset[name] for name in aside if name in dataset.data_vars and name != array.name}
-    return array.assign_coords({name: one for name, one in more.items() if set(one.dims) <= set(array.dims)})
+    """The array of a Dataset that a key names, or the only one of two axes or more; `InputError` for several."""
+    return _labelled(IN_MEMORY, Arrays({str(name): one for name, one in dataset.variables.items()},
+                                       aside={str(name) for name in dataset.coords}), key)
 
 
 def _axis_of_frames(array: Any) -> int:
@@ -265,24 +250,25 @@ def _step(array: Any, dim: Any) -> str:
 
 
 def _choose(
-    fields: Mapping[str, tuple[int, ...]], key: str | None, others: Iterable[Any] = (),
+    fields: Mapping[str, tuple[int, ...]], key: str | None, others: Mapping[str, Any] | None = None,
     away: Mapping[str, str] | None = None, default: str | None = None, remedy: str = "choose one with --key",
 ) -> str:
     """The name of the array that a key names, or of the only one of two axes or more."""
     away = away or {}
     several = {name: shape for name, shape in fields.items() if sum(size > 1 for size in shape) > 1}
+    if key is not None:
+        if key not in {**fields, **(others or {}), **away}:
+            raise InputError(f"holds no array '{plain(key)}', but: {_listing(fields, away)}", code="key")
+        return key
     names = [*several, *away]
-    if key is None:
-        only = names[0] if names and (len(names) == 1 or not several) else None
-        found = DEFAULT_KEY if DEFAULT_KEY in names else default or only
-        if found is not None:
-            return found
-        some = _listing(several if names else fields, away)
-        what = f"{len(names)} arrays: {some}" if names else f"no array of two or more axes, but: {some}"
+    found = DEFAULT_KEY if DEFAULT_KEY in names else default
+    if found is None and names and (len(names) == 1 or not several):
+        found = names[0]
+    if found is None:
+        listed = _listing(several if names else fields, away)
+        what = f"{len(names)} arrays: {listed}" if names else f"no array of two or more axes, but: {listed}"
         raise InputError(f"holds {what}", code="key", remedy=remedy if names else None)
-    if key not in fields and key not in others and key not in away:
-        raise InputError(f"holds no array '{plain(key)}', but: {_listing(fields, away)}", code="key")
-    return key
+    return found
 
 
 def _listing(shapes: Mapping[str, tuple[int, ...]], away: Mapping[str, str]) -> str:
@@ -297,42 +283,32 @@ def _words(attributes: Mapping[str, Any]) -> list[str]:
 
 
 def _labelled(source: InputFile, arrays: Arrays, key: str | None) -> Any:
-    """The array of a file that a key names, or the only one, with its coordinates."""
-    found = arrays.found
+    """The array that a key names, or the only one, with its coordinates: those of its group and the groups around."""
+    found, every = arrays.found, {**arrays.found, **arrays.away}
     inside = {name: name.rpartition("/")[0] for name in found}
-    aside = {
-        other for name, one in found.items() for word in _words(one.attributes)
-        if (other := _visible(word, inside[name], {**found, **arrays.away})) is not None
-    } | {name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attributes)}
-    shapes = {name: tuple(one.stored.shape) for name, one in found.items()}
-    fields = {name: shape for name, shape in shapes.items() if name not in aside}
+    aside = {_visible(word, inside[name], every) for name, one in found.items() for word in _words(one.attrs)}
+    aside |= {*arrays.aside, *(name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attrs))}
+    fields = {name: tuple(one.shape) for name, one in found.items() if name not in aside}
     away = {name: file for name, file in arrays.away.items() if name not in aside or key == name}
-    key = _choose(fields, key, found, away, arrays.default)
+    option = "key=" if source is IN_MEMORY else "--key"
+    key = _choose(fields, key, found, away, arrays.default, f"choose one with {option}")
     if key in away:
         raise source.refused(away[key], "in which samples lie")
-    main = _as_variable(source, found[key])
-    if not found[key].written:
-        source.check_array(shapes[key], main.dtype)
-        raise InputError(f"holds the shape of '/{plain(key)}', {shapes[key]}, but no samples", code="empty")
+    main = found[key].copy(deep=False)
     main.encoding[_NETCDF] = arrays.netcdf
+    named = {*arrays.aside, *(_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref"))}
     coordinates = {}
-    named = {_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref")}
     for name in sorted(found, key=len):
-        short = name.rpartition("/")[2]
-        if name == key or not f"{inside[key]}/".startswith(f"{inside[name]}/" if inside[name] else ""):
-            scale = name in main.dims
-            if not scale:
-                continue
-        one = _as_variable(source, found[name])
+        one, short = found[name], name.rpartition("/")[2]
+        around = f"{inside[key]}/".startswith(f"{inside[name]}/" if inside[name] else "")
+        if name == key or not (around or name in main.dims):
+            continue
         along = one.dims[0] if one.dims in ((name,), (short,)) else None
         fits = all(main.sizes.get(dim) == size for dim, size in one.sizes.items())
         if fits and (along or name in named or (one.ndim and is_globe(short, one.attrs))):
-            coordinates[along or short] = one
-    for dim, (values, attributes) in found[key].coordinates.items():
-        coordinates[dim] = type(main)((dim,), values, attributes)
+            coordinates[along or short] = _in_time(name, one)
     xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
-    decoded = {name: _in_time(name, one) for name, one in coordinates.items()}
-    return xarray.DataArray(main, decoded, name=key.rpartition("/")[2] or None)
+    return xarray.DataArray(main, {**coordinates, **arrays.along.get(key, {})}, name=key.rpartition("/")[2] or None)
 
 
 def _visible(word: str, folder: str, found: Mapping[str, Any]) -> str | None:
@@ -356,51 +332,6 @@ def _in_time(name: str, one: Any) -> Any:
         return one
 
 
-def _as_variable(source: InputFile, one: ArrayInFile) -> Any:
-    """An array of a file as a variable of xarray, of which slices are read."""
-    stored = one.stored
-    chunk = getattr(stored, "shards", None) or getattr(stored, "chunks", None) or ()
-    # a chunk is unpacked as a whole, however few of its samples are wanted
-    source.check_count(math.prod(chunk))
-    if one.packings > 1:
-        raise InputError(f"holds samples that are packed {one.packings} times, and may unpack to any size",
-                         code="unreadable", remedy="write it with one compression")
-    dims: list[Any] = []
-    for dim, size in zip(one.dims, stored.shape, strict=True):
-        unnamed = f"axis of {size}"
-        while dim is None and unnamed in dims:
-            unnamed += " again"
-        dims.append(unnamed if dim is None else dim)
-    return _lazy(dims, tuple(stored.shape), stored.dtype, lambda key: np.asarray(stored[key]), one.attributes)
-
-
-def _lazy(
-    dims: Sequence[Any], shape: tuple[int, ...], dtype: Any, get: Callable[[Any], Any], attributes: Mapping[str, Any]
-) -> Any:
-    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
-    made = xarray.core.indexing.LazilyIndexedArray(_stored_class()(shape, np.dtype(dtype), get))
-    return xarray.Variable(dims, made, dict(attributes))
-
-
-@cache
-def _stored_class() -> Any:
-    """The class of arrays whose slices are read by a function."""
-    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
-    indexing = xarray.core.indexing
-
-    base: Any = xarray.backends.BackendArray
-
-    class Stored(base):
-        def __init__(self, shape: tuple[int, ...], dtype: np.dtype[Any], get: Callable[[Any], Any]) -> None:
-            self.shape, self.dtype, self._get = shape, dtype, get
-
-        def __getitem__(self, key: Any) -> Any:
-            basic = indexing.IndexingSupport.BASIC
-            return indexing.explicit_indexing_adapter(key, self.shape, basic, self._get)
-
-    return Stored
-
-
 @contextmanager
 def _classic(source: InputFile, start: bytes) -> Iterator[Arrays]:
     """Open a NetCDF file of the classic kind."""
@@ -408,8 +339,7 @@ def _classic(source: InputFile, start: bytes) -> Iterator[Arrays]:
     library, engine = ("netCDF4", "netcdf4") if start == _CLASSIC[-1] else ("scipy.io", "scipy")
     optional(library, extra="xarray", purpose="reading NetCDF of the classic kind")
     with reading("NetCDF file"), xarray.open_dataset(source.path, engine=engine, decode_cf=False, cache=False) as file:
-        found = {str(name): ArrayInFile(one, [*map(str, one.dims)], one.attrs) for name, one in file.variables.items()}
-        yield Arrays(found, netcdf=True)
+        yield Arrays({str(name): one for name, one in file.variables.items()}, netcdf=True)
 
 
 @contextmanager
@@ -450,7 +380,7 @@ def _in_rows(one: Any) -> Any:
         return grid(one.variable[key[:-2]].values)[(..., *key[-2:])]
 
     dims = [*one.dims[:-1], "y", "x"]
-    made = _lazy(dims, (*one.shape[:-1], rows, columns), one.dtype, read, one.attrs)
+    made = lazy(dims, (*one.shape[:-1], rows, columns), one.dtype, read, one.attrs)
     coordinates = {name: each for name, each in one.coords.items() if "values" not in each.dims}
     for name in ("latitude", "longitude"):
         if name in one.coords:
