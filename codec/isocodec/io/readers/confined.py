@@ -21,6 +21,7 @@ import tempfile
 import threading
 import warnings
 import weakref
+from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -62,16 +63,7 @@ _SINGLE = dict.fromkeys((
 
 
 class ReadingProcess:
-    """A process that reads one file, from its start on; a context manager.
-
-    Parameters
-    ----------
-    library : str
-        Which it loads.
-    extra : str
-        Extra of this package with that library.
-    source : InputFile
-    """
+    """A process that reads one file with a library, which an extra of this package brings; a context manager."""
 
     def __init__(self, library: str, extra: str, source: InputFile) -> None:
         # the library is not loaded here; a name that is None in sys.modules has no spec
@@ -99,18 +91,9 @@ class ReadingProcess:
         self._complaints.close()
 
     def ask(self, what: str, *about: Any, stated: int = 0, most: int = sys.maxsize) -> Any:
-        """Have something read.
+        """Have something read: a method of `reading_process.Answers`, and what it takes.
 
-        Parameters
-        ----------
-        what : str
-            A method of `isocodec.io.readers.reading_process.Answers`.
-        *about : object
-            What it takes.
-        stated : int
-            Bytes that the samples take by the file's header; of a mesh 0.
-        most : int
-            Bytes that it may take in all.
+        The samples take as many bytes as ``stated`` by the file's header, and at ``most`` that many in all.
 
         Raises
         ------
@@ -119,7 +102,7 @@ class ReadingProcess:
         LimitError
             If it takes longer, or more memory, than such a file can need.
         IsoError, OSError
-            What its reader raises.
+            As its reader.
         """
         stated = min(stated, _PACKED * self._size)
         memory = _ROOM + min(most, _TEXT * self._size + _COPIES * stated)
@@ -181,14 +164,7 @@ class ReadingProcess:
 
 
 class ConfinedOpened(Opened):
-    """An input that another process has opened, which answers for it.
-
-    Parameters
-    ----------
-    format : Format
-    source : InputFile
-    choice : Choice
-    """
+    """An input that another process has opened, which answers for it."""
 
     def __init__(self, format: Format, source: InputFile, choice: Choice) -> None:
         self._format = format
@@ -198,43 +174,38 @@ class ConfinedOpened(Opened):
         self._process = self.hold(ReadingProcess(self._format.confined, self._format.extra, self._source))
         self._asked("opened", self._source, choice)
 
-    def _asked(self, what: str, *about_it: Any, stated: int = 0) -> Any:
+    def _asked(self, what: str, *asked: Any, stated: int = 0) -> Any:
         """An answer; attributes of what is open there become those here."""
         with about(self.label):
-            found, state = self._process.ask(what, *about_it, stated=stated)
+            found, state = self._process.ask(what, *asked, stated=stated)
         vars(self).update(state)
         return found
 
-    def _read(self, what: str, *about_it: Any) -> Any:
+    def _read(self, what: str, *asked: Any, **more: Any) -> Any:
         stated = self._source.check_count(math.prod(self.shape)) * self.dtype.itemsize
-        return self._asked(what, *about_it, stated=stated)
+        return self._asked("of_opened", what, asked, more, stated=stated)
 
     def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
         """Read a field; see `Opened.field`."""
-        found: Field = self._read("of_opened", "field", (frame,), {"nodata": nodata})
+        found: Field = self._read("field", frame, nodata=nodata)
         return found
 
     def frames(self, axis: int | None = None, frame: int | None = None, *, placed: bool = True) -> Slices:
         """Give the samples as a series; see `Opened.frames`."""
-        found = self._read("of_opened", "frames", (axis, frame), {"placed": placed})
+        found = self._read("frames", axis, frame, placed=placed)
         return replace(found, frame=lambda number: self._read("frame", number))
 
     def _values(self, frame: int | None) -> NDArray[Any]:
-        found: NDArray[Any] = self._read("of_opened", "_known", (frame,), {})
+        found: NDArray[Any] = self._read("_known", frame)
         return found
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        found: Placement = self._read("of_opened", "_place", (n, frame), {})
+        found: Placement = self._read("_place", n, frame)
         return found
 
 
 def mesh_by(format: MeshFormat, source: InputFile, choice: Choice) -> MeshRead:
-    """Read a mesh here, or in a process apart.
-
-    Raises
-    ------
-    InputError, LimitError, OSError, MissingExtraError
-    """
+    """Read a mesh here, or in a process apart."""
     if not format.confined:
         return format.read(source, choice)
     with ReadingProcess(format.confined, format.extra, source) as process:
@@ -245,11 +216,8 @@ def mesh_by(format: MeshFormat, source: InputFile, choice: Choice) -> MeshRead:
 def _end(process: subprocess.Popen[bytes]) -> None:
     process.kill()
     for pipe in (process.stdin, process.stdout):
-        try:
-            if pipe:
-                pipe.close()
-        except OSError:  # what is not sent yet
-            pass
+        with suppress(OSError):  # what is not sent yet
+            pipe.close()  # type: ignore[union-attr]
     process.wait()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import zipfile
+from contextlib import suppress
 from functools import cached_property
 from typing import IO, Any
 
@@ -18,11 +19,10 @@ from numpy.typing import NDArray
 from ...errors import InputError, OptionError, plain
 from ...field.placement import CRS, PLACEMENT, Placement
 from .mesh_formats import MeshFormat, MeshRead
-from .opened import DEFAULT_KEY, Choice, Format, Opened, numbers
+from .opened import Choice, Format, Opened, Windows, numbers
 from .place_of_samples import open_grid, placed, placed_grid
-from .reading import check_frame, pick_frame, reading
+from .reading import check_frame, choose, pick_frame, reading
 from .source import InputFile
-from .windows import Windows
 
 Array = NDArray[Any]
 
@@ -30,7 +30,6 @@ _HEADER = 1 << 16
 """Bytes in which a header has to end; NumPy reads none of more than 10,000 characters."""
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Compressions that NumPy writes. Decoders of others take memory before they know how much comes out."""
-_LISTED = 20
 _PAIRS = (("lon", "lat"), ("longitude", "latitude"), ("rlon", "rlat"), ("nav_lon", "nav_lat"), ("x", "y"))
 """Names of coordinates x and y in .npz files."""
 _OF_PLACE = (PLACEMENT, CRS)
@@ -135,28 +134,17 @@ class _Archive:
         """The array that a key names, or the only one, or the one of the usual name."""
         if not self.members:
             raise InputError("holds no arrays", code="key")
-        if key is None:
-            fields = [name for name in self.members if name not in _OF_PLACE]
-            key = fields[0] if len(fields) == 1 else DEFAULT_KEY
-            if key not in self.members:
-                raise InputError(f"holds {len(self.members)} arrays: {self._listing()}", code="key",
-                                 remedy="choose one with --key")
-        key = key.removesuffix(".npy")
-        if key not in self.members:
-            raise InputError(f"holds no array '{plain(key)}', but: {self._listing()}", code="key")
+        shapes = {name: self._shape(name) for name in self.members if key is not None or name not in _OF_PLACE}
+        key = choose(shapes, key and key.removesuffix(".npy"), axes=0)
         if not self.members[key].filename.endswith(".npy"):
             raise InputError(f"'{plain(key)}' is not an array", code="key")
         return key
 
-    def _listing(self) -> str:
-        parts = []
-        for name in [*self.members][:_LISTED]:
-            try:
-                shape, dtype, _ = self.header(name)
-                parts.append(f"{plain(name)} {shape if dtype.kind != 'O' else 'unreadable'}")
-            except Exception:  # an unreadable neighbour must not hide the names of the others
-                parts.append(f"{plain(name)} unreadable")
-        return ", ".join(parts + ["..."] * (len(self.members) > _LISTED))
+    def _shape(self, name: str) -> tuple[int, ...] | str:
+        with suppress(Exception):  # an unreadable neighbour must not hide the names of the others
+            shape, dtype, _ = self.header(name)
+            return shape if dtype.kind != "O" else "unreadable"
+        return "unreadable"
 
     def _text(self, name: str) -> str | None:
         with self._opened(name) as file:

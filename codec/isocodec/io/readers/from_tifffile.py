@@ -110,9 +110,8 @@ class _Stack(Opened):
             raise InputError("lacks some of the pages that it states", code="unreadable")
         source = replace(self._source, path=Path(page.parent.filehandle.path))
         choice = Choice(str(page.index + 1), self._channel if self._inner else 0)
-        band = RasterWindows(source, ("GTiff",), choice)
-        with closing(band):
-            return band[:, :].data
+        with closing(RasterWindows(source, ("GTiff",), choice)) as band:
+            return np.asarray(band[:, :].data)
 
     def _place(self, n: int, frame: int | None) -> Placement:
         with reading("TIFF"):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -23,13 +23,12 @@ from .arrays import Arrays, lazy
 from .from_h5py import arrays_of_hdf5
 from .from_zarr import arrays_of_zarr, is_store
 from .labels import Located, is_globe, is_time, located, notes_of
-from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened, unjoined
+from .opened import IN_MEMORY, Choice, Format, Opened, unjoined
 from .packing import Packing
-from .reading import about, channel_of, check_frame, reading
+from .reading import about, channel_of, check_frame, choose, reading
 from .slices import Slices
 from .source import InputFile, check_kind
 
-_LISTED = 20
 _CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")
 _UNITS = {"D": 86400, "h": 3600, "min": 60, "s": 1}
 """Seconds of the units that a step in time is written in."""
@@ -59,8 +58,9 @@ class OpenedLabels(Opened):
     def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
         """Read a field; see `Opened.field`."""
         with about(self.label):
-            array = self._field_of(self._taken(frame))
-            self._mark(nodata)
+            array = _of_field(self._taken(frame))
+            # a marker takes the place of those of the input, but where these are packed
+            self._marked = nodata is None or not self._packing.plain
             self._where, values = self._locate(array), self.read(array)
             if self._where.repeated:
                 axis, count = self._where.repeated
@@ -74,7 +74,7 @@ class OpenedLabels(Opened):
 
     def fields(self, slices: Slices, nodata: float | None = None) -> Callable[[int], Field]:
         """Give what makes a field of each of some slices; see `Opened.fields`."""
-        self._mark(nodata)
+        self._marked = nodata is None or not self._packing.plain
         return super().fields(slices, nodata)
 
     def frames(self, axis: int | None = None, frame: int | None = None, *, placed: bool = True) -> Slices:
@@ -111,29 +111,11 @@ class OpenedLabels(Opened):
             values = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
         return values if gone is None else np.ma.masked_array(values, gone)
 
-    def _mark(self, nodata: float | None) -> None:
-        """Let a marker take the place of those of the input, but where these are packed."""
-        self._marked = nodata is None or not self._packing.plain
-
     def _taken(self, frame: int | None) -> Any:
-        array = self._array
         if frame is None:
-            return array
-        dim = array.dims[_axis_of_frames(array)] if array.ndim > 2 else None
-        check_frame(frame, array.sizes[dim] if dim is not None else 0)
-        return array.isel({dim: frame})
-
-    def _field_of(self, array: Any) -> Any:
-        """The array, if it has as many axes as a field."""
-        check_kind(array.dtype)
-        if array.ndim in (2, 3):
-            return array
-        sizes = ", ".join(f"{plain(str(name))} {count}" for name, count in array.sizes.items())
-        first = plain(str(array.dims[_axis_of_frames(array)])) if array.dims else "time"
-        raise InputError(
-            f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
-            remedy=f"choose one along {first} with --frame (frame= in Python), or array.isel({first}=0)",
-        )
+            return self._array
+        check_frame(frame, self._array.shape[_axis_of_frames(self._array)] if self._array.ndim > 2 else 0)
+        return _at(self._array, frame)
 
     def _values(self, frame: int | None) -> NDArray[Any]:
         return np.asarray(np.ma.getdata(self.read(self._taken(frame))))
@@ -141,7 +123,7 @@ class OpenedLabels(Opened):
     def _place(self, n: int, frame: int | None) -> Placement:
         array = self._taken(frame)
         while array.ndim > n:
-            array = array.isel({array.dims[_axis_of_frames(array)]: 0})
+            array = _at(array, 0)
         place = self._locate(array).place if array.ndim in (2, 3) else Placement()
         if self._joined or place.coordinates is None:
             return place
@@ -149,9 +131,7 @@ class OpenedLabels(Opened):
         return Placement(crs=place.crs, remark="; ".join(filter(None, (place.remark, remark))))
 
     def _place_of_slices(self, axis: int, n: int) -> Placement:
-        array = self._array
-        if array.ndim > n + 1:
-            array = array.isel({array.dims[_axis_of_frames(array)]: 0})
+        array = self._array if self._array.ndim <= n + 1 else _at(self._array, 0)
         self._where = self._locate(array.isel({array.dims[axis]: 0}))
         return unjoined(self._where.place)
 
@@ -173,7 +153,7 @@ class _LabelledFile(OpenedLabels):
         source, key = self._source, None if choice.key is None else choice.key.strip("/")
         if source.named(*_GRIB):
             arrays = self.hold(_grib(source))
-            self._array = arrays[_choose({name: one.shape for name, one in arrays.items()}, key)]
+            self._array = arrays[choose({name: one.shape for name, one in arrays.items()}, key)]
         elif source.named(*_HDF5):
             with source.path.open("rb") as file:
                 start = file.read(4)
@@ -193,14 +173,7 @@ class _LabelledFile(OpenedLabels):
 
 
 class LabelledWindows:
-    """An array, of which windows are read: NaN where floats are missing, masked where integers are.
-
-    Attributes
-    ----------
-    shape : tuple of int
-    dtype : dtype
-    ndim : int
-    """
+    """An array, of which windows are read: NaN where floats are missing, masked where integers are."""
 
     def __init__(self, opened: OpenedLabels, array: Any) -> None:
         self._opened, self._array = opened, array
@@ -229,12 +202,27 @@ def variable(dataset: Any, key: str | None) -> Any:
 
 def _axis_of_frames(array: Any) -> int:
     """The axis along which frames are counted: that of times, or the first one."""
-    times = [axis for axis, dim in enumerate(array.dims) if _is_time_axis(array, dim)]
-    return times[0] if times else 0
+    return next((
+        axis for axis, dim in enumerate(array.dims)
+        if (is_time(array.coords[dim]) if dim in array.coords else str(dim).lower() in ("time", "t"))
+    ), 0)
 
 
-def _is_time_axis(array: Any, dim: Any) -> bool:
-    return is_time(array.coords[dim]) if dim in array.coords else str(dim).lower() in ("time", "t")
+def _of_field(array: Any) -> Any:
+    """The array, if it has as many axes as a field."""
+    check_kind(array.dtype)
+    if array.ndim in (2, 3):
+        return array
+    sizes = ", ".join(f"{plain(str(name))} {count}" for name, count in array.sizes.items())
+    first = plain(str(array.dims[_axis_of_frames(array)])) if array.dims else "time"
+    raise InputError(
+        f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
+        remedy=f"choose one along {first} with --frame (frame= in Python), or array.isel({first}=0)",
+    )
+
+
+def _at(array: Any, frame: int) -> Any:
+    return array.isel({array.dims[_axis_of_frames(array)]: frame})
 
 
 def _step(array: Any, dim: Any) -> str:
@@ -249,34 +237,6 @@ def _step(array: Any, dim: Any) -> str:
     return f"{steps[0] / _UNITS[unit]:g} {unit}"
 
 
-def _choose(
-    fields: Mapping[str, tuple[int, ...]], key: str | None, others: Mapping[str, Any] | None = None,
-    away: Mapping[str, str] | None = None, default: str | None = None, remedy: str = "choose one with --key",
-) -> str:
-    """The name of the array that a key names, or of the only one of two axes or more."""
-    away = away or {}
-    several = {name: shape for name, shape in fields.items() if sum(size > 1 for size in shape) > 1}
-    if key is not None:
-        if key not in {**fields, **(others or {}), **away}:
-            raise InputError(f"holds no array '{plain(key)}', but: {_listing(fields, away)}", code="key")
-        return key
-    names = [*several, *away]
-    found = DEFAULT_KEY if DEFAULT_KEY in names else default
-    if found is None and names and (len(names) == 1 or not several):
-        found = names[0]
-    if found is None:
-        listed = _listing(several if names else fields, away)
-        what = f"{len(names)} arrays: {listed}" if names else f"no array of two or more axes, but: {listed}"
-        raise InputError(f"holds {what}", code="key", remedy=remedy if names else None)
-    return found
-
-
-def _listing(shapes: Mapping[str, tuple[int, ...]], away: Mapping[str, str]) -> str:
-    parts = [f"{plain(name)} {shape}" for name, shape in shapes.items() if shape]
-    parts += [f"{plain(name)} in another file" for name in away]
-    return ", ".join(parts[:_LISTED] + ["..."] * (len(parts) > _LISTED)) or "nothing"
-
-
 def _words(attributes: Mapping[str, Any]) -> list[str]:
     """Names of other arrays in attributes: of coordinates, bounds and grid mappings."""
     return [word.rstrip(":") for name in _POINTERS for word in str(attributes.get(name, "")).split()]
@@ -288,12 +248,11 @@ def _labelled(source: InputFile, arrays: Arrays, key: str | None) -> Any:
     inside = {name: name.rpartition("/")[0] for name in found}
     aside = {_visible(word, inside[name], every) for name, one in found.items() for word in _words(one.attrs)}
     aside |= {*arrays.aside, *(name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attrs))}
-    fields = {name: tuple(one.shape) for name, one in found.items() if name not in aside}
-    away = {name: file for name, file in arrays.away.items() if name not in aside or key == name}
-    option = "key=" if source is IN_MEMORY else "--key"
-    key = _choose(fields, key, found, away, arrays.default, f"choose one with {option}")
-    if key in away:
-        raise source.refused(away[key], "in which samples lie")
+    fields: dict[str, Any] = {name: tuple(one.shape) for name, one in found.items() if name not in aside}
+    fields |= {name: "in another file" for name in arrays.away if name not in aside or key == name}
+    key = choose(fields, key, found, arrays.default, "key=" if source is IN_MEMORY else "--key")
+    if key in arrays.away:
+        raise source.refused(arrays.away[key], "in which samples lie")
     main = found[key].copy(deep=False)
     main.encoding[_NETCDF] = arrays.netcdf
     named = {*arrays.aside, *(_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref"))}
@@ -313,23 +272,19 @@ def _labelled(source: InputFile, arrays: Arrays, key: str | None) -> Any:
 
 def _visible(word: str, folder: str, found: Mapping[str, Any]) -> str | None:
     """The array of that name in a group, or the nearest one around it."""
-    while True:
-        name = f"{folder}/{word}".strip("/")
-        if name in found or not folder:
-            return name if name in found else None
-        folder = folder.rpartition("/")[0]
+    name = f"{folder}/{word}".strip("/")
+    if name in found:
+        return name
+    return _visible(word, folder.rpartition("/")[0], found) if folder else None
 
 
 def _in_time(name: str, one: Any) -> Any:
     """Coordinates, times as such where their calendar is known."""
-    if " since " not in str(one.attrs.get("units")):
-        return one
-    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
-    try:
-        with warnings.catch_warnings(action="ignore"):
+    if " since " in str(one.attrs.get("units")):
+        xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
+        with warnings.catch_warnings(action="ignore"), suppress(Exception):  # else they stay numbers with a unit
             return xarray.conventions.decode_cf_variable(name, one).load()
-    except Exception:  # they stay numbers with a unit
-        return one
+    return one
 
 
 @contextmanager
@@ -350,10 +305,8 @@ def _grib(source: InputFile) -> Iterator[dict[str, Any]]:
     options = {"indexpath": "", "values_dtype": np.dtype(np.float64), "encode_cf": ("parameter", "time", "vertical"),
                "read_keys": ["alternativeRowScanning"]}
     with reading("GRIB file"):
-        parts = [
-            (str(name), one) for dataset in cfgrib.open_datasets(str(source.path), backend_kwargs=options, cache=False)
-            for name, one in dataset.data_vars.items()
-        ]
+        sets = cfgrib.open_datasets(str(source.path), backend_kwargs=options, cache=False)
+        parts = [(str(name), one) for each in sets for name, one in each.data_vars.items()]
         names = [name for name, _ in parts]
         out: dict[str, Any] = {}
         for name, one in parts:

@@ -60,7 +60,7 @@ def recognised(name: str, first: bytes) -> str | None:
 def holds_mesh(path: str | os.PathLike[str], key: str | None = None, follow: bool = False) -> bool:
     """Whether a file, or what a key names of it, is a mesh or points, by its name and if need be by what is in it."""
     source = InputFile(Path(path), follow=follow)
-    found = _mesh_format_of(source)
+    found = mesh_format_of(source)
     return found is not None and (found.holds is None or found.holds(source, key))
 
 
@@ -91,7 +91,7 @@ def open_file(
     choice = choice or Choice()
     label = plain(os.fspath(path)) if label is None else label
     with about(label):
-        found = _format_of(path)
+        found = format_of(path)
         source = source_of(named, samples, follow, found is not None and found.folder)
         if found is None:
             raise InputError(
@@ -117,25 +117,13 @@ def _check_choice(choice: Choice, found: Format, suffix: str) -> None:
             raise OptionError(error, code=code)
 
 
-def open_here(source: InputFile, choice: Choice) -> Opened:
-    """Open a source whose format is known, in this process."""
-    found = _format_of(source.path)
-    assert found is not None
-    return found.open(source, choice)
-
-
-def read_here(source: InputFile, choice: Choice) -> MeshRead:
-    """Read a mesh whose format is known, in this process."""
-    found = _mesh_format_of(source)
-    assert found is not None
-    return found.read(source, choice)
-
-
-def _mesh_format_of(source: InputFile) -> MeshFormat | None:
+def mesh_format_of(source: InputFile) -> MeshFormat | None:
+    """Find the format of a file of a mesh, or of points, by its name."""
     return next((each for each in MESH_FORMATS if source.named(*each.suffixes)), None)
 
 
-def _format_of(path: Path) -> Format | None:
+def format_of(path: Path) -> Format | None:
+    """Find the format of a file or folder of a field, by its name and if need be by what is in it."""
     named = next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
     if (named is None or not named.folder) and path.is_dir():
         if from_pydicom.is_dicom_series(path):
@@ -162,7 +150,7 @@ def read_mesh(
     """
     source, choice = source_of(path, samples, follow), choice or Choice()
     with about(plain(os.fspath(path))):
-        found = _mesh_format_of(source)
+        found = mesh_format_of(source)
         if found is None:
             raise InputError(
                 f"the suffix {plain(source.path.suffix)!r} names no format of meshes or points", code="suffix",

@@ -17,7 +17,7 @@ from ...errors import InputError, OptionError, plain
 from ...field.cropping import Box, cropped
 from ...field.framed import Frames
 from ...field.meshed import Mesh
-from ...field.missing import HOLE, missing_samples
+from ...field.missing import HOLE
 from ...field.sampled import Field, check_missing
 from ...storage.content import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
@@ -28,7 +28,7 @@ from .input_formats import holds_mesh, open_file, read_mesh, recognised
 from .mesh_formats import HEIGHT
 from .opened import IN_MEMORY, Choice, Opened
 from .reading import about, check_frame
-from .slices import FieldsInTurn, Slices
+from .slices import FieldsInTurn
 
 _OF_MESHES = ("key", "samples", "frame", "follow", "average_cells", "classes")
 """Options that apply to meshes and points."""
@@ -261,33 +261,17 @@ class OpenedArray(Opened):
     def _open(self, choice: Choice) -> None:
         self.shape, self.dtype = self._array.shape, self._array.dtype
 
-    def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
-        """Give the samples; see `Opened.field`."""
-        return self._field(self._taken(frame), nodata)
-
-    def fields(self, slices: Slices, nodata: float | None = None) -> Callable[[int], Field]:
-        """Give what makes a field of each of some slices."""
-        return lambda number: self._field(slices.frame(number), nodata)
-
-    def _taken(self, frame: int | None) -> Any:
+    def _known(self, frame: int | None) -> Any:
         if frame is None:
             return self._array
         check_frame(frame, len(self._array) if self._array.ndim > 2 else 0)
         return self._array[frame]
 
-    def _field(self, taken: Any, nodata: float | None) -> Field:
-        values = np.asarray(taken)
-        gone = None if values is taken else np.ma.getmaskarray(taken)
-        if nodata is not None:
-            marked = missing_samples(values, nodata)
-            gone = marked if gone is None else gone | marked
-        return Field(values, gone)
-
     def _slices(self, frame: int | None) -> Any:
-        return self._taken(frame)
+        return self._known(frame)
 
     def _values(self, frame: int | None) -> NDArray[Any]:
-        return np.asarray(self._taken(frame))
+        return np.asarray(self._known(frame))
 
 
 _OBJECTS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Opened]], ...] = (

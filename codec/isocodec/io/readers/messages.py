@@ -19,9 +19,8 @@ class _Unpickler(pickle.Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         error = module in ("builtins", "isocodec.errors") and name.endswith("Error")
-        if error or name in _RECORDS.get(module, ()) or (module.startswith("numpy.") and name in _OF_NUMPY) or (
-            (module, name) in (("numpy", "ndarray"), ("numpy", "dtype"))
-        ):
+        of_numpy = module.partition(".")[0] == "numpy" and name in _OF_NUMPY
+        if error or of_numpy or name in _RECORDS.get(module, ()):
             return super().find_class(module, name)
         raise pickle.UnpicklingError(f"{module}.{name}")
 

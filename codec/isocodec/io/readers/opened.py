@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,10 +23,8 @@ from .source import InputFile, check_kind
 
 Array = NDArray[Any]
 Held = TypeVar("Held")
-DEFAULT_KEY = "values"
-"""The array of a file that is taken if there are several and none is named."""
 IN_MEMORY = InputFile(Path())
-"""Suffix of what is in memory already."""
+"""Source of what is in memory already."""
 
 
 @dataclass(frozen=True)
@@ -225,6 +224,24 @@ class Opened:
     def _series(self) -> Slices | None:
         """The frames of a format that states which axis counts them."""
         return None
+
+
+class Windows:
+    """A file's samples, by slices; opened where it is read, so that other processes receive no more than its name."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    def __init__(self, path: Path) -> None:
+        self._path = path.resolve()
+        self.shape, self.dtype = self._file.shape, self._file.dtype
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_file"}
+
+    @cached_property
+    def _file(self) -> Any:
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from ...errors import InputError, IsoError, LimitError, OptionError, one_line, plain
 
+DEFAULT_KEY = "values"
+"""The array of a file that is taken if there are several and none is named."""
 LISTED = 20
 """Names that an error lists at most."""
 
@@ -89,6 +91,36 @@ def channel_of(count: int, channel: int | None) -> int:
             remedy=f"take one with --channel 0 to {count - 1}, or convert it to one",
         )
     return channel or 0
+
+
+def choose(
+    shapes: Mapping[str, tuple[int, ...] | str], key: str | None, others: Collection[str] = (),
+    default: str | None = None, option: str = "--key", axes: int = 2,
+) -> str:
+    """Choose the array that a key names, or the only one of so many axes or more, or that of the usual name.
+
+    Instead of a shape there may be a word why there is none. A key may name ``others``, too.
+    """
+    several = {
+        name: shape for name, shape in shapes.items()
+        if isinstance(shape, str) or sum(size > 1 for size in shape) >= axes
+    }
+    if key is not None:
+        if key not in shapes and key not in others:
+            raise InputError(f"holds no array '{plain(key)}', but: {_listing(shapes)}", code="key")
+        return key
+    only = [*several] if len(several) == 1 or all(isinstance(shape, str) for shape in several.values()) else []
+    found = DEFAULT_KEY if DEFAULT_KEY in several else default or next(iter(only), None)
+    if found is None:
+        what = f"{len(several)} arrays" if several else "no array of two or more axes, but"
+        raise InputError(f"holds {what}: {_listing(several or shapes)}", code="key",
+                         remedy=f"choose one with {option}" if several else None)
+    return found
+
+
+def _listing(shapes: Mapping[str, tuple[int, ...] | str]) -> str:
+    parts = [f"{plain(name)} {shape}" for name, shape in shapes.items() if shape]
+    return ", ".join(parts[:LISTED] + ["..."] * (len(parts) > LISTED)) or "nothing"
 
 
 def named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any:

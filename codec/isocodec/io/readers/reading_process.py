@@ -8,13 +8,13 @@ import os
 import signal
 import sys
 import warnings
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
 from ...errors import InputError, IsoError, LimitError
-from .input_formats import open_here, read_here
+from .input_formats import format_of, mesh_format_of
 from .mesh_formats import MeshRead
 from .messages import receive, send
 from .opened import Choice, Opened
@@ -37,23 +37,23 @@ class Answers:
         """Open a field, instead of that which is open."""
         if self._opened:
             self._opened.close()
-        self._opened = open_here(source, choice)
+        found = format_of(source.path)
+        assert found is not None
+        self._opened = found.open(source, choice)
         return self._with(None)
 
     def mesh(self, source: InputFile, choice: Choice) -> MeshRead:
         """Read a mesh."""
-        return read_here(source, choice)
+        found = mesh_format_of(source)
+        assert found is not None
+        return found.read(source, choice)
 
     def of_opened(self, name: str, about: tuple[Any, ...], more: dict[str, Any]) -> Any:
-        """Call a method of what is open."""
-        found = getattr(self._opened, name)(*about, **more)
+        """Call a method of what is open, or read a frame of the last series."""
+        found = (self._slices.frame if name == "frame" else getattr(self._opened, name))(*about, **more)
         if isinstance(found, Slices):
             self._slices, found = found, replace(found, frame=None)  # type: ignore[arg-type]  # functions stay here
         return self._with(found)
-
-    def frame(self, number: int) -> Any:
-        """Read a frame of the last series."""
-        return self._with(self._slices.frame(number))
 
     def _with(self, found: Any) -> Any:
         return found, {name: getattr(self._opened, name) for name in _STATE}
@@ -61,7 +61,7 @@ class Answers:
 
 def limit(memory: int, seconds: int) -> None:
     """Limit what this process may take from now on, where the system can."""
-    try:
+    with suppress(ImportError, OSError, ValueError, StopIteration):
         import resource
 
         used = resource.getrusage(resource.RUSAGE_SELF)
@@ -72,8 +72,6 @@ def limit(memory: int, seconds: int) -> None:
         status = Path("/proc/self/status").read_text()
         held = next(int(line.split()[1]) << 10 for line in status.split("\n") if line.startswith("VmData"))
         resource.setrlimit(resource.RLIMIT_DATA, (held + memory, resource.RLIM_INFINITY))
-    except (ImportError, OSError, ValueError, StopIteration):
-        return
 
 
 def answer_to(answers: Answers, memory: int, seconds: int, what: str, about: tuple[Any, ...]) -> Any:
@@ -100,12 +98,9 @@ def main(library: str, file: IO[bytes]) -> None:
     importlib.import_module(library)
     send(file, (None, []))
     answers = Answers()
-    while True:
-        try:
-            request = receive(sys.stdin.buffer)
-        except EOFError:
-            return
-        send(file, answer_to(answers, *request))
+    with suppress(EOFError):
+        while True:
+            send(file, answer_to(answers, *receive(sys.stdin.buffer)))
 
 
 if __name__ == "__main__":
