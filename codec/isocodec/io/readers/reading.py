@@ -99,7 +99,7 @@ def choose(
 ) -> str:
     """Choose the array that a key names, or the only one of so many axes or more, or that of the usual name.
 
-    Instead of a shape there may be a word why there is none. A key may name ``others``, too.
+    A word may take the place of a shape that is unknown. A key may name ``others``, too.
     """
     several = {
         name: shape for name, shape in shapes.items()
