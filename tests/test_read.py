@@ -171,7 +171,7 @@ def test_colour_pictures_need_a_channel(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r"picture of 3 channels.*--channel|holds 3 bands.*--band"):
             read_field(tmp_path / name)
         assert same(read_field(tmp_path / name, channel=2), COLOUR[..., 2])
-        with pytest.raises(OptionError, match="no channel 3|no band 4"):
+        with pytest.raises(OptionError, match=r"no channel 3|no band 4"):
             read_field(tmp_path / name, channel=3)
 
 
