@@ -110,7 +110,9 @@ def channel_of(count: int, channel: int | None) -> int:
     return channel or 0
 
 
-def named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any:
+def named(
+    what: str, names: Mapping[Any, Sequence[str]], key: str | None, remedy: str = "choose one with --key"
+) -> Any:
     """The one of several things that has a name; of names the last one is shown.
 
     Raises
@@ -123,7 +125,7 @@ def named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any
         return found[0]
     which = f"{len(names)} {what}" if key is None else f"{len(found) or 'no'} {what} '{plain(key)}'"
     listed = "; ".join(plain(names[each][-1]) for each in [*(found or names)][:LISTED])
-    raise InputError(f"holds {which}: {listed}", code="key", remedy="choose one with --key")
+    raise InputError(f"holds {which}: {listed}", code="key", remedy=remedy)
 
 
 def upright(picture: NDArray[Any], orientation: Any) -> NDArray[Any]:
