@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from ...errors import InputError, LimitError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement
-from .opened import Choice, Format, Opened, numbers
+from .opened import Choice, Format
 from .place_of_samples import EVEN, SLICE, placed, placed_volume, to_right_front_up
 from .reading import channel_of, check_frame, named, reading
-from .slices import Slices
 from .source import InputFile, is_dicom
-from .volumes import of_a_series, scaled, single, squeezed
+from .volumes import OpenedVolumes, of_a_series, scaled, single, squeezed
 
 Array = NDArray[Any]
 _LONG = 1 << 16
@@ -140,7 +139,7 @@ Volume = list[list[_Plane]]
 """Frames of each slice: one, or of segmentations those of some segments."""
 
 
-class _Dicom(Opened):
+class _Dicom(OpenedVolumes):
     """Slices of a folder, or the frames of a file; axes i, j, k, and a last one of volumes in one place."""
 
     def _open(self, choice: Choice) -> None:
@@ -167,27 +166,20 @@ class _Dicom(Opened):
         self.unit = None if unit in (None, "US") else one_line(str(unit))
 
     def _type(self, planes: list[_Plane]) -> np.dtype[Any]:
-        header = self._first.header
         if self._segments == "BINARY":
             return np.min_scalar_type(max(int(each.get("ReferencedSegmentNumber")) for each in planes))
-        if self._palette:
-            return np.dtype(f"u{header.RedPaletteColorLookupTableDescriptor[2] // 8}")
-        types = {self._pixels.utils.pixel_dtype(each.header, _PIXELS not in each.header) for each in planes}
-        stored, rescaling = np.result_type(*types).newbyteorder("="), {each.rescaling for each in planes}
-        if self._segments or self._channel is not None or rescaling == {(1.0, 0.0)}:
-            return stored
-        only = rescaling.pop()
-        if only is None and not rescaling:
-            return np.dtype(f"u{-(-header.ModalityLUTSequence[0].LUTDescriptor[2] // 8)}")
-        whole = None if rescaling or only is None else scaled(np.zeros(0, stored), *only)
-        return np.dtype(np.float64) if whole is None else whole.dtype
+        found = []
+        for plane in {(id(each.header), each.rescaling): each for each in planes}.values():
+            stored = self._pixels.utils.pixel_dtype(plane.header, _PIXELS not in plane.header).newbyteorder("=")
+            one = np.zeros((1, 1, 3)[: 2 + (plane.header.SamplesPerPixel > 1)], stored)
+            found.append(stored if self._segments else self._rescaled(plane, one).dtype)
+        return np.result_type(*found)
 
     def _values(self, frame: int | None) -> Array:
-        several = len(self._volumes) if len(self._volumes) > 1 else 0
-        if frame is None and several:
+        if frame is None and self._several:
             raise of_a_series(self._whole, self._by)
         if frame is not None:
-            check_frame(frame, several)
+            check_frame(frame, len(self._volumes) if self._several else 0)
         volume = self._volumes[frame or 0]
         whole, gone = np.zeros((len(volume), *self._first.size), self.dtype), None
         with reading("DICOM"):
@@ -223,7 +215,7 @@ class _Dicom(Opened):
         raw, rescaling = plane.used(raw), plane.rescaling
         if rescaling is None:
             return np.asarray(self._pixels.apply_modality_lut(raw, plane.header))
-        whole = scaled(raw, *rescaling) if self.dtype.kind in "iu" or rescaling == (1, 0) else None
+        whole = scaled(raw, *rescaling)
         return raw * np.float64(rescaling[0]) + rescaling[1] if whole is None else whole
 
     def _mark(self, labels: Array, plane: _Plane, raw: Array) -> None:
@@ -247,11 +239,6 @@ class _Dicom(Opened):
         if n != 2 or between is None:
             return Placement(remark=remark or "the positions of its slices are unknown" * (n == 3))
         return replace(placed([[float(between[1]), 0, 0], [0, float(between[0]), 0]], 2, unit="mm"), remark=remark)
-
-    def _series(self) -> Slices | None:
-        if len(self._volumes) == 1:
-            return None
-        return Slices(self._whole, 3, lambda number: numbers(self._values(number)), squeezed(self._whole[:3]))
 
 
 # ---- Files and series ------------------------------------------------------------------------------------------------

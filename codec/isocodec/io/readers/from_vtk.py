@@ -25,7 +25,7 @@ from ...extras import optional
 from ...field.placement import Placement
 from .from_h5py import arrays_of_hdf5
 from .mesh_formats import HEIGHT, MeshFormat, MeshRead
-from .opened import IN_MEMORY, Choice, Format, Opened
+from .opened import Choice, Format, Opened
 from .place_of_samples import placed
 from .reading import check_frame, named, reading
 from .source import InputFile
@@ -47,7 +47,6 @@ _COLLECTION, _XDMF = "Collection", "Xdmf"
 _MESHES = ("UnstructuredGrid", "PUnstructuredGrid", "PolyData", "PPolyData", "UNSTRUCTURED_GRID", "POLYDATA")
 _USUAL = re.compile(rb'<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" *(\[ *\])? *>|encoding=["\'](?i:utf-8|us-ascii)["\']')
 _DECLARED = re.compile(rb"<!DOCTYPE|<!ENTITY|<\?xml[^>]*encoding")
-_TOPOLOGY = re.compile(r"[23]d\w*mesh|(poly|tri|quad|tet|hex|wedge|pyramid)\w*|edge_3|mixed")
 _DEEPEST = 8
 """Collections within collections."""
 _OWN, _GHOSTS = "vtk", "vtkGhostType"
@@ -269,8 +268,7 @@ def _check_xdmf(source: InputFile) -> set[str]:
     series, arrays = set(), dict[Path, set[str]]()
     for element in _elements(source):
         attributes = {name.rpartition("}")[2].lower(): value for name, value in element.attrib.items()}
-        tag = element.tag.rpartition("}")[2]
-        if tag == "include" and attributes.get("href"):
+        if element.tag.rpartition("}")[2] == "include" and attributes.get("href"):
             source.beside(attributes["href"])
         if attributes.get("collectiontype", "").lower() == "temporal":
             series.add(attributes.get("name", ""))
@@ -282,10 +280,6 @@ def _check_xdmf(source: InputFile) -> set[str]:
             target = source.beside(name)
             if form == "hdf" and not source.follow:
                 arrays.setdefault(target, set()).add(inner.strip("/"))
-        topology = attributes.get("topologytype", attributes.get("type", "")).strip().lower()
-        if tag == "Topology" and not _TOPOLOGY.fullmatch(topology):
-            # the library crashes on it
-            raise InputError(f"has cells of the unknown type '{plain(topology)}'", code="mesh")
         count = attributes.get("dimensions", attributes.get("numberofelements", "")).split()
         if count and all(part.isdigit() for part in count):
             source.check_count(math.prod(map(int, count)))
@@ -434,14 +428,10 @@ def _place_of(data: Any, shape: Sequence[int], kept: list[int], centred: bool) -
 class OpenedVtk(Opened):
     """Values on a grid, in a file or an object of VTK; times are the first axis of a series."""
 
-    def __init__(self, source: Any, choice: Choice) -> None:
-        self._data = None if isinstance(source, InputFile) else source
-        super().__init__(source if self._data is None else IN_MEMORY, choice)
-
     def _open(self, choice: Choice) -> None:
         self._choice, self._last = choice, (-1, (np.zeros(0), Placement()))
         with reading("VTK data"):
-            data = self._data
+            data = self._given
             self._steps = _steps(self._source, choice.key) if data is None else [lambda: blocks_of(data)]
             first = self._grid(0)[0]
         several = len(self._steps) > 1

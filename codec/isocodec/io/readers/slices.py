@@ -59,11 +59,6 @@ class Slices:
         )
 
 
-def one_slice(samples: NDArray[Any], place: Placement) -> Slices:
-    """Give a field as the only frame of a series."""
-    return Slices((1, *samples.shape), 0, lambda number: samples, samples.shape, place)
-
-
 class FieldsInTurn(Sequence[Field]):
     """The fields of a series, each read when it is asked for; files stay open until this is closed or forgotten.
 
