@@ -120,13 +120,13 @@ class _Plane:
         slope = self.get("RescaleSlope", "DoseGridScaling", "RealWorldValueSlope")
         return float(slope or 1), float(self.get("RescaleIntercept", "RealWorldValueIntercept") or 0)
 
-    def padded(self, raw: Array) -> Array | None:
+    def padded(self, raw: Array) -> Array | bool:
         """The stored samples that only fill the picture."""
-        ends = self.get(*(f"{name}Value" for name in _PADDING)), self.get(*(f"{name}RangeLimit" for name in _PADDING))
+        ends = [self.get(*(f"{name}{end}" for name in _PADDING)) for end in ("Value", "RangeLimit")]
         if ends[0] is None:
-            return None
+            return False
         low, high = sorted(np.array([end for end in ends if end is not None] * 2)[:2].astype(raw.dtype))
-        return np.asarray((raw >= low) & (raw <= high))
+        return np.asarray((low <= raw) & (raw <= high))
 
     def used(self, raw: Array) -> Array:
         """Stored samples without what other bits of their words hold, and with their sign."""
@@ -181,18 +181,16 @@ class _Dicom(OpenedVolumes):
         if frame is not None:
             check_frame(frame, len(self._volumes) if self._several else 0)
         volume = self._volumes[frame or 0]
-        whole, gone = np.zeros((len(volume), *self._first.size), self.dtype), None
+        whole = np.zeros((len(volume), *self._first.size), self.dtype)
+        gone = np.zeros(whole.shape, np.bool_)
         with reading("DICOM"):
             for number, plane, raw in self._decoded(volume):
                 if self._segments:
                     self._mark(whole[number], plane, raw)
-                    continue
-                padded = None if self._channel is not None else plane.padded(raw)
-                if padded is not None and padded.any():
-                    gone = np.zeros(whole.shape, np.bool_) if gone is None else gone
-                    gone[number] = padded
-                whole[number] = self._rescaled(plane, raw)
-        return single(whole.T if gone is None else np.ma.MaskedArray(whole, gone).T, None)
+                else:
+                    gone[number] = self._channel is None and plane.padded(raw)
+                    whole[number] = self._rescaled(plane, raw)
+        return single(np.ma.MaskedArray(whole, gone).T if gone.any() else whole.T, None)
 
     def _decoded(self, volume: Volume) -> Iterator[tuple[int, _Plane, Array]]:
         """Frames as they are stored, each with the number of its slice; each file is opened once."""

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import OptionError, one_line, plain
+from ...errors import one_line, plain
 from ...extras import optional
-from ...field.placement import TURN, Placement, matrix_of
+from ...field.placement import TURN, Placement
 from .packing import Packing, number_of
-from .place_of_samples import EVEN, goes_round, placed_grid
+from .place_of_samples import EVEN, goes_round, placed, placed_grid
 
 Numbers = NDArray[np.float64]
 DEGREES = "EPSG:4326"
@@ -38,30 +38,18 @@ _WORDS = 200
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """Coordinates along an axis or at each sample.
-
-    Attributes
-    ----------
-    name : str
-    dims : tuple of str
-    role : str or None
-        x, y or z.
-    globe : bool
-        Whether it is a longitude or latitude in degrees.
-    unit : str
-    values : float64 array or None
-        NaN where they are missing; None if they are not numbers, or times.
-    rounding : float
-        Distance of neighbouring numbers of their type.
-    """
+    """Coordinates along an axis or at each sample; float64, NaN where missing, None if they are times or text."""
 
     name: str
     dims: tuple[Any, ...]
     role: str | None
+    """x, y or z."""
     globe: bool
+    """Whether it is a longitude or latitude in degrees."""
     unit: str
     values: Numbers | None
     rounding: float = 0.0
+    """Distance of neighbouring numbers of their type."""
 
     @classmethod
     def of(cls, name: Any, one: Any) -> Along:
@@ -88,21 +76,14 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Placement of the samples of an array with labels.
-
-    Attributes
-    ----------
-    place : Placement
-        With a remark on what is left out.
-    lost : bool array that broadcasts to the shape, or None
-        Samples without coordinates.
-    repeated : tuple of int
-        An axis that goes round the globe, and how many of its last columns are the first ones again; or nothing.
-    """
+    """Placement of the samples of an array with labels."""
 
     place: Placement
+    """With a remark on what is left out."""
     lost: NDArray[np.bool_] | None = None
+    """Samples without coordinates; broadcasts to the shape."""
     repeated: tuple[int, ...] = ()
+    """An axis around the globe, and how many of its last columns are the first ones again; or nothing."""
 
 
 def located(array: Any, joined: bool = True) -> Located:
@@ -171,10 +152,8 @@ def _located(array: Any, joined: bool) -> Located:
     matrix = np.zeros((n, n + 1))
     for axis, values in enumerate(along):
         matrix[rows[axis], [axis, n]] = (values[-1] - values[0]) / (len(values) - 1), values[0]
-    try:
-        place = Placement(matrix_of(matrix, n), None, system, remark=remark)
-    except OptionError as error:
-        place = Placement(remark="; ".join([*remarks, f"its coordinates are ignored: {error.message}"]))
+    place = placed(matrix, n, system)
+    place = replace(place, remark="; ".join([*remarks, *filter(None, [place.remark])]))
     return Located(place, lost, _repeated(coordinates, rows.index(0)) if globe else ())
 
 
