@@ -35,7 +35,7 @@ def _cloud(source: InputFile, choice: Choice) -> MeshRead:
 
 
 def _check_header(source: InputFile) -> None:
-    """Hold the counts of a header against the bytes of the file: the library makes what they state."""
+    """Check the counts of a header against the bytes of the file: the library allocates what they state."""
     size = source.path.stat().st_size
     with source.path.open("rb") as file:
         head = file.read(375)

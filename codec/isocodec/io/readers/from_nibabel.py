@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import io
 import math
 from typing import Any
 
@@ -20,7 +19,7 @@ from .source import InputFile
 from .volumes import OpenedVolumes, scaled, single, squeezed
 
 Array = NDArray[Any]
-_HEADER = 1 << 24
+_HEADER = 1 << 26
 """Bytes before the samples of a NIfTI file at most, extensions among them."""
 _UNITS = {"sec": "s", "msec": "ms", "usec": "µs"}
 """Units of time, as nibabel calls them and as they are written."""
@@ -70,15 +69,31 @@ def is_nibabel(thing: Any) -> bool:
     return all(hasattr(thing, name) for name in ("affine", "dataobj", "header"))
 
 
+class _Beginning:
+    """The beginning of a file, for a reader that takes as many bytes for extensions as the file states."""
+
+    def __init__(self, file: Any) -> None:
+        self._file, self._left = file, _HEADER
+
+    def read(self, count: int) -> bytes:
+        if not 0 <= count <= self._left:
+            raise InputError(f"states more than {_HEADER >> 20} MiB before its samples", code="unreadable")
+        self._left -= count
+        return bytes(self._file.read(count))
+
+    def tell(self) -> int:
+        return _HEADER - self._left
+
+
 def _image(source: InputFile, nibabel: Any) -> Any:
-    """A NIfTI image whose samples are not read yet but known to be there, and one volume of them to be allowed."""
+    """A NIfTI image whose samples are not read yet; checks that they are there, and that one volume may be read."""
     packed = source.named(".gz")
     with gzip.open(source.path) if packed else source.path.open("rb") as file:
-        # the library takes as many bytes for extensions as the file states
-        head = file.read(_HEADER)
-    # 348 bytes of header are those of version 1, 540 of version 2
-    of_two = 540 in (int.from_bytes(head[:4], "little"), int.from_bytes(head[:4], "big"))
-    (nibabel.Nifti2Header if of_two else nibabel.Nifti1Header).from_fileobj(io.BytesIO(head), check=False)
+        first = file.read(4)
+        file.seek(0)
+        # 348 bytes of header are those of version 1, 540 of version 2
+        of_two = 540 in (int.from_bytes(first, "little"), int.from_bytes(first, "big"))
+        (nibabel.Nifti2Header if of_two else nibabel.Nifti1Header).from_fileobj(_Beginning(file), check=False)
     image = nibabel.load(source.path)
     stored = image.dataobj
     source.check_array(stored.shape[:3], stored.dtype)

@@ -121,7 +121,7 @@ class _Plane:
         return float(slope or 1), float(self.get("RescaleIntercept", "RealWorldValueIntercept") or 0)
 
     def padded(self, raw: Array) -> Array | bool:
-        """The stored samples that only fill the picture."""
+        """Find the stored samples that only fill the picture."""
         ends = [self.get(*(f"{name}{end}" for name in _PADDING)) for end in ("Value", "RangeLimit")]
         if ends[0] is None:
             return False
@@ -217,7 +217,7 @@ class _Dicom(OpenedVolumes):
         return raw * np.float64(rescaling[0]) + rescaling[1] if whole is None else whole
 
     def _mark(self, labels: Array, plane: _Plane, raw: Array) -> None:
-        """Give the samples of a segment its number."""
+        """Give the samples of a segment the number of the segment."""
         if self._segments == "LABELMAP":
             labels[...] = raw if self._segment is None else np.where(raw == self._segment, raw, 0)
             return
@@ -243,7 +243,7 @@ class _Dicom(OpenedVolumes):
 
 
 def dicom_files(source: InputFile) -> Iterator[Path]:
-    """Find the files of DICOM in a folder and those below it, or give the only file."""
+    """Find the DICOM files in a folder and those below it, or give the only file."""
     if not source.path.is_dir():
         yield source.path
         return
@@ -260,7 +260,7 @@ def dicom_files(source: InputFile) -> Iterator[Path]:
 
 
 def is_dicom_series(path: Path) -> bool:
-    """Whether a folder holds files of DICOM."""
+    """Whether a folder holds DICOM files."""
     return path.is_dir() and any(True for _ in dicom_files(InputFile(path, follow=True)))
 
 
@@ -269,7 +269,7 @@ def _frames(header: Any) -> int:
 
 
 def _headers(source: InputFile, remarks: list[str]) -> list[tuple[Path, Any]]:
-    """Headers of the files with samples, which are known to be allowed and to be there."""
+    """Headers of the files that hold samples, checked against the limits and the bytes that are there."""
     pydicom, others, count = optional("pydicom", extra="dicom", purpose="reading DICOM"), list[str](), 0
     found: list[tuple[Path, Any]] = []
     for path in dicom_files(source):
@@ -296,7 +296,7 @@ def _headers(source: InputFile, remarks: list[str]) -> list[tuple[Path, Any]]:
 
 
 def _packed(source: InputFile, path: Path, pydicom: Any) -> bool:
-    """Whether a file is packed as a whole; as many bytes as it holds are allowed then."""
+    """Whether a file is packed as a whole; if so, check that it does not unpack to more than the limit."""
     if not is_dicom(path):
         return False
     meta = pydicom.filereader.read_file_meta_info(path)
@@ -311,7 +311,7 @@ def _packed(source: InputFile, path: Path, pydicom: Any) -> bool:
 
 
 def _checked(source: InputFile, path: Path, header: Any, pydicom: Any) -> int:
-    """Count the samples of a file; its pixels are as many as it states, and can be decoded."""
+    """Count the samples of a file; check that it holds as many as it states, and that they can be decoded."""
     # by its name it would be read
     pixels = next(element for tag, element in header.items() if tag in (_PIXELS, *_FLOATS))
     frames, colours = _frames(header), int(header.get("SamplesPerPixel") or 1)

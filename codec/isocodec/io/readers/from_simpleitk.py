@@ -123,7 +123,7 @@ def _of_image(image: Any, n: int, unit: str) -> Placement:
 
 
 def _header_of(source: InputFile, folder: Path) -> Any:
-    """A reader of SimpleITK that knows a file's header, its samples known to be allowed."""
+    """A reader of SimpleITK that has read a file's header, checked against the limits and the bytes that are there."""
     of_meta, path = source.named(*_META), source.path
     stored = (meta_files if of_meta else nrrd_files)(source)
     if not of_meta and (header := listed(source, stored.files)):

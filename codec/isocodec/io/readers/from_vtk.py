@@ -202,13 +202,13 @@ def _dataset(source: InputFile, kind: str, key: str | None) -> Any:
     if reader.GetErrorCode() or found is None or not found.GetNumberOfPoints():
         raise InputError("cannot be read as a file of VTK (damaged, or without points)", code="unreadable")
     if kind == "PImageData" and pieces:
-        # which the file of the whole does not state
+        # only the pieces state it
         found.SetDirectionMatrix(_dataset(pieces[0], "ImageData", None).GetDirectionMatrix())
     return found
 
 
 def _check_sizes(source: InputFile, kind: str) -> None:
-    """Hold the counts in the beginning of a file against what may be read, and what it can hold."""
+    """Check the counts at the beginning of a file against the limit, and against the bytes of the file."""
     head = _head(source)
     counts = [int(one or other) for one, other in _SIZES.findall(head)]
     for extent, dimensions in _EXTENTS.findall(head):
@@ -224,7 +224,7 @@ def _check_sizes(source: InputFile, kind: str) -> None:
 
 @contextmanager
 def _complaints() -> Iterator[None]:
-    """Make an error of what VTK complains about while it goes on."""
+    """Raise an error for what VTK only complains about."""
     core = _vtk("vtkCommonCore")
     before, window = core.vtkOutputWindow.GetInstance(), core.vtkStringOutputWindow()
     logged = core.vtkLogger.GetCurrentVerbosityCutoff()
@@ -342,7 +342,7 @@ def _arrays(attributes: Any) -> dict[str, Array]:
 
 
 def _scalars(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """One number each: components and magnitudes of vectors under names of their own."""
+    """Arrays of one number each; components and magnitudes of vectors have names of their own."""
     out: dict[str, Array] = {}
     for name, array in arrays.items():
         if array.ndim == 1 or array.shape[1] == 1:

@@ -93,17 +93,20 @@ def located(array: Any, joined: bool = True) -> Located:
     the one before, z along the first of three. Longitude and latitude of each sample come before axes in an unknown
     reference system. Ends of even steps around the globe are left apart unless they may be ``joined``.
     """
-    found = _located(array, joined)
+    found = [Along.of(name, one) for name, one in array.coords.items() if one.dims and not _is_mapping(one)]
+    where = _located(array, found, joined)
     # a reference system states its own units
-    if not found.place.placed or found.place.crs is not None or (unit := _units(array)) is None:
-        return found
-    return replace(found, place=replace(found.place, unit=unit))
+    if not where.place.placed or where.place.crs is not None:
+        return where
+    found.sort(key=lambda one: one.name in array.dims)
+    units = {one.role: "_".join(one.unit.split()) for one in found if one.unit}
+    known = [units.get(role) for role in "xyz"[: array.ndim]]
+    return where if None in known else replace(where, place=replace(where.place, unit=" ".join(map(str, known))))
 
 
-def _located(array: Any, joined: bool) -> Located:
+def _located(array: Any, found: Sequence[Along], joined: bool) -> Located:
     dims, n = list(array.dims), array.ndim
     remarks: list[str] = []
-    found = [Along.of(name, one) for name, one in array.coords.items() if one.dims and not _is_mapping(one)]
     axes = [_along(dim, found, remarks) for dim in dims]
     nodes = _of_nodes(dims, found)
     mapping = _mapping(array, [one.name for one in axes if one is not None])
@@ -296,17 +299,6 @@ def _counted(dim: Any, remarks: list[str]) -> None:
     """Remark on an axis without coordinates, unless there is one."""
     if not any(f" along {plain(str(dim))} " in remark for remark in remarks):
         remarks.append(f"samples along {plain(str(dim))} are counted, as it has no coordinates")
-
-
-def _units(array: Any) -> str | None:
-    """Units of the coordinates x, y (, z) by their attributes, those of axes first; None if one has none."""
-    found: dict[str, str] = {}
-    for name, one in sorted(array.coords.items(), key=lambda one: one[0] not in array.dims):
-        role, unit = _role(name, one.attrs), "_".join(str(one.attrs.get("units", "")).split())
-        if role is not None and one.dims and unit:
-            found.setdefault(role, unit)
-    roles = "xyz"[: array.ndim]
-    return " ".join(found[role] for role in roles) if found.keys() >= set(roles) else None
 
 
 def _on_globe(axes: Sequence[Along | None]) -> bool:
