@@ -52,6 +52,12 @@ class Opened:
     Subclasses read the header in ``_open`` and give ``_values``, and where the format has them ``_place``, ``_windows``
     and ``_series``. Errors in any of these name the input.
 
+    Parameters
+    ----------
+    source : InputFile or object
+        A file, or what is in memory already, which is then ``_given``.
+    choice : Choice, optional
+
     Attributes
     ----------
     shape : tuple of int
@@ -75,11 +81,13 @@ class Opened:
     label: str = ""
     remarks: tuple[str, ...] = ()
 
-    def __init__(self, source: InputFile, choice: Choice) -> None:
-        self._source = source
+    def __init__(self, source: Any, choice: Choice | None = None) -> None:
+        of_file = isinstance(source, InputFile)
+        self._source: InputFile = source if of_file else IN_MEMORY
+        self._given: Any = None if of_file else source
         self._held = ExitStack()
         try:
-            self._open(choice)
+            self._open(choice or Choice())
         except BaseException:
             self._held.close()
             raise

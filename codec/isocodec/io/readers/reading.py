@@ -123,14 +123,16 @@ def _listing(shapes: Mapping[str, tuple[int, ...] | str]) -> str:
     return ", ".join(parts[:LISTED] + ["..."] * (len(parts) > LISTED)) or "nothing"
 
 
-def named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any:
+def named(
+    what: str, names: Mapping[Any, Sequence[str]], key: str | None, remedy: str = "choose one with --key"
+) -> Any:
     """Choose the only one of several things that has a name; errors list the last name of each."""
     found = [each for each, known in names.items() if key is None or key in known]
     if len(found) == 1:
         return found[0]
     which = f"{len(names)} {what}" if key is None else f"{len(found) or 'no'} {what} '{plain(key)}'"
     listed = "; ".join(plain(names[each][-1]) for each in [*(found or names)][:LISTED])
-    raise InputError(f"holds {which}: {listed}", code="key", remedy="choose one with --key")
+    raise InputError(f"holds {which}: {listed}", code="key", remedy=remedy)
 
 
 def upright(picture: NDArray[Any], orientation: Any) -> NDArray[Any]:
