@@ -108,9 +108,8 @@ def test_values(tmp_path: Path, name: str, kind: str) -> None:
     right = truth(samples[:1] if kind == "one slice" else samples, change)
     right = right[..., 0] if kind == "one slice" else right
     assert np.array_equal(found.values, right)
-    whole = name in ("as stored", "signed", "bytes", "whole intercept", "whole slope", "inverted")
-    of_one = kind == "one slice" and name in ("intercepts of slices", "one other slope")
-    assert found.values.dtype.kind in "iu" if whole or of_one else found.values.dtype == np.float64
+    floats = name in ("fraction", "fraction of one", "slopes of slices")
+    assert found.values.dtype == np.float64 if floats else found.values.dtype.kind in "iu"
     assert found.mask is None
 
 

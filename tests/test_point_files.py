@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import struct
 import warnings
+from itertools import product
 from pathlib import Path
 
 import laspy
 import numpy as np
+import pyproj
 import pytest
 
 import isocodec
@@ -64,6 +66,22 @@ def test_clouds(suffix: str, form: int, scale: float, offset: float, classes: tu
         for name in ("depth", "intensity", "classification"):
             found = isocodec.read(path, classes=classes, key=name).values
             assert np.array_equal(found, np.asarray(las[name])[kept]), name
+
+
+@pytest.mark.parametrize(
+    "form, system", [*product([3, 6], [None, "EPSG:32631", "EPSG:2193"]), (6, "EPSG:32631+5773")]
+)
+def test_reference_systems_of_clouds(form: int, system: str | None, tmp_path: Path) -> None:
+    path = tmp_path / "a.las"
+    header = laspy.LasHeader(point_format=form, version="1.4")
+    if system:
+        header.add_crs(pyproj.CRS(system))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = RNG.random((3, COUNT))
+    las.write(path)
+    found = isocodec.read(path).crs
+    assert (found is None) == (system is None)
+    assert system is None or pyproj.CRS(found).equals(pyproj.CRS(system))
 
 
 def test_headers_are_held_against_the_file(tmp_path: Path) -> None:

@@ -21,24 +21,24 @@ import tempfile
 import threading
 import warnings
 import weakref
-from collections.abc import Callable
-from functools import cached_property
+from contextlib import suppress
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from numpy.typing import NDArray
 
-from ... import errors
 from ...errors import InputError, IsoError, LimitError, MissingExtraError, one_line
+from ...field.placement import Placement
+from ...field.sampled import Field
 from ...limits import TIMEOUT, patience
 from .mesh_formats import MeshFormat, MeshRead
 from .messages import receive, send
 from .opened import Choice, Format, Opened
+from .reading import about
 from .slices import Slices
 from .source import InputFile
-from .windows import Windows
 
 _ROOM = 1 << 28
 """Bytes that a library may take beside what follows from the file."""
@@ -55,25 +55,15 @@ _SMALL = 1 << 20
 _OUTPUT = 1 << 16
 """Characters of a library's complaints that are looked at."""
 _NO_MEMORY = re.compile(r"bad_alloc|out of memory|cannot allocate|failed to allocate|MemoryError", re.IGNORECASE)
-_THREADS = (
+_SINGLE = dict.fromkeys((
     "ITK_GLOBAL_DEFAULT_NUMBER_OF_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
     "VTK_SMP_MAX_THREADS", "MALLOC_ARENA_MAX",
-)
-_SINGLE = dict.fromkeys(_THREADS, "1")
+), "1")
 """Each thread takes memory, and files are read by one."""
 
 
 class ReadingProcess:
-    """A process that reads one file, from its start on; a context manager.
-
-    Parameters
-    ----------
-    library : str
-        Which it loads.
-    extra : str
-        Extra of this package with that library.
-    source : InputFile
-    """
+    """A process that reads one file with a library, which an extra of this package brings; a context manager."""
 
     def __init__(self, library: str, extra: str, source: InputFile) -> None:
         # the library is not loaded here; a name that is None in sys.modules has no spec
@@ -82,7 +72,7 @@ class ReadingProcess:
                 f"reading {source.path.suffix} needs {library}", code="missing-extra",
                 remedy=f"pip install 'isocodec[{extra}]'",
             )
-        self._library, self._size = library, _size_of(source.path)
+        self._library, self._size, self._late = library, _size_of(source.path), False
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115  # closed in __exit__
         paths = [os.path.abspath(each) for each in sys.path if each] + [str(Path(__file__).parents[3])]
         self._process = subprocess.Popen(
@@ -90,30 +80,20 @@ class ReadingProcess:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._complaints,
             env={**os.environ, **_SINGLE, "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths))},
         )
-        self._late = False
         weakref.finalize(self, _end, self._process)
-        self._answer(0)
+        self._answer()
 
     def __enter__(self) -> ReadingProcess:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         _end(self._process)
         self._complaints.close()
 
     def ask(self, what: str, *about: Any, stated: int = 0, most: int = sys.maxsize) -> Any:
-        """Have something read.
+        """Have something read: a method of `reading_process.Answers`, and what it takes.
 
-        Parameters
-        ----------
-        what : str
-            A method of `isocodec.io.readers.reading_process.Answers`.
-        *about : object
-            What it takes.
-        stated : int
-            Bytes that the samples take by the file's header; of a mesh 0.
-        most : int
-            Bytes that it may take in all.
+        The samples take as many bytes as ``stated`` by the file's header, and at ``most`` that many in all.
 
         Raises
         ------
@@ -122,7 +102,7 @@ class ReadingProcess:
         LimitError
             If it takes longer, or more memory, than such a file can need.
         IsoError, OSError
-            What its reader raises.
+            As its reader.
         """
         stated = min(stated, _PACKED * self._size)
         memory = _ROOM + min(most, _TEXT * self._size + _COPIES * stated)
@@ -131,33 +111,34 @@ class ReadingProcess:
         timer.start()
         try:
             assert self._process.stdin is not None
-            send(self._process.stdin, {"ask": what, "about": about, "memory": memory, "seconds": math.ceil(seconds)})
-            return self._answer(memory)
+            send(self._process.stdin, (memory, math.ceil(seconds), what, about))
+            return self._answer()
         except BrokenPipeError:
             raise self._ended() from None
         finally:
             timer.cancel()
 
-    def _answer(self, most: int) -> Any:
+    def _answer(self) -> Any:
         assert self._process.stdout is not None
         try:
-            answer = receive(self._process.stdout, most)
-        except (EOFError, ValueError, TypeError, LookupError):
+            answer = receive(self._process.stdout)
+        except Exception:  # whatever half of an answer leads to
             raise self._ended() from None
-        if "error" in answer:
-            raise _error_of(answer["error"])
-        if said := self._said():
-            raise InputError(f"is damaged: {self._library} complains ({one_line(said)})", code="unreadable")
-        for text in answer["warnings"]:
+        if isinstance(answer, Exception):
+            raise answer
+        if text := self._output():
+            raise InputError(f"is damaged: {self._library} complains ({one_line(text)})", code="unreadable")
+        found, remarks = answer
+        for text in remarks:
             warnings.warn(text, stacklevel=2)
-        return answer["answer"]
+        return found
 
     def _too_late(self) -> None:
         self._late = True
         self._process.kill()
 
-    def _said(self) -> str:
-        """Text that the library has written since this was last asked."""
+    def _output(self) -> str:
+        """Text that the library has written since the last call."""
         self._complaints.seek(0)
         text = self._complaints.read(_OUTPUT).decode("utf-8", "replace").strip()
         self._complaints.seek(0)
@@ -167,101 +148,64 @@ class ReadingProcess:
     def _ended(self) -> IsoError:
         """The error for the process' end."""
         _end(self._process)
-        number, said = -self._process.returncode, self._said()
+        number, text = -self._process.returncode, self._output()
         remedy = f"if you trust the file, read it with {self._library}, and encode the array"
-        # no sound file of this size takes so long
-        kind = InputError if self._size < _SMALL else LimitError
         if self._late or number == getattr(signal, "SIGXCPU", None):
-            return kind(
-                f"takes {self._library} longer than a file of its size can need", code="timeout",
-                remedy=f"{remedy}; or raise {TIMEOUT}",
-            )
+            # no sound file of this size takes so long
+            kind = InputError if self._size < _SMALL else LimitError
+            return kind(f"takes {self._library} longer than a file of its size can need", code="timeout",
+                        remedy=f"{remedy}; or raise {TIMEOUT}")
         # the system ends a process in this way that takes more than there is
-        if number == getattr(signal, "SIGKILL", None) or _NO_MEMORY.search(said):
-            return LimitError(
-                f"takes {self._library} more memory than a file of its size can need", code="memory", remedy=remedy
-            )
+        if number == getattr(signal, "SIGKILL", None) or _NO_MEMORY.search(text):
+            return LimitError(f"takes {self._library} more memory than a file of its size can need", code="memory",
+                              remedy=remedy)
         how = f"signal {number}" if number > 0 else f"exit code {-number}"
         return InputError(f"crashes {self._library} ({how})", code="unreadable", remedy="is it damaged?")
 
 
 class ConfinedOpened(Opened):
-    """An input that another process has opened.
-
-    Parameters
-    ----------
-    format : Format
-    source : InputFile
-    choice : Choice
-    """
+    """An input that another process has opened, which answers for it."""
 
     def __init__(self, format: Format, source: InputFile, choice: Choice) -> None:
-        self._format, self._choice = format, choice
+        self._format = format
         super().__init__(source, choice)
 
     def _open(self, choice: Choice) -> None:
         self._process = self.hold(ReadingProcess(self._format.confined, self._format.extra, self._source))
-        self._take(self._process.ask("field", self._source, choice))
+        self._asked("opened", self._source, choice)
 
-    def _take(self, found: dict[str, Any]) -> Any:
-        """Take over the attributes of what is open there, as they are now; gives what else came."""
-        for name, value in found["state"].items():
-            setattr(self, name, value)
-        return found["found"]
+    def _asked(self, what: str, *asked: Any, stated: int = 0) -> Any:
+        """An answer; attributes of what is open there become those here."""
+        with about(self.label):
+            found, state = self._process.ask(what, *asked, stated=stated)
+        vars(self).update(state)
+        return found
 
-    @property
-    def _stated(self) -> int:
-        return self._source.check_count(math.prod(self.shape)) * self.dtype.itemsize
+    def _read(self, what: str, *asked: Any, **more: Any) -> Any:
+        stated = self._source.check_count(math.prod(self.shape)) * self.dtype.itemsize
+        return self._asked("of_opened", what, asked, more, stated=stated)
 
-    def _asked(self, what: str, *about: Any) -> Any:
-        return self._take(self._process.ask(what, *about, stated=self._stated))
+    def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
+        """Read a field; see `Opened.field`."""
+        found: Field = self._read("field", frame, nodata=nodata)
+        return found
+
+    def frames(self, axis: int | None = None, frame: int | None = None, *, placed: bool = True) -> Slices:
+        """Give the samples as a series; see `Opened.frames`."""
+        found = self._read("frames", axis, frame, placed=placed)
+        return replace(found, frame=lambda number: self._read("frame", number))
 
     def _values(self, frame: int | None) -> NDArray[Any]:
-        found: NDArray[Any] = self._asked("hook", "_values", frame)
+        found: NDArray[Any] = self._read("_known", frame)
         return found
 
-    def _place(self, n: int, frame: int | None) -> Any:
-        return self._asked("hook", "_place", n, frame)
-
-    def _series(self) -> Slices | None:
-        found = self._asked("series")
-        return found and Slices(frame=lambda number: self._asked("frame", number), **found)
-
-    def _windows(self) -> Any:
-        windowed = self._asked("windowed")
-        return ConfinedWindows(self._format, self._source, self._choice) if windowed else super()._windows()
-
-
-class ConfinedWindows(Windows):
-    """Windows that a process reads, one for each process of this package that asks for them."""
-
-    def __init__(self, format: Format, source: InputFile, choice: Choice) -> None:
-        self._opened_by = format, source, choice
-        super().__init__(source.path)
-
-    @cached_property
-    def _file(self) -> ConfinedOpened:
-        return ConfinedOpened(*self._opened_by)
-
-    def __getitem__(self, window: tuple[slice, ...]) -> NDArray[Any]:
-        found: NDArray[Any] = self._file._asked("window", [[each.start, each.stop] for each in window])
+    def _place(self, n: int, frame: int | None) -> Placement:
+        found: Placement = self._read("_place", n, frame)
         return found
-
-
-def opened_by(format: Format) -> Callable[[InputFile, Choice], Opened]:
-    """Give what opens a source of a format, here or in a process apart."""
-    if not format.confined:
-        return format.open
-    return lambda source, choice: ConfinedOpened(format, source, choice)
 
 
 def mesh_by(format: MeshFormat, source: InputFile, choice: Choice) -> MeshRead:
-    """Read a mesh here, or in a process apart.
-
-    Raises
-    ------
-    InputError, LimitError, OSError, MissingExtraError
-    """
+    """Read a mesh here, or in a process apart."""
     if not format.confined:
         return format.read(source, choice)
     with ReadingProcess(format.confined, format.extra, source) as process:
@@ -272,11 +216,8 @@ def mesh_by(format: MeshFormat, source: InputFile, choice: Choice) -> MeshRead:
 def _end(process: subprocess.Popen[bytes]) -> None:
     process.kill()
     for pipe in (process.stdin, process.stdout):
-        try:
-            if pipe:
-                pipe.close()
-        except OSError:  # what is not sent yet
-            pass
+        with suppress(OSError):  # what is not sent yet
+            pipe.close()  # type: ignore[union-attr]
     process.wait()
 
 
@@ -284,11 +225,3 @@ def _size_of(path: Path) -> int:
     """Bytes of a file, or of those in a folder."""
     files = path.rglob("*") if path.is_dir() else [path]
     return sum(each.stat().st_size for each in files if each.exists())
-
-
-def _error_of(told: dict[str, Any]) -> Exception:
-    """The error that was raised there."""
-    if "errno" in told:
-        return OSError(told["errno"], told["message"])
-    error: IsoError = getattr(errors, told.pop("kind"))(told.pop("message"), **told)
-    return error

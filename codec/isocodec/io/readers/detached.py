@@ -7,7 +7,6 @@ line for a name that was not seen.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,8 +15,8 @@ from .source import InputFile
 
 _HEADER = 1 << 20
 """Bytes in which a header has to end."""
-_PATTERN = re.compile(r"[^%]*%0?[0-9]{0,3}d[^%]*")
-"""A name with the place of one whole number."""
+_PATTERN = re.compile(r"([^%\s]*%0?[0-9]{0,3}d[^%\s]*)\s+(-?\d{1,9})\s+(-?\d{1,9})(\s+-?\d{1,9}(?:\s.*)?)?\s*", re.A)
+"""A name with the place of one whole number, its first number, last number, and step: ``slice%03d.raw 1 40 1``."""
 _FILES = 100_000
 _KEY = b"ElementDataFile"
 _NAMES = ("utf-8", "surrogateescape")
@@ -26,8 +25,6 @@ _NO_KIND = ("domain", "space", "time", "none", "???")
 _AXES = (b"2", b"3", b"4", b"5")
 _META_END, _NRRD_END = re.compile(rb"ElementDataFile[^\n]*\n"), re.compile(rb"\n\r?\n")
 """Ends of headers before samples in the same file."""
-_SKIPS = ("lineskip:", "byteskip:")
-_DEFLATED = ("gz", "gzip")
 
 
 @dataclass(frozen=True)
@@ -48,15 +45,10 @@ class Stored:
     begin: int = 0
 
     def check(self, source: InputFile, stated: int) -> None:
-        """Check that the samples take as many bytes as stated, and if they are packed that they are not damaged.
-
-        Raises
-        ------
-        InputError
-        """
+        """Check that the samples take as many bytes as stated, and if packed are not damaged; raises `InputError`."""
         if self.packing == "raw":
             source.check_bytes(stated, sum(path.stat().st_size for path in self.files))
-        elif self.packing in _DEFLATED and len(self.files) == 1:
+        elif self.packing in ("gz", "gzip") and len(self.files) == 1:
             (path,) = self.files
             source.check_deflated(stated, self.begin if path == source.path else 0, path)
 
@@ -71,7 +63,7 @@ def meta_files(source: InputFile) -> Stored:
     LimitError
         If it names too many.
     """
-    head, cut = _head(source)
+    head, cut, begin = _head(source, _META_END)
     at = head.find(_KEY)
     before, line_break, indent = head[: max(at, 0)].rpartition(b"\n")
     line, _, rest = head[at + len(_KEY) :].partition(b"\n")
@@ -87,48 +79,30 @@ def meta_files(source: InputFile) -> Stored:
         packing = "text"
     if stated.get(b"NDims") not in _AXES:
         raise InputError("states no number of axes from 2 to 5", code="unreadable")
-    target = _text(value.lstrip(b"=: \t"))
+    target = value.lstrip(b"=: \t").decode(*_NAMES)
     if target.startswith("LIST") and cut:
         raise InputError(f"has a header of more than {_HEADER:,} bytes", code="unreadable")
-    files = _files(source, target, _text(rest), ("LOCAL", "Local", "local"))
+    here = target in ("LOCAL", "Local", "local")
+    files = [source.path] if here else _files(source, target, rest.decode(*_NAMES))
     packed = stated.get(b"CompressedDataSize", b"")
     if packed.isdigit():
         source.check_bytes(int(packed), sum(path.stat().st_size for path in files))
-    return Stored(files, packing, _begin(source, _META_END))
+    return Stored(files, packing, begin)
 
 
 def nrrd_files(source: InputFile) -> Stored:
-    """Find the files of an NRRD header.
-
-    Raises
-    ------
-    InputError, LimitError
-    """
-    head, cut = _head(source)
-    head, end, _ = head.partition(b"\n\n")
-    if not head.startswith(b"NRRD") or (cut and not end) or any(c in head for c in b"\r\0"):
-        raise InputError("has no NRRD header", code="unreadable")
+    """Find the files of an NRRD header; raises as `meta_files`."""
+    lines, fields, begin = _nrrd(source)
     files: list[Path] = []
-    encoding = ""
-    lines = _text(head).split("\n")
-    for number, line in enumerate(lines):
-        name, _, value = line.partition(":")
-        field = "".join(name.lower().split())
-        if field == "encoding":
-            encoding = value.strip().lower()
+    for number, (line, field) in enumerate(zip(lines, fields, strict=True)):
+        value = line.partition(":")[2]
         if field == "datafile" and not value.startswith("="):
             files += _files(source, value.strip(), "\n".join(lines[number + 1 :]))
             if value.strip().startswith("LIST"):
                 break
-    skips = any("".join(line.lower().split()).startswith(_SKIPS) for line in lines)
-    return Stored(files or [source.path], "other" if skips else encoding, _begin(source, _NRRD_END))
-
-
-def _begin(source: InputFile, end: re.Pattern[bytes]) -> int:
-    """Find where samples begin behind a header."""
-    with source.path.open("rb") as file:
-        found = end.search(file.read(_HEADER))
-    return found.end() if found else 0
+    values = _values(lines, fields)
+    skips = any(field in ("lineskip", "byteskip") for field in fields)
+    return Stored(files or [source.path], "other" if skips else values.get("encoding", "").strip().lower(), begin)
 
 
 def listed(source: InputFile, files: list[Path]) -> bytes:
@@ -136,9 +110,8 @@ def listed(source: InputFile, files: list[Path]) -> bytes:
 
     Empty if ITK takes the header of the source as it is, or finds its samples in several files.
     """
-    lines = _text(_head(source)[0].partition(b"\n\n")[0]).split("\n")
-    fields = ["".join(line.partition(":")[0].lower().split()) for line in lines]
-    values = {name: line.partition(":")[2] for name, line in zip(fields, lines, strict=True)}
+    lines, fields, _ = _nrrd(source)
+    values = _values(lines, fields)
     directions = re.findall(r"none|\([^)]*\)", values.get("spacedirections", ""))
     kinds = values.get("kinds", "").split() or ["domain"] * len(directions)
     apart = [n for n, each in enumerate(directions or kinds) if each == ("none" if directions else "time")]
@@ -152,42 +125,41 @@ def listed(source: InputFile, files: list[Path]) -> bytes:
     return "\n".join([*kept, f"kinds: {' '.join(kinds)}", *skip, "data file: samples", "", ""]).encode(*_NAMES)
 
 
-def _head(source: InputFile) -> tuple[bytes, bool]:
-    """The first bytes of a file, with line breaks of one kind, and whether there are more."""
+def _nrrd(source: InputFile) -> tuple[list[str], list[str], int]:
+    """The lines of a header, the names of their fields, and where samples begin behind it."""
+    head, cut, begin = _head(source, _NRRD_END)
+    head, end, _ = head.partition(b"\n\n")
+    if not head.startswith(b"NRRD") or (cut and not end) or any(c in head for c in b"\r\0"):
+        raise InputError("has no NRRD header", code="unreadable")
+    lines = head.decode(*_NAMES).split("\n")
+    return lines, ["".join(line.partition(":")[0].lower().split()) for line in lines], begin
+
+
+def _values(lines: list[str], fields: list[str]) -> dict[str, str]:
+    return {field: line.partition(":")[2] for field, line in zip(fields, lines, strict=True) if ":=" not in line}
+
+
+def _head(source: InputFile, end: re.Pattern[bytes]) -> tuple[bytes, bool, int]:
+    """The first bytes of a file, with line breaks of one kind, whether there are more, and where the header ends."""
     with source.path.open("rb") as file:
-        return file.read(_HEADER).replace(b"\r\n", b"\n"), bool(file.read(1))
+        head, more = file.read(_HEADER), bool(file.read(1))
+    found = end.search(head)
+    return head.replace(b"\r\n", b"\n"), more, found.end() if found else 0
 
 
-def _files(source: InputFile, value: str, rest: str, here: Iterable[str] = ()) -> list[Path]:
+def _files(source: InputFile, value: str, rest: str) -> list[Path]:
     """Files that the field of a header names: one, some by numbers, or those of the lines that follow it."""
-    if value in here:
-        return [source.path]
+    names, count = [value], 1
     if value.startswith("LIST"):
         names = [line.strip() for line in rest.split("\n") if line.strip()]
+        count = len(names)
     elif "%" in value:
-        names = _numbered(value)
-    else:
-        names = [value]
-    if len(names) > _FILES:
-        raise LimitError(f"names {len(names):,} files", code="limit-files")
+        found = _PATTERN.fullmatch(value)
+        step = int((found[4] or "1").split()[0]) if found else 0
+        if not found or not step:
+            raise InputError("names files by a pattern that cannot be followed", code="unreadable")
+        numbers = range(int(found[2]), int(found[3]) + (1 if step > 0 else -1), step)
+        names, count = [found[1] % number for number in numbers[:_FILES]], len(numbers)
+    if count > _FILES:
+        raise LimitError(f"names {count:,} files", code="limit-files")
     return [source.beside(name) for name in dict.fromkeys(names)]
-
-
-def _numbered(value: str) -> list[str]:
-    """Names by a pattern, its first number, last number, and step: ``slice%03d.raw 1 40 1``."""
-    words = value.split()
-    pattern, numbers = words[0], words[1:]
-    if not _PATTERN.fullmatch(pattern) or len(numbers) < 2 or not all(re.fullmatch("-?[0-9]{1,9}", n) for n in numbers):
-        raise InputError("names files by a pattern that cannot be followed", code="unreadable")
-    first, last, step = (*map(int, numbers[:3]), 1)[:3]
-    if step == 0:
-        raise InputError("names files by a pattern that cannot be followed", code="unreadable")
-    count = range(first, last + (1 if step > 0 else -1), step)
-    if len(count) > _FILES:
-        raise LimitError(f"names {len(count):,} files", code="limit-files")
-    return [pattern % number for number in count]
-
-
-def _text(data: bytes) -> str:
-    """Bytes of names, as the file system has them."""
-    return data.decode(*_NAMES)

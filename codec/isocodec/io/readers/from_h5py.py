@@ -1,6 +1,6 @@
 """H5py reads the arrays of HDF5 files, NetCDF-4 among them, for `from_xarray`.
 
-Links are not followed, and what lies in other files is left there unless it is asked for.
+Links are not followed, and samples in other files are not read unless that is asked for.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import InputError, plain
 from ...extras import optional
-from .arrays import ArrayInFile, Arrays
+from .arrays import Arrays, of_file
 from .reading import reading
 from .source import InputFile
 
@@ -37,31 +38,26 @@ def arrays_of_hdf5(source: InputFile) -> Iterator[Arrays]:
             there |= {name: item for name in outside if isinstance(item := file.get(name), h5py.Dataset)}
             away = {}
         found = {name: item for name, item in there.items() if name not in away and item.shape is not None}
-        attributes = {name: _attributes(item) for name, item in found.items()}
-        lengths = {name for name, notes in attributes.items() if str(notes.get("NAME")).startswith(_NO_VARIABLE)}
         names = {item.id: name for name, item in found.items()}
-        yield Arrays(
-            {name: ArrayInFile(item, _dims(item, names), attributes[name], _written(item), packings=_packings(item))
-             for name, item in found.items() if name not in lengths},
-            away, "_NCProperties" in file.attrs,
-        )
+        made = {name: _variable(source, name, item, names) for name, item in found.items()}
+        made = {name: one for name, one in made.items() if not str(one.attrs.get("NAME")).startswith(_NO_VARIABLE)}
+        yield Arrays(made, away, "_NCProperties" in file.attrs)
 
 
-def _dims(item: Any, names: Mapping[Any, str]) -> list[str | None]:
-    """Names of the axes of an array: those of their scales."""
-    if item.is_scale and item.ndim == 1:
-        return [item.name.strip("/")]
+def _variable(source: InputFile, name: str, item: Any, names: Mapping[Any, str]) -> Any:
+    """An array with the names of its scales for its axes."""
+    def get(key: Any) -> Any:
+        if not (item.is_virtual or item.external or not item.size or item.id.get_storage_size()):
+            raise InputError(f"holds the shape of '/{plain(name)}', {item.shape}, but no samples", code="empty")
+        return item[key]
+
     scales = [next((names[scale.id] for scale in axis.values() if scale.id in names), None) for axis in item.dims]
-    return [scale if scales.count(scale) == 1 else None for scale in scales]
-
-
-def _written(item: Any) -> bool:
-    return bool(item.is_virtual or item.external or not item.size or item.id.get_storage_size())
-
-
-def _packings(item: Any) -> int:
+    dims = [scale if scales.count(scale) == 1 else None for scale in scales]
+    if item.is_scale and item.ndim == 1:
+        dims = [item.name.strip("/")]
     layout = item.id.get_create_plist()
-    return sum(layout.get_filter(number)[0] not in _NO_PACKING for number in range(layout.get_nfilters()))
+    packings = sum(layout.get_filter(number)[0] not in _NO_PACKING for number in range(layout.get_nfilters()))
+    return of_file(source, item, dims, _attributes(item), packings, get)
 
 
 def _attributes(item: Any) -> dict[str, Any]:
@@ -84,13 +80,12 @@ def _other_file(name: str, there: Mapping[str, Any], seen: frozenset[str] = froz
     item = there[name]
     if item.external:
         return str(item.external[0][0])
-    if item.is_virtual:
-        for part in item.virtual_sources():
-            if part.file_name != ".":
-                return str(part.file_name)
-            inner = part.dset_name.strip("/")
-            if inner not in there:  # a link, or a pattern of names
-                return str(part.dset_name)
-            if inner not in seen and (found := _other_file(inner, there, seen | {name})) is not None:
-                return found
+    for part in item.virtual_sources() if item.is_virtual else ():
+        inner = part.dset_name.strip("/")
+        if part.file_name != ".":
+            return str(part.file_name)
+        if inner not in there:  # a link, or a pattern of names
+            return str(part.dset_name)
+        if inner not in seen and (found := _other_file(inner, there, seen | {name})) is not None:
+            return found
     return None

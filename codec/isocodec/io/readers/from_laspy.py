@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...extras import optional
+from ...field.reference_system import crs_text
 from .mesh_formats import HEIGHT, MeshFormat, MeshRead
 from .opened import Choice
 from .reading import reading
@@ -31,11 +32,13 @@ def _cloud(source: InputFile, choice: Choice) -> MeshRead:
         for name, each in ((name, np.asarray(found[name])[kept]) for name in names):
             values |= {str(name): each} if each.ndim == 1 else {f"{name}:{i}": part for i, part in enumerate(each.T)}
         points = np.stack([np.asarray(found.x, np.float64), np.asarray(found.y, np.float64)], axis=1)[kept]
-    return MeshRead(points, None, values, remarks=remarks)
+        optional("pyproj", extra="points", purpose="reading reference systems")
+        crs = crs_text(file.header.parse_crs())
+    return MeshRead(points, None, values, crs=crs, remarks=remarks)
 
 
 def _check_header(source: InputFile) -> None:
-    """Hold the counts of a header against the bytes of the file: the library makes what they state."""
+    """Check the counts of a header against the bytes of the file: the library allocates what they state."""
     size = source.path.stat().st_size
     with source.path.open("rb") as file:
         head = file.read(375)

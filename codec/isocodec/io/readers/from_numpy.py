@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import zipfile
+from contextlib import suppress
 from functools import cached_property
 from typing import IO, Any
 
@@ -18,11 +19,10 @@ from numpy.typing import NDArray
 from ...errors import InputError, OptionError, plain
 from ...field.placement import CRS, PLACEMENT, Placement
 from .mesh_formats import MeshFormat, MeshRead
-from .opened import DEFAULT_KEY, Choice, Format, Opened, numbers
+from .opened import Choice, Format, Opened, Windows, numbers
 from .place_of_samples import open_grid, placed, placed_grid
-from .reading import check_frame, pick_frame, reading
+from .reading import check_frame, choose, pick_frame, reading
 from .source import InputFile
-from .windows import Windows
 
 Array = NDArray[Any]
 
@@ -30,7 +30,6 @@ _HEADER = 1 << 16
 """Bytes in which a header has to end; NumPy reads none of more than 10,000 characters."""
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Compressions that NumPy writes. Decoders of others take memory before they know how much comes out."""
-_LISTED = 20
 _PAIRS = (("lon", "lat"), ("longitude", "latitude"), ("rlon", "rlat"), ("nav_lon", "nav_lat"), ("x", "y"))
 """Names of coordinates x and y in .npz files."""
 _OF_PLACE = (PLACEMENT, CRS)
@@ -45,34 +44,33 @@ class _NumpyFile(Opened):
     """An array of an .npy file, or of an .npz file."""
 
     def _open(self, choice: Choice) -> None:
-        self._file = file = self.hold(self._source.path.open("rb"))
+        file = self.hold(self._source.path.open("rb"))
         magic = file.read(6)
         # numpy takes anything else for a pickle, and an error about that would lead the user astray
         if magic != b"\x93NUMPY" and magic[:4] not in (b"PK\x03\x04", b"PK\x05\x06"):
             raise InputError("is not a NumPy file", code="unreadable")
         file.seek(0)
-        self._archive: zipfile.ZipFile | None = None
+        self._archive = None
         with reading("NumPy file"):
             if magic[:2] == b"PK":
-                self._archive = self.hold(zipfile.ZipFile(file))
-                self._info = _member(self._source, self._archive, choice.key)
-                with _opened(self._source, self._archive, self._info) as member:
-                    self.shape, self.dtype, _ = _header(member.read(_HEADER))
-                return
-            if choice.key is not None:
+                self._archive = _Archive(self._source, self.hold(zipfile.ZipFile(file)))
+                self._key = self._archive.chosen(choice.key)
+                self.shape, self.dtype, _ = self._archive.header(self._key)
+            elif choice.key is not None:
                 raise OptionError("a key names an array of an .npz file; this is a single array", code="key")
-            self.shape, self.dtype, _ = _header(file.read(_HEADER))
+            else:
+                self.shape, self.dtype, _ = _header(file.read(_HEADER))
 
     def _values(self, frame: int | None) -> Array:
         with reading("NumPy file"):
-            if self._archive is None:
-                self._file.seek(0)
-                return pick_frame(_array(self._source, self._file, self._source.path.stat().st_size), frame)
-            return pick_frame(_member_array(self._source, self._archive, self._info), frame)
+            if self._archive is not None:
+                return pick_frame(self._archive.array(self._key), frame)
+            with self._source.path.open("rb") as file:
+                return pick_frame(_array(self._source, file, self._source.path.stat().st_size), frame)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        found = None if self._archive is None else _beside(self._source, self._archive, self.shape[-n:])
-        return found or Placement()
+        with reading("NumPy file"):
+            return Placement() if self._archive is None else self._archive.place(self.shape[-n:])
 
     def _windows(self) -> Any:
         if self._archive is not None:
@@ -110,87 +108,61 @@ def _header(begin: bytes) -> tuple[tuple[int, ...], np.dtype[Any], int]:
     return shape, dtype, file.tell()
 
 
-def _member(source: InputFile, archive: zipfile.ZipFile, key: str | None) -> zipfile.ZipInfo:
-    """The array that a key names, or the only one, or the one of the usual name."""
-    members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-    if key is None:
-        if len(fields := members.keys() - set(_OF_PLACE)) == 1:
-            (key,) = fields
-        elif DEFAULT_KEY in members:
-            key = DEFAULT_KEY
-        elif not members:
+class _Archive:
+    """The arrays of an .npz file, by name."""
+
+    def __init__(self, source: InputFile, archive: zipfile.ZipFile) -> None:
+        self._source, self._archive = source, archive
+        self.members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+
+    def _opened(self, name: str) -> IO[bytes]:
+        info = self.members[name]
+        if info.compress_type not in _PACKED:
+            raise InputError("is packed in a way that NumPy does not write", code="unreadable", remedy="use np.savez")
+        self._source.check_packed(info.file_size, info.compress_size)
+        return self._archive.open(info)
+
+    def header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any], int]:
+        with self._opened(name) as file:
+            return _header(file.read(_HEADER))
+
+    def array(self, name: str) -> Array:
+        with self._opened(name) as file:
+            return _array(self._source, file, self.members[name].file_size)
+
+    def chosen(self, key: str | None) -> str:
+        """The array that a key names, or the only one, or the one of the usual name."""
+        if not self.members:
             raise InputError("holds no arrays", code="key")
-        else:
-            raise InputError(
-                f"holds {len(members)} arrays: {_listing(source, archive, members)}", code="key",
-                remedy="choose one with --key",
-            )
-    elif (key := key.removesuffix(".npy")) not in members:
-        listing = _listing(source, archive, members) or "nothing"
-        raise InputError(f"holds no array '{plain(key)}', but: {listing}", code="key")
-    info = members[key]
-    if not info.filename.endswith(".npy"):
-        raise InputError(f"'{plain(key)}' is not an array", code="key")
-    return info
+        shapes = {name: self._shape(name) for name in self.members if key is not None or name not in _OF_PLACE}
+        key = choose(shapes, key and key.removesuffix(".npy"), axes=0)
+        if not self.members[key].filename.endswith(".npy"):
+            raise InputError(f"'{plain(key)}' is not an array", code="key")
+        return key
 
+    def _shape(self, name: str) -> tuple[int, ...] | str:
+        with suppress(Exception):  # an unreadable neighbour must not hide the names of the others
+            shape, dtype, _ = self.header(name)
+            return shape if dtype.kind != "O" else "unreadable"
+        return "unreadable"
 
-def _member_array(source: InputFile, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Array:
-    with _opened(source, archive, info) as member:
-        return _array(source, member, info.file_size)
+    def _text(self, name: str) -> str | None:
+        with self._opened(name) as file:
+            text = npy.read_array(io.BytesIO(file.read(_HEADER)), allow_pickle=False)
+        return str(text) or None if text.dtype.kind == "U" and text.ndim == 0 else None
 
-
-def _text(source: InputFile, archive: zipfile.ZipFile, info: zipfile.ZipInfo | None) -> str | None:
-    """A text of an archive; None if it is none, or empty."""
-    if info is None or info.file_size > _HEADER:
-        return None
-    with _opened(source, archive, info) as member:
-        text = npy.read_array(io.BytesIO(member.read(_HEADER)), allow_pickle=False)
-    return str(text) or None if text.dtype.kind == "U" and text.ndim == 0 else None
-
-
-def _opened(source: InputFile, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> IO[bytes]:
-    if info.compress_type not in _PACKED:
-        raise InputError("is packed in a way that NumPy does not write", code="unreadable", remedy="use np.savez")
-    source.check_packed(info.file_size, info.compress_size)
-    return archive.open(info)
-
-
-def _listing(source: InputFile, archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]) -> str:
-    parts = []
-    for name, info in [*members.items()][:_LISTED]:
-        try:
-            with _opened(source, archive, info) as member:
-                shape, dtype, _ = _header(member.read(_HEADER))
-            kind = str(shape) if dtype.kind != "O" else "unreadable"
-        except Exception:  # an unreadable neighbour must not hide the names of the others
-            kind = "unreadable"
-        parts.append(f"{plain(name)} {kind}")
-    return ", ".join(parts + ["..."] * (len(members) > _LISTED))
-
-
-def _beside(source: InputFile, archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Placement | None:
-    """Coordinates of a field beside it: a matrix ``placement`` with a text ``crs``, or of a field of two axes
-    under the usual names: along the axes, or for each sample.
-
-    Those of other sizes are not of this field.
-    """
-    members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-    if PLACEMENT in members:
-        with reading("NumPy file"):
-            matrix = _member_array(source, archive, members[PLACEMENT])
-            crs = _text(source, archive, members.get(CRS))
-        return placed(matrix, len(shape), crs)
-    if len(shape) != 2:
-        return None
-    for pair in _PAIRS:
-        if members.keys() >= set(pair):
-            with reading("NumPy file"):
-                x, y = (np.asarray(numbers(_member_array(source, archive, members[name])), np.float64) for name in pair)
-            if x.shape == y.shape == shape:
-                return placed_grid([x, y], shape, pair[0] != "x")
-            if x.ndim == y.ndim == 1 and (len(y), len(x)) == shape:
-                return placed_grid(open_grid([y, x]), shape, pair[0] != "x")
-    return None
+    def place(self, shape: tuple[int, ...]) -> Placement:
+        """Placement by a matrix with a text ``crs``, or of a field of two axes by coordinates of the usual names."""
+        if PLACEMENT in self.members:
+            return placed(self.array(PLACEMENT), len(shape), self._text(CRS) if CRS in self.members else None)
+        for pair in _PAIRS if len(shape) == 2 else ():
+            if self.members.keys() >= set(pair):
+                x, y = (np.asarray(numbers(self.array(name)), np.float64) for name in pair)
+                if x.shape == y.shape == shape:
+                    return placed_grid([x, y], shape, pair[0] != "x")
+                if x.ndim == y.ndim == 1 and (len(y), len(x)) == shape:
+                    return placed_grid(open_grid([y, x]), shape, pair[0] != "x")
+        return Placement()
 
 
 def _holds_mesh(source: InputFile, key: str | None) -> bool:
@@ -204,9 +176,8 @@ def _holds_mesh(source: InputFile, key: str | None) -> bool:
 
 def _mesh(source: InputFile, choice: Choice) -> MeshRead:
     with reading("NumPy file"), zipfile.ZipFile(source.path) as archive:
-        arrays = {
-            info.filename.removesuffix(".npy"): _member_array(source, archive, info) for info in archive.infolist()
-        }
+        held = _Archive(source, archive)
+        arrays = {name: held.array(name) for name in held.members}
         if not set(_OF_MESHES) <= set(arrays):
             raise InputError("holds no arrays points and cells", code="mesh")
         points, cells = np.asarray(arrays["points"], np.float64), np.asarray(arrays["cells"]).astype(np.int64)
@@ -231,9 +202,11 @@ def _table(source: InputFile, _: Choice) -> MeshRead:
         divider = next((each for each in ",;\t" if each in first), " ")
         names = next(csv.reader([first], delimiter=divider, skipinitialspace=True), [])
         names = [name.strip() for name in names if name.strip()]
-        named = not all(map(_is_number, names))
-        if not named:
+        try:
+            named = np.array(names, np.float64).ndim == 0
             names = [*"xyz", *(f"column {i}" for i in range(4, len(names) + 1))][: len(names)]
+        except ValueError:
+            named = True
         rows = np.loadtxt(
             source.path, delimiter=None if divider == " " else divider, skiprows=int(named), ndmin=2,
             encoding="utf-8-sig", converters=None if divider == " " else _number,
@@ -254,14 +227,6 @@ def _table(source: InputFile, _: Choice) -> MeshRead:
 def _number(text: str) -> float:
     """A number of a table; NaN where nothing is between two dividers."""
     return float(text.strip() or "nan")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 FORMATS = (

@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from ...errors import InputError, LimitError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement
-from .opened import Choice, Format, Opened, numbers
+from .opened import Choice, Format
 from .place_of_samples import EVEN, SLICE, placed, placed_volume, to_right_front_up
 from .reading import channel_of, check_frame, named, reading
-from .slices import Slices
 from .source import InputFile, is_dicom
-from .volumes import of_a_series, scaled, single, squeezed
+from .volumes import OpenedVolumes, of_a_series, scaled, single, squeezed
 
 Array = NDArray[Any]
 _LONG = 1 << 16
@@ -121,13 +120,13 @@ class _Plane:
         slope = self.get("RescaleSlope", "DoseGridScaling", "RealWorldValueSlope")
         return float(slope or 1), float(self.get("RescaleIntercept", "RealWorldValueIntercept") or 0)
 
-    def padded(self, raw: Array) -> Array | None:
-        """The stored samples that only fill the picture."""
-        ends = self.get(*(f"{name}Value" for name in _PADDING)), self.get(*(f"{name}RangeLimit" for name in _PADDING))
+    def padded(self, raw: Array) -> Array | bool:
+        """Find the stored samples that only fill the picture."""
+        ends = [self.get(*(f"{name}{end}" for name in _PADDING)) for end in ("Value", "RangeLimit")]
         if ends[0] is None:
-            return None
+            return False
         low, high = sorted(np.array([end for end in ends if end is not None] * 2)[:2].astype(raw.dtype))
-        return np.asarray((raw >= low) & (raw <= high))
+        return np.asarray((low <= raw) & (raw <= high))
 
     def used(self, raw: Array) -> Array:
         """Stored samples without what other bits of their words hold, and with their sign."""
@@ -140,7 +139,7 @@ Volume = list[list[_Plane]]
 """Frames of each slice: one, or of segmentations those of some segments."""
 
 
-class _Dicom(Opened):
+class _Dicom(OpenedVolumes):
     """Slices of a folder, or the frames of a file; axes i, j, k, and a last one of volumes in one place."""
 
     def _open(self, choice: Choice) -> None:
@@ -167,40 +166,31 @@ class _Dicom(Opened):
         self.unit = None if unit in (None, "US") else one_line(str(unit))
 
     def _type(self, planes: list[_Plane]) -> np.dtype[Any]:
-        header = self._first.header
         if self._segments == "BINARY":
             return np.min_scalar_type(max(int(each.get("ReferencedSegmentNumber")) for each in planes))
-        if self._palette:
-            return np.dtype(f"u{header.RedPaletteColorLookupTableDescriptor[2] // 8}")
-        types = {self._pixels.utils.pixel_dtype(each.header, _PIXELS not in each.header) for each in planes}
-        stored, rescaling = np.result_type(*types).newbyteorder("="), {each.rescaling for each in planes}
-        if self._segments or self._channel is not None or rescaling == {(1.0, 0.0)}:
-            return stored
-        only = rescaling.pop()
-        if only is None and not rescaling:
-            return np.dtype(f"u{-(-header.ModalityLUTSequence[0].LUTDescriptor[2] // 8)}")
-        whole = None if rescaling or only is None else scaled(np.zeros(0, stored), *only)
-        return np.dtype(np.float64) if whole is None else whole.dtype
+        found = []
+        for plane in {(id(each.header), each.rescaling): each for each in planes}.values():
+            stored = self._pixels.utils.pixel_dtype(plane.header, _PIXELS not in plane.header).newbyteorder("=")
+            one = np.zeros((1, 1, 3)[: 2 + (plane.header.SamplesPerPixel > 1)], stored)
+            found.append(stored if self._segments else self._rescaled(plane, one).dtype)
+        return np.result_type(*found)
 
     def _values(self, frame: int | None) -> Array:
-        several = len(self._volumes) if len(self._volumes) > 1 else 0
-        if frame is None and several:
+        if frame is None and self._several:
             raise of_a_series(self._whole, self._by)
         if frame is not None:
-            check_frame(frame, several)
+            check_frame(frame, len(self._volumes) if self._several else 0)
         volume = self._volumes[frame or 0]
-        whole, gone = np.zeros((len(volume), *self._first.size), self.dtype), None
+        whole = np.zeros((len(volume), *self._first.size), self.dtype)
+        gone = np.zeros(whole.shape, np.bool_)
         with reading("DICOM"):
             for number, plane, raw in self._decoded(volume):
                 if self._segments:
                     self._mark(whole[number], plane, raw)
-                    continue
-                padded = None if self._channel is not None else plane.padded(raw)
-                if padded is not None and padded.any():
-                    gone = np.zeros(whole.shape, np.bool_) if gone is None else gone
-                    gone[number] = padded
-                whole[number] = self._rescaled(plane, raw)
-        return single(whole.T if gone is None else np.ma.MaskedArray(whole, gone).T, None)
+                else:
+                    gone[number] = self._channel is None and plane.padded(raw)
+                    whole[number] = self._rescaled(plane, raw)
+        return single(np.ma.MaskedArray(whole, gone).T if gone.any() else whole.T, None)
 
     def _decoded(self, volume: Volume) -> Iterator[tuple[int, _Plane, Array]]:
         """Frames as they are stored, each with the number of its slice; each file is opened once."""
@@ -223,11 +213,11 @@ class _Dicom(Opened):
         raw, rescaling = plane.used(raw), plane.rescaling
         if rescaling is None:
             return np.asarray(self._pixels.apply_modality_lut(raw, plane.header))
-        whole = scaled(raw, *rescaling) if self.dtype.kind in "iu" or rescaling == (1, 0) else None
+        whole = scaled(raw, *rescaling)
         return raw * np.float64(rescaling[0]) + rescaling[1] if whole is None else whole
 
     def _mark(self, labels: Array, plane: _Plane, raw: Array) -> None:
-        """Give the samples of a segment its number."""
+        """Give the samples of a segment the number of the segment."""
         if self._segments == "LABELMAP":
             labels[...] = raw if self._segment is None else np.where(raw == self._segment, raw, 0)
             return
@@ -248,17 +238,12 @@ class _Dicom(Opened):
             return Placement(remark=remark or "the positions of its slices are unknown" * (n == 3))
         return replace(placed([[float(between[1]), 0, 0], [0, float(between[0]), 0]], 2, unit="mm"), remark=remark)
 
-    def _series(self) -> Slices | None:
-        if len(self._volumes) == 1:
-            return None
-        return Slices(self._whole, 3, lambda number: numbers(self._values(number)), squeezed(self._whole[:3]))
-
 
 # ---- Files and series ------------------------------------------------------------------------------------------------
 
 
 def dicom_files(source: InputFile) -> Iterator[Path]:
-    """Find the files of DICOM in a folder and those below it, or give the only file."""
+    """Find the DICOM files in a folder and those below it, or give the only file."""
     if not source.path.is_dir():
         yield source.path
         return
@@ -275,7 +260,7 @@ def dicom_files(source: InputFile) -> Iterator[Path]:
 
 
 def is_dicom_series(path: Path) -> bool:
-    """Whether a folder holds files of DICOM."""
+    """Whether a folder holds DICOM files."""
     return path.is_dir() and any(True for _ in dicom_files(InputFile(path, follow=True)))
 
 
@@ -284,7 +269,7 @@ def _frames(header: Any) -> int:
 
 
 def _headers(source: InputFile, remarks: list[str]) -> list[tuple[Path, Any]]:
-    """Headers of the files with samples, which are known to be allowed and to be there."""
+    """Headers of the files that hold samples, checked against the limits and the bytes that are there."""
     pydicom, others, count = optional("pydicom", extra="dicom", purpose="reading DICOM"), list[str](), 0
     found: list[tuple[Path, Any]] = []
     for path in dicom_files(source):
@@ -311,7 +296,7 @@ def _headers(source: InputFile, remarks: list[str]) -> list[tuple[Path, Any]]:
 
 
 def _packed(source: InputFile, path: Path, pydicom: Any) -> bool:
-    """Whether a file is packed as a whole; as many bytes as it holds are allowed then."""
+    """Whether a file is packed as a whole; if so, check that it does not unpack to more than the limit."""
     if not is_dicom(path):
         return False
     meta = pydicom.filereader.read_file_meta_info(path)
@@ -326,7 +311,7 @@ def _packed(source: InputFile, path: Path, pydicom: Any) -> bool:
 
 
 def _checked(source: InputFile, path: Path, header: Any, pydicom: Any) -> int:
-    """Count the samples of a file; its pixels are as many as it states, and can be decoded."""
+    """Count the samples of a file; check that it holds as many as it states, and that they can be decoded."""
     # by its name it would be read
     pixels = next(element for tag, element in header.items() if tag in (_PIXELS, *_FLOATS))
     frames, colours = _frames(header), int(header.get("SamplesPerPixel") or 1)

@@ -23,11 +23,10 @@ from ...field.placement import Placement
 from ...field.reference_system import crs_text
 from ...field.sampled import Field
 from ...limits import patience
-from .opened import Choice, Format, Opened
+from .opened import Choice, Format, Opened, Windows
 from .place_of_samples import placed
-from .reading import about, check_frame, reading, said, upright
+from .reading import LISTED, about, check_frame, reading, said, upright
 from .source import InputFile
-from .windows import Windows
 
 TIFF, PACKAGE, _MOSAIC = (".tif", ".tiff"), ".gpkg", ".vrt"
 DRIVERS = dict.fromkeys(TIFF, ("GTiff",)) | {
@@ -47,7 +46,6 @@ _FURTHER = "OVERVIEW_FILE"
 """Note by which GDAL finds another file."""
 _RAW, _PACKED = ("EHdr", "ENVI"), b"\x1f\x8b"
 """Drivers that give zeros for samples that are not there; beginning of a file that is packed."""
-_LISTED = 20
 
 
 @contextmanager
@@ -90,7 +88,7 @@ def _dataset(source: InputFile, drivers: Sequence[str], key: str | None = None) 
         # GTIFF_DIR:1:path, GPKG:path:table
         names = {each.split(":")[1 if driver == "GTiff" else -1]: each for each in found.subdatasets}
         names = names or ({"1": source.target} if driver == "GTiff" else {})
-        listed = ", ".join(map(plain, [*names][:_LISTED]))
+        listed = ", ".join(map(plain, [*names][:LISTED]))
         if key is not None and key not in names:
             raise OptionError(f"there is no raster {plain(key)} in it", code="key",
                               remedy=f"choose one of {listed}" if names else "leave out --key: it holds one")
@@ -126,12 +124,10 @@ def _check_beside(source: InputFile, drivers: Sequence[str]) -> None:
 
 
 class RasterWindows(Windows):
-    """A band of a raster by slices: scaled as the file states, masked where samples are missing.
+    """A band of a raster, counted from 1, by slices: scaled as the file states, masked where samples are missing.
 
     Attributes
     ----------
-    band : int
-        Counted from 1.
     nodata : float or None
         Value of missing samples as they are stored, instead of what the file states; NaN: none.
     """
@@ -165,14 +161,13 @@ class RasterWindows(Windows):
             file = self._file
             a, b, c, d, e, f = file.transform[:6]
             system = crs_text(file.crs)
+            remark = "its reference system is left out: it is not one of the earth" if file.crs and not system else ""
             if file.transform.is_identity:
-                kind = "ground control points" if file.gcps[0] else "rational polynomials" if file.rpcs else ""
                 remark = "its reference system is ignored, as it places no pixels" if system else ""
-                if kind:
+                if kind := "ground control points" if file.gcps[0] else "rational polynomials" if file.rpcs else "":
                     remark = (f"its coordinates are ignored: it has {kind}, no steps between pixels; warp it first, or "
                               "set --transform")
                 return Placement(remark=remark)
-            remark = "its reference system is left out: it is not one of the earth" if file.crs and not system else ""
         row, column = (start + 0.5 for start in self._start)
         found = placed([[b, a, c + b * row + a * column], [e, d, f + e * row + d * column]], 2, system)
         return replace(found, remark=found.remark or remark)
@@ -186,6 +181,9 @@ class RasterWindows(Windows):
             gone = missing_samples(values, self.nodata)
             if not flags & ({"all_valid"} if self.nodata is None else {"all_valid", "nodata"}):
                 gone |= self._file.read_masks(self.band, window=ends) == 0
+            colours = [each.name for each in self._file.colorinterp]
+            if "alpha" in colours and "all_valid" in flags and colours[self.band - 1] != "alpha":
+                gone |= self._file.read(1 + colours.index("alpha"), window=ends) == 0  # GDAL takes it of bytes alone
         if self.scaling != (1, 0):
             values = values * np.float64(self.scaling[0]) + self.scaling[1]
         return np.ma.masked_array(values, gone)
@@ -217,19 +215,12 @@ def _band_of(file: Any, choice: Choice) -> int:
 
 def place_beside(source: InputFile, driver: str) -> Placement:
     """Place the samples of a picture by what files beside it state: world files, notes of GDAL."""
-    band = RasterWindows(source, (driver,), Choice(channel=0))
-    with closing(band):
+    with closing(RasterWindows(source, (driver,), Choice(channel=0))) as band:
         return band.place()
 
 
 class Raster(Opened):
-    """A band of a raster.
-
-    Attributes
-    ----------
-    pages : int
-        Rasters in the file, if it holds several.
-    """
+    """A band of a raster, of a file with so many ``pages`` if it holds several."""
 
     _orientation: Any = 1
 

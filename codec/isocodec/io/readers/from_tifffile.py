@@ -49,8 +49,8 @@ def _tiff(source: InputFile, choice: Choice) -> Opened:
     raster = Raster(source, choice)
     if choice.key is not None or not raster.pages:
         return raster.turned(turn)
-    raster.close()
-    return _Stack(source, choice)
+    with raster:
+        return _Stack(source, choice)
 
 
 def _check_deflated(page: Any) -> None:
@@ -110,9 +110,8 @@ class _Stack(Opened):
             raise InputError("lacks some of the pages that it states", code="unreadable")
         source = replace(self._source, path=Path(page.parent.filehandle.path))
         choice = Choice(str(page.index + 1), self._channel if self._inner else 0)
-        band = RasterWindows(source, ("GTiff",), choice)
-        with closing(band):
-            return band[:, :].data
+        with closing(RasterWindows(source, ("GTiff",), choice)) as band:
+            return np.asarray(band[:, :].data)
 
     def _place(self, n: int, frame: int | None) -> Placement:
         with reading("TIFF"):
@@ -148,8 +147,7 @@ def _check_companions(source: InputFile, notes: str) -> None:
 def _of_microscope(tiff: Any, n: int) -> Placement:
     """Sizes of pixels or voxels, as OME and ImageJ have them; these may be damaged in any way."""
     try:
-        sizes = _ome_sizes(tiff.ome_metadata) if tiff.ome_metadata else _imagej_sizes(tiff)
-        unit = _unit_of(tiff)
+        sizes, unit = _ome_sizes(tiff.ome_metadata) if tiff.ome_metadata else _imagej_sizes(tiff)
     except Exception:
         return Placement()
     if not sizes:
@@ -157,34 +155,26 @@ def _of_microscope(tiff: Any, n: int) -> Placement:
     series = tiff.series[0]
     letters = [a for a, count in zip(series.axes, series.shape, strict=True) if count > 1 and a not in "SC"][-n:]
     if letters != [*"ZYX"[-n:]] or not set(letters) <= sizes.keys():
-        said = f"its axes are {plain(', '.join(letters))}, and {', '.join(sizes)} have sizes"
-        return Placement(remark=f"the sizes of its pixels are ignored: {said}; set them with --spacing")
+        axes = f"its axes are {plain(', '.join(letters))}, and {', '.join(sizes)} have sizes"
+        return Placement(remark=f"the sizes of its pixels are ignored: {axes}; set them with --spacing")
     return in_steps([(sizes[letter], 0.0) for letter in letters], unit)
 
 
-def _ome_sizes(text: str) -> dict[str, float]:
+def _ome_sizes(text: str) -> tuple[dict[str, float], str | None]:
     pixels = next(e for e in ElementTree.fromstring(text).iter() if e.tag.endswith("Pixels"))
-    sizes = {a: pixels.attrib[f"PhysicalSize{a}"] for a in "XYZ" if f"PhysicalSize{a}" in pixels.attrib}
+    sizes = {a: float(pixels.attrib[f"PhysicalSize{a}"]) for a in "XYZ" if f"PhysicalSize{a}" in pixels.attrib}
     units = {pixels.get(f"PhysicalSize{a}Unit", "µm") for a in sizes}
-    return {a: float(size) for a, size in sizes.items()} if len(units) == 1 else {}
+    return (sizes, units.pop()) if len(units) == 1 else ({}, None)
 
 
-def _unit_of(tiff: Any) -> str | None:
-    """Unit of the sizes of pixels, by OME or ImageJ."""
-    if not tiff.ome_metadata:
-        return (tiff.imagej_metadata or {}).get("unit") or None
-    pixels = next(e for e in ElementTree.fromstring(tiff.ome_metadata).iter() if e.tag.endswith("Pixels"))
-    return str(pixels.get("PhysicalSizeXUnit", "µm"))
-
-
-def _imagej_sizes(tiff: Any) -> dict[str, float]:
-    notes = tiff.imagej_metadata or {}
-    if notes.get("unit", "pixel") in ("", "pixel") and "spacing" not in notes:
-        return {}
-    tags = tiff.pages[0].tags
+def _imagej_sizes(tiff: Any) -> tuple[dict[str, float], str | None]:
+    notes, tags = tiff.imagej_metadata or {}, tiff.pages[0].tags
+    unit = notes.get("unit") or None
+    if unit in (None, "pixel") and "spacing" not in notes:
+        return {}, None
     resolutions = {a: tags[f"{a}Resolution"].value for a in "XY" if f"{a}Resolution" in tags}
     sizes = {a: below / above for a, (above, below) in resolutions.items()}
-    return sizes | ({"Z": float(notes["spacing"])} if "spacing" in notes else {})
+    return sizes | ({"Z": float(notes["spacing"])} if "spacing" in notes else {}), unit
 
 
 FORMATS = (

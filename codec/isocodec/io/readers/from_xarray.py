@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,17 +19,16 @@ from ...errors import InputError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement
 from ...field.sampled import Field
-from .arrays import ArrayInFile, Arrays
+from .arrays import Arrays, lazy
 from .from_h5py import arrays_of_hdf5
 from .from_zarr import arrays_of_zarr, is_store
 from .labels import Located, is_globe, is_time, located, notes_of
-from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened
+from .opened import IN_MEMORY, Choice, Format, Opened, unjoined
 from .packing import Packing
-from .reading import about, channel_of, check_frame, reading
+from .reading import about, channel_of, check_frame, choose, reading
 from .slices import Slices
 from .source import InputFile, check_kind
 
-_LISTED = 20
 _CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")
 _UNITS = {"D": 86400, "h": 3600, "min": 60, "s": 1}
 """Seconds of the units that a step in time is written in."""
@@ -58,10 +56,11 @@ class OpenedLabels(Opened):
         self.unit, self.name = (one_line(str(text)) if text else None for text in (unit, name))
 
     def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
-        """Read a field with all that its labels state; see `Opened.field`."""
+        """Read a field; see `Opened.field`."""
         with about(self.label):
-            array = self._field_of(self._taken(frame))
-            self._mark(nodata)
+            array = _of_field(self._taken(frame))
+            # a marker takes the place of those of the input, but where these are packed
+            self._marked = nodata is None or not self._packing.plain
             self._where, values = self._locate(array), self.read(array)
             if self._where.repeated:
                 axis, count = self._where.repeated
@@ -75,7 +74,7 @@ class OpenedLabels(Opened):
 
     def fields(self, slices: Slices, nodata: float | None = None) -> Callable[[int], Field]:
         """Give what makes a field of each of some slices; see `Opened.fields`."""
-        self._mark(nodata)
+        self._marked = nodata is None or not self._packing.plain
         return super().fields(slices, nodata)
 
     def frames(self, axis: int | None = None, frame: int | None = None, *, placed: bool = True) -> Slices:
@@ -112,29 +111,11 @@ class OpenedLabels(Opened):
             values = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
         return values if gone is None else np.ma.masked_array(values, gone)
 
-    def _mark(self, nodata: float | None) -> None:
-        """Let a marker take the place of those of the input, but where these are packed."""
-        self._marked = nodata is None or not self._packing.plain
-
     def _taken(self, frame: int | None) -> Any:
-        array = self._array
         if frame is None:
-            return array
-        dim = array.dims[_axis_of_frames(array)] if array.ndim > 2 else None
-        check_frame(frame, array.sizes[dim] if dim is not None else 0)
-        return array.isel({dim: frame})
-
-    def _field_of(self, array: Any) -> Any:
-        """The array, if it has as many axes as a field."""
-        check_kind(array.dtype)
-        if array.ndim in (2, 3):
-            return array
-        sizes = ", ".join(f"{plain(str(name))} {count}" for name, count in array.sizes.items())
-        first = plain(str(array.dims[_axis_of_frames(array)])) if array.dims else "time"
-        raise InputError(
-            f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
-            remedy=f"choose one along {first} with --frame (frame= in Python), or array.isel({first}=0)",
-        )
+            return self._array
+        check_frame(frame, self._array.shape[_axis_of_frames(self._array)] if self._array.ndim > 2 else 0)
+        return _at(self._array, frame)
 
     def _values(self, frame: int | None) -> NDArray[Any]:
         return np.asarray(np.ma.getdata(self.read(self._taken(frame))))
@@ -142,7 +123,7 @@ class OpenedLabels(Opened):
     def _place(self, n: int, frame: int | None) -> Placement:
         array = self._taken(frame)
         while array.ndim > n:
-            array = array.isel({array.dims[_axis_of_frames(array)]: 0})
+            array = _at(array, 0)
         place = self._locate(array).place if array.ndim in (2, 3) else Placement()
         if self._joined or place.coordinates is None:
             return place
@@ -150,15 +131,9 @@ class OpenedLabels(Opened):
         return Placement(crs=place.crs, remark="; ".join(filter(None, (place.remark, remark))))
 
     def _place_of_slices(self, axis: int, n: int) -> Placement:
-        array = self._array
-        if array.ndim > n + 1:
-            array = array.isel({array.dims[_axis_of_frames(array)]: 0})
+        array = self._array if self._array.ndim <= n + 1 else _at(self._array, 0)
         self._where = self._locate(array.isel({array.dims[axis]: 0}))
-        place = self._where.place
-        if not place.periodic:
-            return place
-        remark = f"its ends along axis {place.periodic[0]} are not joined, as it is a series"
-        return replace(place, periodic=(), remark="; ".join(filter(None, (place.remark, remark))))
+        return unjoined(self._where.place)
 
     def _slices(self, frame: int | None) -> Any:
         return LabelledWindows(self, self._taken(frame))
@@ -178,7 +153,7 @@ class _LabelledFile(OpenedLabels):
         source, key = self._source, None if choice.key is None else choice.key.strip("/")
         if source.named(*_GRIB):
             arrays = self.hold(_grib(source))
-            self._array = arrays[_choose({name: one.shape for name, one in arrays.items()}, key)]
+            self._array = arrays[choose({name: one.shape for name, one in arrays.items()}, key)]
         elif source.named(*_HDF5):
             with source.path.open("rb") as file:
                 start = file.read(4)
@@ -198,14 +173,7 @@ class _LabelledFile(OpenedLabels):
 
 
 class LabelledWindows:
-    """An array, of which windows are read: NaN where floats are missing, masked where integers are.
-
-    Attributes
-    ----------
-    shape : tuple of int
-    dtype : dtype
-    ndim : int
-    """
+    """An array, of which windows are read: NaN where floats are missing, masked where integers are."""
 
     def __init__(self, opened: OpenedLabels, array: Any) -> None:
         self._opened, self._array = opened, array
@@ -227,29 +195,34 @@ def is_labelled(thing: Any) -> bool:
 
 
 def variable(dataset: Any, key: str | None) -> Any:
-    """The array of a Dataset that a key names, or the only one of two axes or more.
-
-    Raises
-    ------
-    InputError
-        If the choice is open.
-    """
-    aside = {word for one in dataset.variables.values() for word in _words(one.attrs)}
-    aside |= {name for name, one in dataset.data_vars.items() if is_globe(name, one.attrs)}
-    fields = {str(name): one.shape for name, one in dataset.data_vars.items() if name not in aside}
-    array = dataset[_choose(fields, key, dataset.variables, remedy="choose one with key=")]
-    more = {name: dataset[name] for name in aside if name in dataset.data_vars and name != array.name}
-    return array.assign_coords({name: one for name, one in more.items() if set(one.dims) <= set(array.dims)})
+    """The array of a Dataset that a key names, or the only one of two axes or more; `InputError` for several."""
+    return _labelled(IN_MEMORY, Arrays({str(name): one for name, one in dataset.variables.items()},
+                                       aside={str(name) for name in dataset.coords}), key)
 
 
 def _axis_of_frames(array: Any) -> int:
     """The axis along which frames are counted: that of times, or the first one."""
-    times = [axis for axis, dim in enumerate(array.dims) if _is_time_axis(array, dim)]
-    return times[0] if times else 0
+    return next((
+        axis for axis, dim in enumerate(array.dims)
+        if (is_time(array.coords[dim]) if dim in array.coords else str(dim).lower() in ("time", "t"))
+    ), 0)
 
 
-def _is_time_axis(array: Any, dim: Any) -> bool:
-    return is_time(array.coords[dim]) if dim in array.coords else str(dim).lower() in ("time", "t")
+def _of_field(array: Any) -> Any:
+    """The array, if it has as many axes as a field."""
+    check_kind(array.dtype)
+    if array.ndim in (2, 3):
+        return array
+    sizes = ", ".join(f"{plain(str(name))} {count}" for name, count in array.sizes.items())
+    first = plain(str(array.dims[_axis_of_frames(array)])) if array.dims else "time"
+    raise InputError(
+        f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
+        remedy=f"choose one along {first} with --frame (frame= in Python), or array.isel({first}=0)",
+    )
+
+
+def _at(array: Any, frame: int) -> Any:
+    return array.isel({array.dims[_axis_of_frames(array)]: frame})
 
 
 def _step(array: Any, dim: Any) -> str:
@@ -264,141 +237,54 @@ def _step(array: Any, dim: Any) -> str:
     return f"{steps[0] / _UNITS[unit]:g} {unit}"
 
 
-def _choose(
-    fields: Mapping[str, tuple[int, ...]], key: str | None, others: Iterable[Any] = (),
-    away: Mapping[str, str] | None = None, default: str | None = None, remedy: str = "choose one with --key",
-) -> str:
-    """The name of the array that a key names, or of the only one of two axes or more."""
-    away = away or {}
-    several = {name: shape for name, shape in fields.items() if sum(size > 1 for size in shape) > 1}
-    names = [*several, *away]
-    if key is None:
-        only = names[0] if names and (len(names) == 1 or not several) else None
-        found = DEFAULT_KEY if DEFAULT_KEY in names else default or only
-        if found is not None:
-            return found
-        some = _listing(several if names else fields, away)
-        what = f"{len(names)} arrays: {some}" if names else f"no array of two or more axes, but: {some}"
-        raise InputError(f"holds {what}", code="key", remedy=remedy if names else None)
-    if key not in fields and key not in others and key not in away:
-        raise InputError(f"holds no array '{plain(key)}', but: {_listing(fields, away)}", code="key")
-    return key
-
-
-def _listing(shapes: Mapping[str, tuple[int, ...]], away: Mapping[str, str]) -> str:
-    parts = [f"{plain(name)} {shape}" for name, shape in shapes.items() if shape]
-    parts += [f"{plain(name)} in another file" for name in away]
-    return ", ".join(parts[:_LISTED] + ["..."] * (len(parts) > _LISTED)) or "nothing"
-
-
 def _words(attributes: Mapping[str, Any]) -> list[str]:
     """Names of other arrays in attributes: of coordinates, bounds and grid mappings."""
     return [word.rstrip(":") for name in _POINTERS for word in str(attributes.get(name, "")).split()]
 
 
 def _labelled(source: InputFile, arrays: Arrays, key: str | None) -> Any:
-    """The array of a file that a key names, or the only one, with its coordinates."""
-    found = arrays.found
+    """The array that a key names, or the only one, with its coordinates: those of its group and the groups around."""
+    found, every = arrays.found, {**arrays.found, **arrays.away}
     inside = {name: name.rpartition("/")[0] for name in found}
-    aside = {
-        other for name, one in found.items() for word in _words(one.attributes)
-        if (other := _visible(word, inside[name], {**found, **arrays.away})) is not None
-    } | {name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attributes)}
-    shapes = {name: tuple(one.stored.shape) for name, one in found.items()}
-    fields = {name: shape for name, shape in shapes.items() if name not in aside}
-    away = {name: file for name, file in arrays.away.items() if name not in aside or key == name}
-    key = _choose(fields, key, found, away, arrays.default)
-    if key in away:
-        raise source.refused(away[key], "in which samples lie")
-    main = _as_variable(source, found[key])
-    if not found[key].written:
-        source.check_array(shapes[key], main.dtype)
-        raise InputError(f"holds the shape of '/{plain(key)}', {shapes[key]}, but no samples", code="empty")
+    aside = {_visible(word, inside[name], every) for name, one in found.items() for word in _words(one.attrs)}
+    aside |= {*arrays.aside, *(name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attrs))}
+    fields: dict[str, Any] = {name: tuple(one.shape) for name, one in found.items() if name not in aside}
+    fields |= {name: "in another file" for name in arrays.away if name not in aside or key == name}
+    key = choose(fields, key, found, arrays.default, "key=" if source is IN_MEMORY else "--key")
+    if key in arrays.away:
+        raise source.refused(arrays.away[key], "in which samples lie")
+    main = found[key].copy(deep=False)
     main.encoding[_NETCDF] = arrays.netcdf
+    named = {*arrays.aside, *(_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref"))}
     coordinates = {}
-    named = {_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref")}
     for name in sorted(found, key=len):
-        short = name.rpartition("/")[2]
-        if name == key or not f"{inside[key]}/".startswith(f"{inside[name]}/" if inside[name] else ""):
-            scale = name in main.dims
-            if not scale:
-                continue
-        one = _as_variable(source, found[name])
+        one, short = found[name], name.rpartition("/")[2]
+        around = f"{inside[key]}/".startswith(f"{inside[name]}/" if inside[name] else "")
+        if name == key or not (around or name in main.dims):
+            continue
         along = one.dims[0] if one.dims in ((name,), (short,)) else None
         fits = all(main.sizes.get(dim) == size for dim, size in one.sizes.items())
         if fits and (along or name in named or (one.ndim and is_globe(short, one.attrs))):
-            coordinates[along or short] = one
-    for dim, (values, attributes) in found[key].coordinates.items():
-        coordinates[dim] = type(main)((dim,), values, attributes)
+            coordinates[along or short] = _in_time(name, one)
     xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
-    decoded = {name: _in_time(name, one) for name, one in coordinates.items()}
-    return xarray.DataArray(main, decoded, name=key.rpartition("/")[2] or None)
+    return xarray.DataArray(main, {**coordinates, **arrays.along.get(key, {})}, name=key.rpartition("/")[2] or None)
 
 
 def _visible(word: str, folder: str, found: Mapping[str, Any]) -> str | None:
     """The array of that name in a group, or the nearest one around it."""
-    while True:
-        name = f"{folder}/{word}".strip("/")
-        if name in found or not folder:
-            return name if name in found else None
-        folder = folder.rpartition("/")[0]
+    name = f"{folder}/{word}".strip("/")
+    if name in found:
+        return name
+    return _visible(word, folder.rpartition("/")[0], found) if folder else None
 
 
 def _in_time(name: str, one: Any) -> Any:
     """Coordinates, times as such where their calendar is known."""
-    if " since " not in str(one.attrs.get("units")):
-        return one
-    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
-    try:
-        with warnings.catch_warnings(action="ignore"):
+    if " since " in str(one.attrs.get("units")):
+        xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
+        with warnings.catch_warnings(action="ignore"), suppress(Exception):  # else they stay numbers with a unit
             return xarray.conventions.decode_cf_variable(name, one).load()
-    except Exception:  # they stay numbers with a unit
-        return one
-
-
-def _as_variable(source: InputFile, one: ArrayInFile) -> Any:
-    """An array of a file as a variable of xarray, of which slices are read."""
-    stored = one.stored
-    chunk = getattr(stored, "shards", None) or getattr(stored, "chunks", None) or ()
-    # a chunk is unpacked as a whole, however few of its samples are wanted
-    source.check_count(math.prod(chunk))
-    if one.packings > 1:
-        raise InputError(f"holds samples that are packed {one.packings} times, and may unpack to any size",
-                         code="unreadable", remedy="write it with one compression")
-    dims: list[Any] = []
-    for dim, size in zip(one.dims, stored.shape, strict=True):
-        unnamed = f"axis of {size}"
-        while dim is None and unnamed in dims:
-            unnamed += " again"
-        dims.append(unnamed if dim is None else dim)
-    return _lazy(dims, tuple(stored.shape), stored.dtype, lambda key: np.asarray(stored[key]), one.attributes)
-
-
-def _lazy(
-    dims: Sequence[Any], shape: tuple[int, ...], dtype: Any, get: Callable[[Any], Any], attributes: Mapping[str, Any]
-) -> Any:
-    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
-    made = xarray.core.indexing.LazilyIndexedArray(_stored_class()(shape, np.dtype(dtype), get))
-    return xarray.Variable(dims, made, dict(attributes))
-
-
-@cache
-def _stored_class() -> Any:
-    """The class of arrays whose slices are read by a function."""
-    xarray = optional("xarray", extra="xarray", purpose="reading arrays with labels")
-    indexing = xarray.core.indexing
-
-    base: Any = xarray.backends.BackendArray
-
-    class Stored(base):
-        def __init__(self, shape: tuple[int, ...], dtype: np.dtype[Any], get: Callable[[Any], Any]) -> None:
-            self.shape, self.dtype, self._get = shape, dtype, get
-
-        def __getitem__(self, key: Any) -> Any:
-            basic = indexing.IndexingSupport.BASIC
-            return indexing.explicit_indexing_adapter(key, self.shape, basic, self._get)
-
-    return Stored
+    return one
 
 
 @contextmanager
@@ -408,8 +294,7 @@ def _classic(source: InputFile, start: bytes) -> Iterator[Arrays]:
     library, engine = ("netCDF4", "netcdf4") if start == _CLASSIC[-1] else ("scipy.io", "scipy")
     optional(library, extra="xarray", purpose="reading NetCDF of the classic kind")
     with reading("NetCDF file"), xarray.open_dataset(source.path, engine=engine, decode_cf=False, cache=False) as file:
-        found = {str(name): ArrayInFile(one, [*map(str, one.dims)], one.attrs) for name, one in file.variables.items()}
-        yield Arrays(found, netcdf=True)
+        yield Arrays({str(name): one for name, one in file.variables.items()}, netcdf=True)
 
 
 @contextmanager
@@ -420,10 +305,8 @@ def _grib(source: InputFile) -> Iterator[dict[str, Any]]:
     options = {"indexpath": "", "values_dtype": np.dtype(np.float64), "encode_cf": ("parameter", "time", "vertical"),
                "read_keys": ["alternativeRowScanning"]}
     with reading("GRIB file"):
-        parts = [
-            (str(name), one) for dataset in cfgrib.open_datasets(str(source.path), backend_kwargs=options, cache=False)
-            for name, one in dataset.data_vars.items()
-        ]
+        sets = cfgrib.open_datasets(str(source.path), backend_kwargs=options, cache=False)
+        parts = [(str(name), one) for each in sets for name, one in each.data_vars.items()]
         names = [name for name, _ in parts]
         out: dict[str, Any] = {}
         for name, one in parts:
@@ -450,7 +333,7 @@ def _in_rows(one: Any) -> Any:
         return grid(one.variable[key[:-2]].values)[(..., *key[-2:])]
 
     dims = [*one.dims[:-1], "y", "x"]
-    made = _lazy(dims, (*one.shape[:-1], rows, columns), one.dtype, read, one.attrs)
+    made = lazy(dims, (*one.shape[:-1], rows, columns), one.dtype, read, one.attrs)
     coordinates = {name: each for name, each in one.coords.items() if "values" not in each.dims}
     for name in ("latitude", "longitude"):
         if name in one.coords:

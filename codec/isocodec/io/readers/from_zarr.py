@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...extras import optional
-from .arrays import ArrayInFile, Arrays
+from .arrays import Arrays, of_file
 from .reading import reading
 from .source import InputFile
 
@@ -37,16 +37,13 @@ def arrays_of_zarr(source: InputFile) -> Iterator[Arrays]:
         if not source.follow:
             _check_links(source, top)
         found = zarr.open(str(top), mode="r")
-        if hasattr(found, "dtype"):
-            yield Arrays({"": _array(found)})
-            return
-        members = dict(found.members(max_depth=None))
-        arrays = {name: _array(one) for name, one in members.items() if hasattr(one, "dtype")}
-        levels: dict[str, ArrayInFile] = {}
-        for name, group in {"": found, **members}.items():
-            if not hasattr(group, "dtype"):
-                levels |= _levels(f"{name}/" if name else "", dict(group.attrs), arrays)
-        yield Arrays({**arrays, **levels}, default=next(iter(levels), None))
+        members = {"": found} if hasattr(found, "dtype") else {"": found, **dict(found.members(max_depth=None))}
+        arrays = {name: _variable(source, one) for name, one in members.items() if hasattr(one, "dtype")}
+        along: dict[str, dict[str, Any]] = {}
+        for name, group in members.items():
+            if name not in arrays:
+                along |= _levels(f"{name}/" if name else "", dict(group.attrs), arrays)
+        yield Arrays(arrays, default=next(iter(along), None), along=along)
 
 
 def _check_links(source: InputFile, top: Path) -> None:
@@ -61,7 +58,7 @@ def _check_links(source: InputFile, top: Path) -> None:
                     folders.append(entry.path)
 
 
-def _array(stored: Any) -> ArrayInFile:
+def _variable(source: InputFile, stored: Any) -> Any:
     attributes = dict(stored.attrs)
     if stored.metadata.zarr_format == 2:
         dims = attributes.pop("_ARRAY_DIMENSIONS", None)
@@ -73,41 +70,30 @@ def _array(stored: Any) -> ArrayInFile:
     named = dims is not None and len(dims) == len(set(dims)) == stored.ndim
     packings = sum(getattr(one, "codec_id", type(one).__name__).lower().startswith(_PACKED)
                    for one in (*stored.compressors, *stored.filters))
-    return ArrayInFile(_Checked(stored), list(dims) if named else [None] * stored.ndim, attributes, packings=packings)
 
-
-class _Checked:
-    """An array of which no chunk is unpacked that states another size than it has to have.
-
-    Attributes
-    ----------
-    shape, dtype, chunks, shards
-    """
-
-    def __init__(self, stored: Any) -> None:
-        self._stored = stored
-        self.shape, self.dtype, self.chunks, self.shards = stored.shape, stored.dtype, stored.chunks, stored.shards
-        self.ndim = stored.ndim
-
-    def __getitem__(self, key: tuple[Any, ...]) -> Any:
-        stored, sizes = self._stored, self.shards or self.chunks
-        most = math.prod(sizes) * stored.dtype.itemsize
-        folder = Path(stored.store.root) / stored.path
-        ranges = [
-            range(size)[part] if isinstance(part, slice) else range(size)[part : part + 1 or None]
-            for part, size in zip(key, self.shape, strict=True)
-        ]
-        for chunk in product(*(
-            range(min(part) // size, max(part) // size + 1) if part else part
-            for part, size in zip(ranges, sizes, strict=True)
-        )):
-            path = folder / stored.metadata.encode_chunk_key(chunk)
-            if path.is_file():
-                with path.open("rb") as file:
-                    stated = _unpacked(file.read(18), stored)
-                if stated > most:
-                    raise InputError(f"holds a chunk that states {stated:,} bytes, and has {most:,}", code="unreadable")
+    def get(key: tuple[Any, ...]) -> Any:
+        _check_chunks(stored, key)
         return stored[key]
+
+    return of_file(source, stored, dims if named else [None] * stored.ndim, attributes, packings, get)
+
+
+def _check_chunks(stored: Any, key: tuple[Any, ...]) -> None:
+    """Check that no chunk with these slices states another size than it has to have."""
+    sizes = stored.shards or stored.chunks
+    most = math.prod(sizes) * stored.dtype.itemsize
+    touched = []
+    for part, size, chunk in zip(key, stored.shape, sizes, strict=True):
+        found = range(size)[part] if isinstance(part, slice) else (int(part) % size,)
+        ends = sorted((found[0] // chunk, found[-1] // chunk)) if found else (0, -1)
+        touched.append(range(ends[0], ends[1] + 1))
+    for numbers in product(*touched):
+        path = Path(stored.store.root) / stored.path / stored.metadata.encode_chunk_key(numbers)
+        if path.is_file():
+            with path.open("rb") as file:
+                stated = _unpacked(file.read(18), stored)
+            if stated > most:
+                raise InputError(f"holds a chunk that states {stated:,} bytes, and has {most:,}", code="unreadable")
 
 
 def _unpacked(start: bytes, stored: Any) -> int:
@@ -123,9 +109,12 @@ def _unpacked(start: bytes, stored: Any) -> int:
     return 0
 
 
-def _levels(group: str, attributes: Mapping[str, Any], arrays: Mapping[str, ArrayInFile]) -> dict[str, ArrayInFile]:
-    """The arrays of a multiscale image of OME-Zarr, the finest first, with coordinates along their axes in space."""
-    out: dict[str, ArrayInFile] = {}
+def _levels(group: str, attributes: Mapping[str, Any], arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Coordinates along the axes in space of multiscale images of OME-Zarr, by array, the finest first.
+
+    The arrays get the names of these axes.
+    """
+    out: dict[str, dict[str, Any]] = {}
     ome = attributes.get("ome")
     images = (ome if isinstance(ome, Mapping) else attributes).get("multiscales")
     for image in images if isinstance(images, list) else ():
@@ -133,7 +122,7 @@ def _levels(group: str, attributes: Mapping[str, Any], arrays: Mapping[str, Arra
         names = [str(axis["name"]) for axis in axes]
         for level in image["datasets"]:
             name = group + str(level["path"]).strip("/")
-            if name not in arrays or arrays[name].stored.ndim != len(axes):
+            if name not in arrays or arrays[name].ndim != len(axes):
                 continue
             scale, start = np.ones(len(axes)), np.zeros(len(axes))
             for step in (*level.get("coordinateTransformations", ()), *image.get("coordinateTransformations", ())):
@@ -145,11 +134,11 @@ def _levels(group: str, attributes: Mapping[str, Any], arrays: Mapping[str, Arra
                 elif step["type"] != "identity":
                     raise InputError(f"places its samples by '{step['type']}'; a scale and a translation can be read",
                                      code="placement")
-            given = arrays[name]
-            along = {
-                one: (start[i] + scale[i] * np.arange(given.stored.shape[i]),
-                      {"axis": one, **({"units": axis["unit"]} if "unit" in axis else {})})
-                for i, (one, axis) in enumerate(zip(names, axes, strict=True)) if axis.get("type", "space") == "space"
+            one = arrays[name]
+            arrays[name] = one._replace(dims=names)
+            out[name] = {
+                dim: type(one)(dim, start[i] + scale[i] * np.arange(one.shape[i]),
+                               {"axis": dim, **({"units": axis["unit"]} if "unit" in axis else {})})
+                for i, (dim, axis) in enumerate(zip(names, axes, strict=True)) if axis.get("type", "space") == "space"
             }
-            out[name] = ArrayInFile(given.stored, names, given.attributes, given.written, along)
     return out

@@ -27,7 +27,7 @@ from . import (
     from_xarray,
     from_zarr,
 )
-from .confined import mesh_by, opened_by
+from .confined import ConfinedOpened, mesh_by
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import Choice, Format, Opened
 from .reading import about
@@ -48,18 +48,7 @@ POINT_SUFFIXES = tuple(suffix for each in MESH_FORMATS if each.scattered for suf
 
 
 def recognised(name: str, first: bytes) -> str | None:
-    """Find the suffix of a format of fields: the one that a name ends in, or else that of the first 512 bytes.
-
-    Parameters
-    ----------
-    name : str
-        For a file, or the path of a URL; empty if unknown.
-    first : bytes
-
-    Returns
-    -------
-    str or None
-    """
+    """Find the suffix of a format of fields: the one that a name ends in, or else that of the first 512 bytes."""
     lower = PurePosixPath(name).name.lower()
     named = [suffix for suffix in FIELD_SUFFIXES if lower.endswith(suffix)]
     if named:
@@ -71,7 +60,7 @@ def recognised(name: str, first: bytes) -> str | None:
 def holds_mesh(path: str | os.PathLike[str], key: str | None = None, follow: bool = False) -> bool:
     """Whether a file, or what a key names of it, is a mesh or points, by its name and if need be by what is in it."""
     source = InputFile(Path(path), follow=follow)
-    found = next((each for each in MESH_FORMATS if source.named(*each.suffixes)), None)
+    found = mesh_format_of(source)
     return found is not None and (found.holds is None or found.holds(source, key))
 
 
@@ -85,7 +74,6 @@ def open_file(
     ----------
     path : path
     choice : Choice, optional
-        Which array or channel.
     samples : int, optional
         Most samples that may be read; `isocodec.limits.FIELD_SAMPLES` if not given.
     follow : bool
@@ -96,62 +84,46 @@ def open_file(
 
     Raises
     ------
-    OSError
-        If the file cannot be opened.
-    InputError
-        If it is not what its name states, is a device or a pipe, holds no numbers, names files that are not to be
-        read, or leaves a choice open.
-    LimitError
-        If its header states more samples than may be read.
-    OptionError
-        If the choice does not apply to this format.
-    MissingExtraError
-        If its library is not installed.
+    OSError, InputError, LimitError, OptionError, MissingExtraError
+        As `isocodec.read`.
     """
     named, path = path, Path(path)
     choice = choice or Choice()
     label = plain(os.fspath(path)) if label is None else label
     with about(label):
-        found = _format_of(path)
+        found = format_of(path)
         source = source_of(named, samples, follow, found is not None and found.folder)
         if found is None:
             raise InputError(
                 f"{plain(path.suffix) or 'a name without a suffix'} is not a supported format of fields",
                 code="suffix", remedy="one of " + ", ".join(FIELD_SUFFIXES),
             )
-        suffix = plain(path.suffix)
-        if choice.slice_tolerance is not None and found.extra != "dicom":
-            raise OptionError(f"--slice-tolerance is for slices of DICOM, not for {suffix}", code="slice-tolerance")
-        if choice.key is not None and not found.keyed:
-            raise OptionError(f"a key names an array of a file that holds several, not of {suffix}", code="key")
-        if choice.channel is not None and not found.channels:
-            raise OptionError(f"a channel or band is part of a picture, not of {suffix}", code="channel")
-        if choice.average and not found.averages:
-            raise OptionError(f"{suffix} has no values of cells to average", code="average")
-        opened = opened_by(found)(source, choice)
+        _check_choice(choice, found, plain(path.suffix))
+        opened = ConfinedOpened(found, source, choice) if found.confined else found.open(source, choice)
     opened.label = label
     return opened
 
 
-def open_here(source: InputFile, choice: Choice) -> Opened:
-    """Open a source whose format is known, in this process."""
-    found = _format_of(source.path)
-    assert found is not None
-    return found.open(source, choice)
+def _check_choice(choice: Choice, found: Format, suffix: str) -> None:
+    """Check that what is chosen applies to a format."""
+    for given, applies, code, error in (
+        (choice.slice_tolerance, found.extra == "dicom", "slice-tolerance",
+         f"--slice-tolerance is for slices of DICOM, not for {suffix}"),
+        (choice.key, found.keyed, "key", f"a key names an array of a file that holds several, not of {suffix}"),
+        (choice.channel, found.channels, "channel", f"a channel or band is part of a picture, not of {suffix}"),
+        (choice.average or None, found.averages, "average", f"{suffix} has no values of cells to average"),
+    ):
+        if given is not None and not applies:
+            raise OptionError(error, code=code)
 
 
-def read_here(source: InputFile, choice: Choice) -> MeshRead:
-    """Read a mesh whose format is known, in this process."""
-    found = _mesh_format_of(source)
-    assert found is not None
-    return found.read(source, choice)
-
-
-def _mesh_format_of(source: InputFile) -> MeshFormat | None:
+def mesh_format_of(source: InputFile) -> MeshFormat | None:
+    """Find the format of a file of a mesh, or of points, by its name."""
     return next((each for each in MESH_FORMATS if source.named(*each.suffixes)), None)
 
 
-def _format_of(path: Path) -> Format | None:
+def format_of(path: Path) -> Format | None:
+    """Find the format of a file or folder of a field, by its name and if need be by what is in it."""
     named = next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
     if (named is None or not named.folder) and path.is_dir():
         if from_pydicom.is_dicom_series(path):
@@ -164,39 +136,21 @@ def _format_of(path: Path) -> Format | None:
 def read_mesh(
     path: str | os.PathLike[str], samples: int | None = None, choice: Choice | None = None, *, follow: bool = False
 ) -> MeshRead:
-    """Read a mesh, or scattered points.
+    """Read a mesh, or scattered points, of one of ``MESH_SUFFIXES`` or ``POINT_SUFFIXES``.
 
-    Parameters
-    ----------
-    path : path
-        Its suffix, one of ``MESH_SUFFIXES`` or ``POINT_SUFFIXES``, names the format. An .npz file has the arrays
-        ``points``, ``cells``, and values at points, of one frame or of several, under other names. Of files
-        of VTK with times all are read. A table has a line for each point, with x, y and values, divided by commas,
-        semicolons, tabs or spaces; its first line may name the columns. Columns of x and y are those that are named so
-        (or lon, lat, easting, northing), else the first two; without names, the third is ``z``.
-    samples : int, optional
-        Most points and cells; `isocodec.limits.FIELD_SAMPLES` if not given.
-    choice : Choice, optional
-        Block, frame, averages and classes that are taken.
-    follow : bool
-        As of `open_file`.
+    An .npz file has the arrays ``points``, ``cells``, and values at points, of one frame or of several, under other
+    names. Of files of VTK with times all are read. A table has a line for each point, with x, y and values, divided by
+    commas, semicolons, tabs or spaces; its first line may name the columns. Columns of x and y are those that are named
+    so (or lon, lat, easting, northing), else the first two; without names, the third is ``z``.
 
     Raises
     ------
-    OSError
-        If the file cannot be opened.
-    InputError
-        If it cannot be read, holds cells that cannot be cut into triangles or tetrahedra, or no points.
-    LimitError
-        If it holds more points and cells than may be read.
-    OptionError
-        If the choice does not apply to this format.
-    MissingExtraError
-        If its library is not installed.
+    OSError, InputError, LimitError, OptionError, MissingExtraError
+        As `isocodec.read`; there is an InputError for cells that cannot be cut into triangles or tetrahedra, too.
     """
     source, choice = source_of(path, samples, follow), choice or Choice()
     with about(plain(os.fspath(path))):
-        found = _mesh_format_of(source)
+        found = mesh_format_of(source)
         if found is None:
             raise InputError(
                 f"the suffix {plain(source.path.suffix)!r} names no format of meshes or points", code="suffix",

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import OptionError, one_line, plain
+from ...errors import one_line, plain
 from ...extras import optional
-from ...field.placement import TURN, Placement, matrix_of
+from ...field.placement import TURN, Placement
 from .packing import Packing, number_of
-from .place_of_samples import EVEN, goes_round, placed_grid
+from .place_of_samples import EVEN, goes_round, placed, placed_grid
 
 Numbers = NDArray[np.float64]
 DEGREES = "EPSG:4326"
@@ -38,30 +38,18 @@ _WORDS = 200
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """Coordinates along an axis or at each sample.
-
-    Attributes
-    ----------
-    name : str
-    dims : tuple of str
-    role : str or None
-        x, y or z.
-    globe : bool
-        Whether it is a longitude or latitude in degrees.
-    unit : str
-    values : float64 array or None
-        NaN where they are missing; None if they are not numbers, or times.
-    rounding : float
-        Distance of neighbouring numbers of their type.
-    """
+    """Coordinates along an axis or at each sample; float64, NaN where missing, None if they are times or text."""
 
     name: str
     dims: tuple[Any, ...]
     role: str | None
+    """x, y or z."""
     globe: bool
+    """Whether it is a longitude or latitude in degrees."""
     unit: str
     values: Numbers | None
     rounding: float = 0.0
+    """Distance of neighbouring numbers of their type."""
 
     @classmethod
     def of(cls, name: Any, one: Any) -> Along:
@@ -88,21 +76,14 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Placement of the samples of an array with labels.
-
-    Attributes
-    ----------
-    place : Placement
-        With a remark on what is left out.
-    lost : bool array that broadcasts to the shape, or None
-        Samples without coordinates.
-    repeated : tuple of int
-        An axis that goes round the globe, and how many of its last columns are the first ones again; or nothing.
-    """
+    """Placement of the samples of an array with labels."""
 
     place: Placement
+    """With a remark on what is left out."""
     lost: NDArray[np.bool_] | None = None
+    """Samples without coordinates; broadcasts to the shape."""
     repeated: tuple[int, ...] = ()
+    """An axis around the globe, and how many of its last columns are the first ones again; or nothing."""
 
 
 def located(array: Any, joined: bool = True) -> Located:
@@ -112,17 +93,20 @@ def located(array: Any, joined: bool = True) -> Located:
     the one before, z along the first of three. Longitude and latitude of each sample come before axes in an unknown
     reference system. Ends of even steps around the globe are left apart unless they may be ``joined``.
     """
-    found = _located(array, joined)
+    found = [Along.of(name, one) for name, one in array.coords.items() if one.dims and not _is_mapping(one)]
+    where = _located(array, found, joined)
     # a reference system states its own units
-    if not found.place.placed or found.place.crs is not None or (unit := _units(array)) is None:
-        return found
-    return replace(found, place=replace(found.place, unit=unit))
+    if not where.place.placed or where.place.crs is not None:
+        return where
+    found.sort(key=lambda one: one.name in array.dims)
+    units = {one.role: "_".join(one.unit.split()) for one in found if one.unit}
+    known = [units.get(role) for role in "xyz"[: array.ndim]]
+    return where if None in known else replace(where, place=replace(where.place, unit=" ".join(map(str, known))))
 
 
-def _located(array: Any, joined: bool) -> Located:
+def _located(array: Any, found: Sequence[Along], joined: bool) -> Located:
     dims, n = list(array.dims), array.ndim
     remarks: list[str] = []
-    found = [Along.of(name, one) for name, one in array.coords.items() if one.dims and not _is_mapping(one)]
     axes = [_along(dim, found, remarks) for dim in dims]
     nodes = _of_nodes(dims, found)
     mapping = _mapping(array, [one.name for one in axes if one is not None])
@@ -171,10 +155,8 @@ def _located(array: Any, joined: bool) -> Located:
     matrix = np.zeros((n, n + 1))
     for axis, values in enumerate(along):
         matrix[rows[axis], [axis, n]] = (values[-1] - values[0]) / (len(values) - 1), values[0]
-    try:
-        place = Placement(matrix_of(matrix, n), None, system, remark=remark)
-    except OptionError as error:
-        place = Placement(remark="; ".join([*remarks, f"its coordinates are ignored: {error.message}"]))
+    place = placed(matrix, n, system)
+    place = replace(place, remark="; ".join([*remarks, *filter(None, [place.remark])]))
     return Located(place, lost, _repeated(coordinates, rows.index(0)) if globe else ())
 
 
@@ -317,17 +299,6 @@ def _counted(dim: Any, remarks: list[str]) -> None:
     """Remark on an axis without coordinates, unless there is one."""
     if not any(f" along {plain(str(dim))} " in remark for remark in remarks):
         remarks.append(f"samples along {plain(str(dim))} are counted, as it has no coordinates")
-
-
-def _units(array: Any) -> str | None:
-    """Units of the coordinates x, y (, z) by their attributes, those of axes first; None if one has none."""
-    found: dict[str, str] = {}
-    for name, one in sorted(array.coords.items(), key=lambda one: one[0] not in array.dims):
-        role, unit = _role(name, one.attrs), "_".join(str(one.attrs.get("units", "")).split())
-        if role is not None and one.dims and unit:
-            found.setdefault(role, unit)
-    roles = "xyz"[: array.ndim]
-    return " ".join(found[role] for role in roles) if found.keys() >= set(roles) else None
 
 
 def _on_globe(axes: Sequence[Along | None]) -> bool:

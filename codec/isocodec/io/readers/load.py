@@ -17,7 +17,7 @@ from ...errors import InputError, OptionError, plain
 from ...field.cropping import Box, cropped
 from ...field.framed import Frames
 from ...field.meshed import Mesh
-from ...field.missing import HOLE, missing_samples
+from ...field.missing import HOLE
 from ...field.sampled import Field, check_missing
 from ...storage.content import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
@@ -28,7 +28,7 @@ from .input_formats import holds_mesh, open_file, read_mesh, recognised
 from .mesh_formats import HEIGHT
 from .opened import IN_MEMORY, Choice, Opened
 from .reading import about, check_frame
-from .slices import FieldsInTurn, Slices
+from .slices import FieldsInTurn
 
 _OF_MESHES = ("key", "samples", "frame", "follow", "average_cells", "classes")
 """Options that apply to meshes and points."""
@@ -36,14 +36,7 @@ _OF_MESHES = ("key", "samples", "frame", "follow", "average_cells", "classes")
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options of `load`: what to take of a source, and how.
-
-    Attributes
-    ----------
-    key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance, band, bbox,
-    average_cells, classes
-        As of `read`.
-    """
+    """Options of `load`, as those of `read`."""
 
     key: str | None = None
     channel: int | None = None
@@ -63,16 +56,14 @@ class ReadOptions:
 
     @property
     def choice(self) -> Choice:
-        """Choice from a source that holds several things; raises `OptionError` for a band that is none."""
+        """Choice from a source that holds several things; raises `OptionError` for a band below 1."""
         channel = self.channel
         if self.band is not None:
             if self.band < 1 or channel is not None:
                 raise OptionError("a band is counted from 1, and the same as a channel", code="channel",
                                   remedy="give one of them")
             channel = self.band - 1
-        return Choice(
-            self.key, channel, self.slice_tolerance, self.bbox, self.frame, self.average_cells, tuple(self.classes)
-        )
+        return Choice(self.key, channel, self.slice_tolerance, self.bbox, self.frame, self.average_cells, self.classes)
 
 
 def read(
@@ -165,15 +156,7 @@ def read(
 
 
 def read_field(source: Any) -> Field:
-    """Read as `read` does, but a field only.
-
-    Raises
-    ------
-    InputError
-        If the source holds a series or a mesh.
-    OSError, LimitError, MissingExtraError
-        As `read`.
-    """
+    """Read as `read` does, but raise `InputError` if the source holds a series or a mesh."""
     found = read(source)
     if not isinstance(found, Field):
         raise InputError("holds no field but " + ("a series" if isinstance(found, Frames) else "a mesh"), code="field")
@@ -181,10 +164,7 @@ def read_field(source: Any) -> Field:
 
 
 def load(source: Any, options: ReadOptions) -> Field | Frames | Mesh:
-    """Read as `read` does, but leave it to the caller to pass on remarks.
-
-    Those of a series are an attribute of its ``fields``.
-    """
+    """Read as `read` does, but leave remarks to the caller; those of a series are an attribute of its ``fields``."""
     check_missing(options.missing)
     if options.axis is not None and not options.frames:
         raise OptionError("axis is for series", code="frame", remedy="add frames=True")
@@ -221,13 +201,7 @@ def _mesh(source: Any, options: ReadOptions) -> Mesh:
 
 
 def open_source(source: Any, options: ReadOptions) -> Opened:
-    """Open what `read` reads: its header is known, its samples are not read.
-
-    Raises
-    ------
-    OSError, InputError, LimitError, OptionError, MissingExtraError
-        As `read`.
-    """
+    """Open what `read` reads, without reading samples; raises as `read`."""
     key = options.key
     if hasattr(source, "data_vars"):
         source, key = variable(source, key), None
@@ -236,18 +210,14 @@ def open_source(source: Any, options: ReadOptions) -> Opened:
         raise OptionError("classes are of point clouds (LAS, LAZ)", code="classes")
     if is_vtk(source):
         return OpenedVtk(source, choice)
-    if is_described(source) or isinstance(source, np.ndarray):
+    make = next((make for is_one, make in _OBJECTS if is_one(source)), None)
+    if make:
         asked = {"key": key, "channel": choice.channel, "kind": options.kind,
                  "average_cells": options.average_cells or None}
         for name, value in asked.items():
             if value is not None:
                 raise OptionError(f"{name} is for files, not for a {type(source).__name__}", code=name)
-    if is_labelled(source):
-        return OpenedLabels(source)
-    if is_nibabel(source):
-        return OpenedNibabel(source)
-    if is_itk(source):
-        return OpenedItk(source)
+        return make(source)
     if is_url(source) or is_file(source):
         return _elsewhere(source, choice, options)
     if isinstance(source, str | os.PathLike):
@@ -271,7 +241,7 @@ def _elsewhere(source: Any, choice: Choice, options: ReadOptions) -> Opened:
 
 def is_described(thing: Any) -> bool:
     """Whether something holds more than an array does, which would be lost if it were taken for one."""
-    return isinstance(thing, Field) or any(is_one(thing) for is_one in (is_labelled, is_nibabel, is_itk, is_vtk))
+    return isinstance(thing, Field) or is_vtk(thing) or any(is_one(thing) for is_one, _ in _OBJECTS[:-1])
 
 
 class OpenedArray(Opened):
@@ -291,30 +261,21 @@ class OpenedArray(Opened):
     def _open(self, choice: Choice) -> None:
         self.shape, self.dtype = self._array.shape, self._array.dtype
 
-    def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
-        """Give the samples; see `Opened.field`."""
-        return self._field(self._taken(frame), nodata)
-
-    def fields(self, slices: Slices, nodata: float | None = None) -> Callable[[int], Field]:
-        """Give what makes a field of each of some slices."""
-        return lambda number: self._field(slices.frame(number), nodata)
-
-    def _taken(self, frame: int | None) -> Any:
+    def _known(self, frame: int | None) -> Any:
         if frame is None:
             return self._array
         check_frame(frame, len(self._array) if self._array.ndim > 2 else 0)
         return self._array[frame]
 
-    def _field(self, taken: Any, nodata: float | None) -> Field:
-        values = np.asarray(taken)
-        gone = None if values is taken else np.ma.getmaskarray(taken)
-        if nodata is not None:
-            marked = missing_samples(values, nodata)
-            gone = marked if gone is None else gone | marked
-        return Field(values, gone)
-
     def _slices(self, frame: int | None) -> Any:
-        return self._taken(frame)
+        return self._known(frame)
 
     def _values(self, frame: int | None) -> NDArray[Any]:
-        return np.asarray(self._taken(frame))
+        return np.asarray(self._known(frame))
+
+
+_OBJECTS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Opened]], ...] = (
+    (is_labelled, OpenedLabels), (is_nibabel, OpenedNibabel), (is_itk, OpenedItk),
+    (lambda thing: isinstance(thing, np.ndarray), OpenedArray),
+)
+"""Objects in memory, by a test of their type; arrays come last."""

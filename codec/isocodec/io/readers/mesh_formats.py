@@ -77,23 +77,16 @@ class MeshRead:
 
 @dataclass(frozen=True)
 class MeshFormat:
-    """A format of meshes, or of scattered points.
+    """A format of meshes, or of scattered points; ``name``, ``suffixes``, ``extra`` and ``confined`` as of `Format`.
 
     Attributes
     ----------
-    name : str
-    suffixes : tuple of str
-        In lower case, with their dots.
     read : callable
         Reads what is chosen of a source.
-    holds : callable, optional
-        Whether a file holds a mesh, or what a key names of it, of a format that may also hold a field.
-    extra : str
-        Extra of this package with the library that reads it; empty if none is needed.
     scattered : bool
         Whether it holds points only.
-    confined : str
-        As of `Format`.
+    holds : callable, optional
+        Whether a file, or what a key names in it, is a mesh; for formats that may also hold a field.
     options : tuple of str
         Attributes of `Choice`, besides the key, that apply to it.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,10 +23,8 @@ from .source import InputFile, check_kind
 
 Array = NDArray[Any]
 Held = TypeVar("Held")
-DEFAULT_KEY = "values"
-"""The array of a file that is taken if there are several and none is named."""
 IN_MEMORY = InputFile(Path())
-"""Suffix of what is in memory already."""
+"""Source of what is in memory already."""
 
 
 @dataclass(frozen=True)
@@ -34,20 +33,8 @@ class Choice:
 
     Attributes
     ----------
-    key : str or None
-        Name of an array, or of a series of DICOM.
-    channel : int or None
-        Channel of a colour picture, or band of a raster, counted from 0.
-    slice_tolerance : float or None
-        Distance in mm that slices of DICOM may lie from even steps.
-    bbox : tuple of float, or None
-        Coordinates within which samples are read, of formats that are read a window at a time.
-    frame : int or None
-        Of a mesh, which of a series.
-    average : bool
-        Average values of cells at their points.
-    classes : tuple of int
-        Of a point cloud, the classes that are taken; all but noise if empty.
+    key, channel, slice_tolerance, bbox, frame, average, classes
+        As of `isocodec.read`, ``average`` being its ``average_cells``; ``frame`` of meshes only.
     """
 
     key: str | None = None
@@ -63,12 +50,13 @@ class Opened:
     """An input that is open; a context manager, or to be closed.
 
     Subclasses read the header in ``_open`` and give ``_values``, and where the format has them ``_place``, ``_windows``
-    and ``_series``. What goes wrong in any of these names the input.
+    and ``_series``. Errors in any of these name the input.
 
     Parameters
     ----------
-    source : InputFile
-    choice : Choice
+    source : InputFile or object
+        A file, or what is in memory already, which is then ``_given``.
+    choice : Choice, optional
 
     Attributes
     ----------
@@ -93,11 +81,13 @@ class Opened:
     label: str = ""
     remarks: tuple[str, ...] = ()
 
-    def __init__(self, source: InputFile, choice: Choice) -> None:
-        self._source = source
+    def __init__(self, source: Any, choice: Choice | None = None) -> None:
+        of_file = isinstance(source, InputFile)
+        self._source: InputFile = source if of_file else IN_MEMORY
+        self._given: Any = None if of_file else source
         self._held = ExitStack()
         try:
-            self._open(choice)
+            self._open(choice or Choice())
         except BaseException:
             self._held.close()
             raise
@@ -118,7 +108,7 @@ class Opened:
         return self._held.enter_context(resource)
 
     def holding(self, first: ExitStack) -> Opened:
-        """Keep something open that is closed after all else; returns the same input."""
+        """Keep something open that is closed last; returns the same input."""
         first.callback(self._held.close)
         self._held = first
         return self
@@ -128,17 +118,9 @@ class Opened:
         return self._held.pop_all()
 
     def values(self, frame: int | None = None) -> Array:
-        """Read the samples.
+        """Read the samples (s0, .., sn-1), or one frame of a series, contiguous, native, with the stored type.
 
-        Parameters
-        ----------
-        frame : int, optional
-            One of a series, counted from 0: along the first axis of an array, the last of volumes.
-
-        Returns
-        -------
-        (s0, .., sn-1) array
-            C-contiguous, in native byte order, with the stored type; of files truth values are uint8.
+        Frames are counted along the first axis of an array, the last of volumes. Truth values of files become uint8.
 
         Raises
         ------
@@ -159,38 +141,23 @@ class Opened:
             return self._place(n, frame)
 
     def windows(self, nodata: float | None = None) -> Any:
-        """Give the samples as an object with ``shape``, ``dtype`` and slices, which reads only what is asked for.
+        """Give an object with ``shape``, ``dtype`` and slices, which reads windows alone where the format allows.
 
-        Formats that cannot be read a window at a time are read whole. What equals ``nodata`` is masked.
+        Samples that equal ``nodata`` are masked.
         """
         with about(self.label):
             found = self._windows()
             return found if nodata is None else PartWindows(found, [slice(None)] * len(found.shape), nodata)
 
     def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
-        """Read a field with all that the input states.
-
-        Parameters
-        ----------
-        frame : int, optional
-            As of `values`.
-        nodata : float, optional
-            Value of missing samples, instead of the one that the input states; NaN: none but NaN.
-        """
+        """Read a field with all that the input states, or with another value of missing samples (NaN: only NaN)."""
         values = self._known(frame) if nodata is None else self.values(frame)
         return self._described(values, self.place(values.ndim, frame), self.nodata if nodata is None else nodata)
 
     def frames(self, axis: int | None = None, frame: int | None = None, *, placed: bool = True) -> Slices:
-        """Give the samples as a series.
+        """Give the samples as a series, or the slices of one volume of a series.
 
-        Parameters
-        ----------
-        axis : int, optional
-            The axis that counts frames: the first unless the format states another one, which is then the only one.
-        frame : int, optional
-            Take the slices of that one of a series of volumes.
-        placed : bool
-            Find where samples lie, too.
+        ``axis`` counts frames: the first one unless the format states another, which is then the only choice.
 
         Raises
         ------
@@ -202,9 +169,7 @@ class Opened:
             series = None if frame is not None else self._series()
             if series is not None:
                 if axis not in (None, series.axis, -1):
-                    raise OptionError(
-                        f"--frame-axis {axis}: the last axis counts the volumes of this file", code="frame"
-                    )
+                    raise OptionError(f"--frame-axis {axis}: the last axis counts volumes in this file", code="frame")
                 return replace(series, place=self._place(len(series.frame_shape), None)) if placed else series
             whole = self._slices(frame)
             axis = 0 if axis is None else axis
@@ -238,20 +203,14 @@ class Opened:
         )
 
     def _place_of_slices(self, axis: int, n: int) -> Placement:
-        """Placement of the samples of a slice of n axes.
-
-        Files state it for slices along their first axis: times, pages. Ends that meet are not joined in a series.
-        """
+        """Placement of a slice of n axes: files state it for slices along their first axis (times, pages)."""
         if axis:
             whole = self._place(n + 1, None)
             if not whole.placed and not whole.remark:
                 return Placement()
             return Placement(remark="its coordinates are ignored; set the steps of a slice with --spacing")
         place = self._place(n, 0)
-        if not place.periodic:
-            return place
-        remark = f"its ends along axis {place.periodic[0]} are not joined, as it is a series"
-        return replace(place, periodic=(), remark=remark)
+        return unjoined(place)
 
     def _open(self, choice: Choice) -> None:
         raise NotImplementedError
@@ -275,29 +234,40 @@ class Opened:
         return None
 
 
+class Windows:
+    """A file's samples, by slices; opened where it is read, so that other processes receive no more than its name."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    def __init__(self, path: Path) -> None:
+        self._path = path.resolve()
+        self.shape, self.dtype = self._file.shape, self._file.dtype
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_file"}
+
+    @cached_property
+    def _file(self) -> Any:
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
 class Format:
     """A format of fields.
 
     Attributes
     ----------
-    name : str
     suffixes : tuple of str
         In lower case, with their dots.
-    open : callable
-        Opens a source, to make a choice from it.
     extra : str
         Extra of this package with the library that reads it; empty if none is needed.
     signatures : tuple of (int, bytes, str)
         Offset and bytes by which a file without a name is recognised, and the suffix that it gets.
-    keyed, channels : bool
-        Whether a file may hold several arrays, or channels of a colour picture.
-    folder : bool
-        Whether it is a folder.
+    keyed, channels, folder, averages : bool
+        Whether a file may hold several arrays, or channels of a picture; is a folder; has values of cells.
     confined : str
         Library that is called in a process apart, as it may crash or hang; empty if it is called here.
-    averages : bool
-        Whether it has values of cells.
     """
 
     name: str
@@ -310,6 +280,14 @@ class Format:
     folder: bool = False
     confined: str = ""
     averages: bool = False
+
+
+def unjoined(place: Placement) -> Placement:
+    """Placement of frames, whose ends are not joined, with a remark if they meet."""
+    if not place.periodic:
+        return place
+    remark = f"its ends along axis {place.periodic[0]} are not joined, as it is a series"
+    return replace(place, periodic=(), remark="; ".join(filter(None, (place.remark, remark))))
 
 
 def numbers(array: Array) -> Array:

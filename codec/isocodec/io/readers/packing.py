@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,10 +29,8 @@ class Packing:
 
     Attributes
     ----------
-    stored : dtype
-        Type in which stored numbers are taken, with or without a sign.
-    dtype : dtype
-        Type of the samples: integers stay integers if they are scaled by whole numbers or not at all.
+    stored, dtype : dtype
+        Types of stored numbers, with or without a sign, and of samples: integers if they are scaled by whole numbers.
     markers : tuple of numbers
         Stored numbers of missing samples.
     least, most : number or None
@@ -45,32 +44,26 @@ class Packing:
 
     stored: np.dtype[Any]
     dtype: np.dtype[Any]
-    markers: tuple[Any, ...]
-    least: Any
-    most: Any
-    of_samples: bool
-    slope: float
-    offset: float
-    remarks: tuple[str, ...]
+    markers: tuple[Any, ...] = ()
+    least: Any = None
+    most: Any = None
+    of_samples: bool = False
+    slope: float = 1.0
+    offset: float = 0.0
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def of(
         cls, dtype: np.dtype[Any], attributes: Mapping[str, Any], before: Mapping[str, Any] | None = None,
         netcdf: bool = False,
     ) -> Packing:
-        """The packing of an array of that type.
+        """Packing of an array of that type.
 
-        Parameters
-        ----------
-        dtype : dtype
-        attributes : mapping
-        before : mapping, optional
-            Attributes by which another library has unpacked it already: a valid range may be that of packed numbers.
-        netcdf : bool
-            Whether it is of a NetCDF file, where numbers that were never written are known.
+        Attributes ``before`` are those by which another library has unpacked it: a valid range may be that of packed
+        numbers. In NetCDF files numbers that were never written are known.
         """
         if dtype.kind not in "iuf":
-            return cls(dtype, dtype, (), None, None, False, 1.0, 0.0, ())
+            return cls(dtype, dtype)
         remarks: list[str] = []
         said = str(attributes.get("_Unsigned", "")).lower()
         turned = {"true": "i", "false": "u"}.get(said) == dtype.kind
@@ -109,35 +102,24 @@ class Packing:
         return (self.slope, self.offset) == (1, 0)
 
     def samples(self, raw: Array, marked: bool = True) -> tuple[Array, NDArray[np.bool_] | None]:
-        """Unpack stored numbers.
+        """Unpack stored numbers: samples, those of unpacked floats NaN where missing, and which others are missing.
 
-        Parameters
-        ----------
-        raw : (s0, .., sn-1) array
-        marked : bool
-            Whether numbers outside of the valid range and markers are missing.
-
-        Returns
-        -------
-        (s0, .., sn-1) array of `dtype`, and of bool or None
-            Samples, of unpacked floats NaN where they are missing, and others that are missing.
+        Markers and numbers outside of the valid range are missing if they are ``marked``.
         """
         if raw.dtype.kind not in "iuf":
             return raw, None
         raw = raw.view(self.stored) if raw.dtype != self.stored and raw.itemsize == self.stored.itemsize else raw
-        gone = np.zeros(raw.shape, np.bool_)
-        for marker in self.markers if marked else ():
+        kind = self.dtype.type
+        values = raw if self.plain else raw.astype(self.dtype) * kind(self.slope) + kind(self.offset)
+        if not marked:
+            return values, None
+        gone, tested = np.zeros(raw.shape, np.bool_), values if self.of_samples else raw
+        for marker in self.markers:
             gone |= raw == marker
-        values = raw
-        if not self.plain:
-            kind = self.dtype.type
-            values = raw.astype(self.dtype) * kind(self.slope) + kind(self.offset)
-        if marked:
-            tested = values if self.of_samples else raw
-            if self.least is not None:
-                gone |= tested < self.least
-            if self.most is not None:
-                gone |= tested > self.most
+        if self.least is not None:
+            gone |= tested < self.least
+        if self.most is not None:
+            gone |= tested > self.most
         if not gone.any():
             return values, None
         if values.dtype.kind != "f" or self.plain:
@@ -193,13 +175,10 @@ def number_of(one: Any) -> int | float | None:
     """A number of an attribute; text may hold one, or, of Zarr, its eight bytes. None if it is none."""
     if isinstance(one, str | bytes):
         text = one.decode("ascii", "replace") if isinstance(one, bytes) else str(one)
-        try:
+        with suppress(ValueError):
             return int(text) if text.strip().lstrip("+-").isdigit() else float(text)
-        except ValueError:
-            pass
-        try:
+        with suppress(ValueError):
             return float(np.frombuffer(base64.b64decode(text, validate=True), "<f8")[0]) if len(text) == 12 else None
-        except ValueError:
-            return None
+        return None
     kind = np.asarray(one).dtype.kind
     return int(one) if kind in "iub" else float(one) if kind == "f" else None

@@ -63,18 +63,9 @@ def placed(numbers: Any, n: int, crs: str | None = None, unit: str | None = None
 def placed_volume(
     matrix: Array, shape: Sequence[int], n: int, crs: str | None = RAS, unit: str = "mm"
 ) -> Placement:
-    """Place the samples of a volume of that shape, or of a plane in space if it has one sample along an axis.
+    """Place the samples of a volume or series of that shape, or of a plane in space (one sample along an axis).
 
-    Parameters
-    ----------
-    matrix : (3, 4) float64
-        A row for each coordinate, columns for each of three axes, and the place of sample 0.
-    shape : tuple of int
-        Of the volume, or of a series of volumes.
-    n : int
-        Axes of the field: with fewer than the volume has it is one of several slices.
-    crs, unit
-        As of `Placement`.
+    A field of fewer axes ``n`` is one of several slices, whose place is left out with a remark.
     """
     axes = kept_axes(shape[:3])
     return placed(matrix[:3, [*axes, 3]], n, crs, unit) if len(axes) == n else Placement(remark=SLICE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from ...errors import InputError, IsoError, LimitError, OptionError, one_line, plain
 
+DEFAULT_KEY = "values"
+"""The array of a file that is taken if there are several and none is named."""
 LISTED = 20
 """Names that an error lists at most."""
 
@@ -22,31 +24,20 @@ _LOG = "tifffile"
 """Logger of a library that reports damage there as an error, and then reads a part of the file as if it were all."""
 
 
-class _Complaints(logging.Handler):
-    """Errors that a library logs."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.ERROR)
-        self.texts: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep the text of an error."""
-        self.texts.append(record.getMessage())
-
-
 @contextmanager
 def reading(what: str) -> Iterator[None]:
     """Turn what a library raises on a bad file, or logs as an error, into one error of ours.
 
-    Parsers raise whatever they stumble over (KeyError, SyntaxError, struct.error, zlib.error, OSError without
-    a number ...), so everything is caught here but our own errors and those of the operating system.
+    Parsers raise whatever they stumble over, so only our own errors and those of the operating system go on.
     """
-    complaints = _Complaints()
-    logging.getLogger(_LOG).addHandler(complaints)
+    complaints: list[str] = []
+    handler = logging.Handler(logging.ERROR)
+    handler.emit = lambda record: complaints.append(record.getMessage())  # type: ignore[method-assign]
+    logging.getLogger(_LOG).addHandler(handler)
     try:
         yield
-        if complaints.texts:
-            raise InputError(f"is damaged ({one_line(complaints.texts[0])})", code="unreadable")
+        if complaints:
+            raise InputError(f"is damaged ({one_line(complaints[0])})", code="unreadable")
     except IsoError:
         raise
     except MemoryError as exc:
@@ -56,7 +47,7 @@ def reading(what: str) -> Iterator[None]:
             raise
         raise InputError(f"cannot be read as {what} ({said(exc)})", code="unreadable") from exc
     finally:
-        logging.getLogger(_LOG).removeHandler(complaints)
+        logging.getLogger(_LOG).removeHandler(handler)
 
 
 @contextmanager
@@ -91,15 +82,7 @@ def pick_frame(series: NDArray[Any], frame: int | None, axis: int = 0) -> NDArra
 
 
 def channel_of(count: int, channel: int | None) -> int:
-    """Choose one of so many channels of a picture.
-
-    Raises
-    ------
-    OptionError
-        If there is no such channel.
-    InputError
-        If the choice is open.
-    """
+    """Choose one of so many channels of a picture, counted from 0."""
     if channel is not None and not 0 <= channel < count:
         raise OptionError(f"there is no channel {channel}: the picture has {count}, counted from 0", code="channel")
     if channel is None and count > 1:
@@ -110,20 +93,46 @@ def channel_of(count: int, channel: int | None) -> int:
     return channel or 0
 
 
-def named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any:
-    """The one of several things that has a name; of names the last one is shown.
+def choose(
+    shapes: Mapping[str, tuple[int, ...] | str], key: str | None, others: Collection[str] = (),
+    default: str | None = None, option: str = "--key", axes: int = 2,
+) -> str:
+    """Choose the array that a key names, or the only one of so many axes or more, or that of the usual name.
 
-    Raises
-    ------
-    InputError
-        If none has the name, or several do.
+    A word may take the place of a shape that is unknown. A key may name ``others``, too.
     """
+    several = {
+        name: shape for name, shape in shapes.items()
+        if isinstance(shape, str) or sum(size > 1 for size in shape) >= axes
+    }
+    if key is not None:
+        if key not in shapes and key not in others:
+            raise InputError(f"holds no array '{plain(key)}', but: {_listing(shapes)}", code="key")
+        return key
+    only = [*several] if len(several) == 1 or all(isinstance(shape, str) for shape in several.values()) else []
+    found = DEFAULT_KEY if DEFAULT_KEY in several else default or next(iter(only), None)
+    if found is None:
+        what = f"{len(several)} arrays" if several else "no array of two or more axes, but"
+        raise InputError(f"holds {what}: {_listing(several or shapes)}", code="key",
+                         remedy=f"choose one with {option}" if several else None)
+    return found
+
+
+def _listing(shapes: Mapping[str, tuple[int, ...] | str]) -> str:
+    parts = [f"{plain(name)} {shape}" for name, shape in shapes.items() if shape]
+    return ", ".join(parts[:LISTED] + ["..."] * (len(parts) > LISTED)) or "nothing"
+
+
+def named(
+    what: str, names: Mapping[Any, Sequence[str]], key: str | None, remedy: str = "choose one with --key"
+) -> Any:
+    """Choose the only one of several things that has a name; errors list the last name of each."""
     found = [each for each, known in names.items() if key is None or key in known]
     if len(found) == 1:
         return found[0]
     which = f"{len(names)} {what}" if key is None else f"{len(found) or 'no'} {what} '{plain(key)}'"
     listed = "; ".join(plain(names[each][-1]) for each in [*(found or names)][:LISTED])
-    raise InputError(f"holds {which}: {listed}", code="key", remedy="choose one with --key")
+    raise InputError(f"holds {which}: {listed}", code="key", remedy=remedy)
 
 
 def upright(picture: NDArray[Any], orientation: Any) -> NDArray[Any]:

@@ -8,75 +8,60 @@ import os
 import signal
 import sys
 import warnings
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
 from ...errors import InputError, IsoError, LimitError
-from .input_formats import open_here, read_here
+from .input_formats import format_of, mesh_format_of
 from .mesh_formats import MeshRead
 from .messages import receive, send
 from .opened import Choice, Opened
+from .slices import Slices
 from .source import InputFile
-from .windows import Windows
 
 _WRITTEN = 1 << 20
 """Bytes of a file that may be written here, of complaints for example."""
+_STATE = [name for name in Opened.__annotations__ if name != "label"]
 
 
 class Answers:
-    """Answers about one file."""
+    """Answers about one file: a result, and of fields the attributes of what is open."""
 
     def __init__(self) -> None:
         self._opened: Any = None
         self._slices: Any = None
-        self._windows: Any = None
 
-    def field(self, source: InputFile, choice: Choice) -> dict[str, Any]:
+    def opened(self, source: InputFile, choice: Choice) -> Any:
         """Open a field, instead of that which is open."""
         if self._opened:
             self._opened.close()
-        self._opened = open_here(source, choice)
+        found = format_of(source.path)
+        assert found is not None
+        self._opened = found.open(source, choice)
         return self._with(None)
 
     def mesh(self, source: InputFile, choice: Choice) -> MeshRead:
         """Read a mesh."""
-        return read_here(source, choice)
+        found = mesh_format_of(source)
+        assert found is not None
+        return found.read(source, choice)
 
-    def hook(self, name: str, *about: Any) -> dict[str, Any]:
-        """Read samples, or where they lie."""
-        return self._with(getattr(self._opened, name)(*about))
+    def of_opened(self, name: str, about: tuple[Any, ...], more: dict[str, Any]) -> Any:
+        """Call a method of what is open, or read a frame of the last series."""
+        found = (self._slices.frame if name == "frame" else getattr(self._opened, name))(*about, **more)
+        if isinstance(found, Slices):
+            self._slices, found = found, replace(found, frame=None)  # type: ignore[arg-type]  # functions stay here
+        return self._with(found)
 
-    def series(self) -> dict[str, Any]:
-        """Describe the frames of a format that states which axis counts them."""
-        found = self._slices = self._opened._series()
-        names = ("shape", "axis", "frame_shape", "place", "step")
-        return self._with(found and {name: getattr(found, name) for name in names})
-
-    def frame(self, number: int) -> dict[str, Any]:
-        """Read one of these."""
-        return self._with(self._slices.frame(number))
-
-    def windowed(self) -> dict[str, Any]:
-        """Whether windows can be read alone."""
-        own = type(self._opened)._windows is not Opened._windows
-        self._windows = self._opened.windows() if own else None
-        return self._with(isinstance(self._windows, Windows))
-
-    def window(self, ranges: list[list[int]]) -> dict[str, Any]:
-        """Read a window."""
-        if self._windows is None:
-            self.windowed()
-        return self._with(self._windows[tuple(slice(*each) for each in ranges)])
-
-    def _with(self, found: Any) -> dict[str, Any]:
-        names = (name for name in Opened.__annotations__ if name != "label")
-        return {"found": found, "state": {name: getattr(self._opened, name) for name in names}}
+    def _with(self, found: Any) -> Any:
+        return found, {name: getattr(self._opened, name) for name in _STATE}
 
 
 def limit(memory: int, seconds: int) -> None:
     """Limit what this process may take from now on, where the system can."""
-    try:
+    with suppress(ImportError, OSError, ValueError, StopIteration):
         import resource
 
         used = resource.getrusage(resource.RUSAGE_SELF)
@@ -87,46 +72,35 @@ def limit(memory: int, seconds: int) -> None:
         status = Path("/proc/self/status").read_text()
         held = next(int(line.split()[1]) << 10 for line in status.split("\n") if line.startswith("VmData"))
         resource.setrlimit(resource.RLIMIT_DATA, (held + memory, resource.RLIM_INFINITY))
-    except (ImportError, OSError, ValueError, StopIteration):
-        return
 
 
-def answer_to(answers: Answers, request: dict[str, Any]) -> dict[str, Any]:
-    """Give the answer to a request, or the error that it ends with."""
-    limit(request["memory"], request["seconds"])
+def answer_to(answers: Answers, memory: int, seconds: int, what: str, about: tuple[Any, ...]) -> Any:
+    """Give an answer with the texts of warnings, or the error that it ends with."""
+    limit(memory, seconds)
     printed = io.StringIO()
     try:
         with warnings.catch_warnings(record=True) as caught, redirect_stdout(printed), redirect_stderr(printed):
             warnings.simplefilter("always")
-            found = getattr(answers, request["ask"])(*request["about"])
+            found = getattr(answers, what)(*about)
     except IsoError as exc:
-        names = ("message", "code", "offset", "clause", "remedy")
-        return {"error": {"kind": type(exc).__name__, **{name: getattr(exc, name) for name in names}}}
+        return exc
     except OSError as exc:
-        return {"error": {"errno": exc.errno, "message": exc.strerror or str(exc)}}
+        return OSError(exc.errno, exc.strerror or str(exc))
     except MemoryError:
-        return {"error": {"kind": LimitError.__name__, "message": "not enough memory to read it", "code": "memory"}}
+        return LimitError("not enough memory to read it", code="memory")
     except Exception as exc:
-        text = f"cannot be read ({type(exc).__name__}: {exc})"
-        return {"error": {"kind": InputError.__name__, "message": text, "code": "unreadable"}}
-    texts = [printed.getvalue().strip()] if printed.getvalue().strip() else []
-    return {"answer": found, "warnings": list(dict.fromkeys([str(each.message) for each in caught] + texts))}
+        return InputError(f"cannot be read ({type(exc).__name__}: {exc})", code="unreadable")
+    return found, [*filter(None, dict.fromkeys([*(str(each.message) for each in caught), printed.getvalue().strip()]))]
 
 
 def main(library: str, file: IO[bytes]) -> None:
     """Answer requests that come in by the standard input, until it ends."""
     importlib.import_module(library)
-    send(file, {"answer": None, "warnings": []})
+    send(file, (None, []))
     answers = Answers()
-    while True:
-        try:
-            request = receive(sys.stdin.buffer)
-        except EOFError:
-            return
-        try:
-            send(file, answer_to(answers, request))
-        except InputError as exc:
-            send(file, {"error": {"kind": "InputError", "message": exc.message, "code": exc.code}})
+    with suppress(EOFError):
+        while True:
+            send(file, answer_to(answers, *receive(sys.stdin.buffer)))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from typing import Any, overload
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -59,12 +59,7 @@ class Slices:
         )
 
 
-def one_slice(samples: NDArray[Any], place: Placement) -> Slices:
-    """Give a field as the only frame of a series."""
-    return Slices((1, *samples.shape), 0, lambda number: samples, samples.shape, place)
-
-
-class FieldsInTurn(Sequence[Field]):
+class FieldsInTurn:
     """The fields of a series, each read when it is asked for; files stay open until this is closed or forgotten.
 
     Attributes
@@ -94,11 +89,5 @@ class FieldsInTurn(Sequence[Field]):
     def __iter__(self) -> Iterator[Field]:
         return map(self.__getitem__, range(self._count))
 
-    @overload
-    def __getitem__(self, number: int) -> Field: ...
-    @overload
-    def __getitem__(self, number: slice) -> list[Field]: ...
-    def __getitem__(self, number: int | slice) -> Field | list[Field]:
-        if isinstance(number, slice):
-            return [self[each] for each in range(self._count)[number]]
+    def __getitem__(self, number: int) -> Field:
         return replace(self._make(range(self._count)[number]), missing=self._missing)

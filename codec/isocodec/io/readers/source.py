@@ -26,14 +26,14 @@ _EITHER = 47
 
 @dataclass(frozen=True)
 class InputFile:
-    """A file to be read, with what its header is held against before anything is read or allocated for it.
+    """A file to be read, with checks of its header before anything is read or allocated for it.
 
     Attributes
     ----------
     path : Path
-        A regular file; `source_of` makes sure of it.
+        A regular file, as `source_of` checks.
     samples : int
-        How many samples may be read at most.
+        Most samples that may be read.
     follow : bool
         Whether other files are read that it names by a path, or links to.
     virtual : str
@@ -55,23 +55,13 @@ class InputFile:
         return self.path.name.lower().endswith(suffixes)
 
     def check_array(self, shape: Sequence[int], dtype: np.dtype[Any]) -> int:
-        """Check that an array holds real numbers, and not too many; returns how many bytes they take.
-
-        Raises
-        ------
-        InputError, LimitError
-        """
+        """Check that an array holds real numbers, and not too many; returns how many bytes they take."""
         base, inner = dtype.subdtype or (dtype, ())
         check_kind(base)
         return self.check_count(math.prod(int(n) for n in (*shape, *inner))) * base.itemsize
 
     def check_count(self, count: int) -> int:
-        """Check that so many samples may be read; returns their number.
-
-        Raises
-        ------
-        LimitError
-        """
+        """Check that so many samples may be read (else `LimitError`); returns their number."""
         if count > self.samples:
             raise LimitError(
                 f"holds {count:,} samples, more than the limit of {self.samples:,}", code="limit-samples",
@@ -80,40 +70,21 @@ class InputFile:
         return count
 
     def check_bytes(self, stated: int, there: int | None = None) -> None:
-        """Check that samples which are stored as they are fit into the file, or into as many bytes as there are.
-
-        Raises
-        ------
-        InputError
-        """
+        """Check that samples which are stored as they are fit into the file, or into as many bytes as there are."""
         there = self.path.stat().st_size if there is None else there
         if stated > there:
-            raise InputError(
-                f"is cut short: its header states {stated:,} bytes, but there are {there:,}", code="unreadable"
-            )
+            raise _cut_short(f"{stated:,} bytes, but there are {there:,}")
 
     def check_packed(self, stated: int, there: int | None = None) -> None:
-        """Check that samples which are packed in any way may come out of the file, or of as many bytes as there are.
-
-        Raises
-        ------
-        InputError
-        """
+        """Check that packed samples may come out of the file, or of as many bytes as there are."""
         there = self.path.stat().st_size if there is None else there
         if stated > _PACKED * there + _LITTLE:
-            raise InputError(
-                f"is cut short: its header states {stated:,} bytes, too many to be packed in {there:,}",
-                code="unreadable",
-            )
+            raise _cut_short(f"{stated:,} bytes, too many to be packed in {there:,}")
 
     def check_deflated(self, stated: int, begin: int = 0, path: Path | None = None) -> None:
-        """Check that samples which are packed by gzip or zlib unpack to as many bytes as stated, without damage.
+        """Check that samples packed by gzip or zlib unpack to as many bytes as stated, a piece at a time, undamaged.
 
-        Libraries stop at the last sample, before the checksum. No more than a piece is held at a time.
-
-        Raises
-        ------
-        InputError
+        Libraries stop at the last sample, before the checksum.
         """
         count, packed, unpacker = 0, b"", zlib.decompressobj(_EITHER)
         try:
@@ -131,18 +102,10 @@ class InputFile:
         except zlib.error as exc:
             raise InputError(f"holds packed samples that are damaged ({exc})", code="unreadable") from exc
         if count < stated or not (unpacker.eof or count > stated + _PIECE):
-            raise InputError(
-                f"is cut short: its header states {stated:,} bytes, but {count:,} are packed", code="unreadable"
-            )
+            raise _cut_short(f"{stated:,} bytes, but {count:,} are packed")
 
     def beside(self, name: str) -> Path:
-        """The file that a header names: in the same directory, unless others are to be followed.
-
-        Raises
-        ------
-        InputError
-            If it is elsewhere, or no regular file.
-        """
+        """Find the file that a header names: in the same directory, unless others are to be followed."""
         target = self.path.parent / name
         if not self.follow:
             # a backslash and a colon are paths elsewhere, and to some libraries a dash is standard input
@@ -151,13 +114,13 @@ class InputFile:
             if os.path.dirname(os.path.realpath(target)) != os.path.realpath(self.path.parent):
                 raise self.refused(name, "which links to another directory")
         if "\0" in name or not target.is_file():
-            raise InputError(f"names {_quoted(name)}, but there is no such file beside it", code="other-file")
+            raise InputError(f"names '{plain(name)}', but there is no such file beside it", code="other-file")
         return target
 
     def refused(self, name: str, why: str = "which is not beside it") -> InputError:
         """The error for another file that was not asked for."""
         return InputError(
-            f"names another file, {_quoted(name)}, {why}", code="other-file",
+            f"names another file, '{plain(name)}', {why}", code="other-file",
             remedy="use --follow-paths (follow=True in Python) if you trust this file",
         )
 
@@ -174,25 +137,23 @@ def source_of(
     InputError
         If it is a device or a pipe, which may never end.
     OptionError
-        If ``samples`` is not a number of samples.
+        If ``samples`` is not a positive number.
     """
-    virtual, path = os.fspath(path), Path(path)
+    name, path = os.fspath(path), Path(path)
     if samples is not None and samples < 1:
         raise OptionError(f"at most {samples} samples; it must be a number from 1 on", code="limit-samples")
-    if virtual.startswith("/vsi"):
-        return InputFile(path, FIELD_SAMPLES if samples is None else int(samples), follow, virtual)
+    most = FIELD_SAMPLES if samples is None else int(samples)
+    if name.startswith("/vsi"):
+        return InputFile(path, most, follow, name)
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise InputError(
-            "is a device or a pipe; fields are read from files only",
-            code="no-file",
-            remedy="save its contents to a file first",
-        )
+        raise InputError("is a device or a pipe; fields are read from files only", code="no-file",
+                         remedy="save its contents to a file first")
     # missing files, directories and permissions are reported alike for all formats, before any library looks
     if not (stat.S_ISDIR(mode) and folder):
         with path.open("rb"):
             pass
-    return InputFile(path, FIELD_SAMPLES if samples is None else int(samples), follow)
+    return InputFile(path, most, follow)
 
 
 def is_dicom(path: Path) -> bool:
@@ -204,12 +165,7 @@ def is_dicom(path: Path) -> bool:
 
 
 def check_kind(dtype: np.dtype[Any]) -> None:
-    """Check that values of this type are real numbers.
-
-    Raises
-    ------
-    InputError
-    """
+    """Check that values of this type are real numbers."""
     if dtype.names is not None:
         raise InputError(f"holds records ({', '.join(map(plain, dtype.names))}), not numbers", code="dtype")
     if dtype.kind not in "biuf":
@@ -220,5 +176,5 @@ def check_kind(dtype: np.dtype[Any]) -> None:
         raise InputError(f"holds {held} (dtype {dtype}), not real numbers", code="dtype")
 
 
-def _quoted(name: str) -> str:
-    return f"'{plain(name)}'"
+def _cut_short(what: str) -> InputError:
+    return InputError(f"is cut short: its header states {what}", code="unreadable")

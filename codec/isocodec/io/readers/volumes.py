@@ -9,17 +9,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
+from .opened import Opened, numbers
 from .reading import check_frame
+from .slices import Slices
 
 Array = NDArray[Any]
 
 
+class OpenedVolumes(Opened):
+    """A volume, or a series of volumes, which the last of four axes counts.
+
+    Subclasses state the shape with all axes as ``_whole``, and the time from one volume to the next as ``_step``.
+    """
+
+    _whole: tuple[int, ...]
+    _step = ""
+
+    @property
+    def _several(self) -> bool:
+        return len(self._whole) == 4 and self._whole[3] > 1
+
+    def _series(self) -> Slices | None:
+        if not self._several:
+            return None
+        return Slices(
+            self._whole, 3, lambda number: numbers(self._values(number)), squeezed(self._whole[:3]), step=self._step
+        )
+
+
 def single(volume: Array, frame: int | None) -> Array:
     """Headers have at least three axes; a picture, or a slice of a volume, has axes of length 1."""
-    volume = _without_ones(volume)
+    volume = volume.reshape(squeezed(volume.shape))
     if frame is not None:
         check_frame(frame, volume.shape[-1] if volume.ndim > 3 else 0)
-        volume = _without_ones(volume[..., frame])
+        volume = volume[..., frame].reshape(squeezed(volume.shape[:-1]))
     if volume.ndim > 3:
         raise of_a_series(volume.shape)
     return volume
@@ -33,15 +56,6 @@ def of_a_series(shape: Sequence[int], by: str = "") -> InputError:
     )
 
 
-def is_series_of_volumes(shape: Sequence[int]) -> bool:
-    """Whether the axes of a volume file count volumes, too, by the fourth and last of them."""
-    return len(shape) == 4 and shape[3] > 1
-
-
-def _without_ones(volume: Array) -> Array:
-    return volume.reshape(squeezed(volume.shape))
-
-
 def squeezed(shape: Sequence[int]) -> tuple[int, ...]:
     """A shape without the axes of one sample that `kept_axes` leaves out."""
     return tuple(int(shape[axis]) for axis in kept_axes(shape))
@@ -53,14 +67,13 @@ def scaled(raw: Array, slope: float, inter: float) -> Array | None:
         return raw
     if raw.dtype.kind not in "iu" or not (slope.is_integer() and inter.is_integer()):
         return None
-    info = np.iinfo(raw.dtype)
-    ends = [int(end) * int(slope) + int(inter) for end in (info.min, info.max)]
+    ends = [int(end) * int(slope) + int(inter) for end in (np.iinfo(raw.dtype).min, np.iinfo(raw.dtype).max)]
     for kind in ("int32", "int64"):
         if np.iinfo(kind).min <= min(*ends, int(slope)) and max(*ends, int(slope)) <= np.iinfo(kind).max:
-            scaled: Array = raw.astype(kind)
-            scaled *= int(slope)
-            scaled += int(inter)
-            return scaled
+            values: Array = raw.astype(kind)
+            values *= int(slope)
+            values += int(inter)
+            return values
     return None
 
 
@@ -71,5 +84,5 @@ def kept_axes(shape: Sequence[int]) -> list[int]:
         axes.pop()
     for axis in reversed(axes if len(axes) == 3 else []):
         if len(axes) > 2 and shape[axis] == 1:
-            axes = [each for each in axes if each != axis]
+            axes.remove(axis)
     return axes
