@@ -290,6 +290,8 @@ def of_ply(path: Path) -> Back:
 
 def of_obj(path: Path) -> Back:
     text = path.read_text()
+    if "\nv " not in f"\n{text}":
+        return Back(np.zeros((0, 3)))
     if "\nl " not in text:
         return of_trimesh(path)
     found = pyvista.read(path)  # in single precision: the text has more digits
