@@ -290,6 +290,8 @@ def of_ply(path: Path) -> Back:
 
 def of_obj(path: Path) -> Back:
     text = path.read_text()
+    if "\nv " not in f"\n{text}":
+        return Back(np.zeros((0, 3)))
     if "\nl " not in text:
         return of_trimesh(path)
     found = pyvista.read(path)  # in single precision: the text has more digits
@@ -366,6 +368,8 @@ READERS: dict[str, Callable[[Path], Back]] = {
 SINGLE = {".stl": 2.0**-23, ".ply": 2.0**-23, ".glb": 2.0**-23, ".vtp": 0.0, ".nrrd": 1e-12, ".nii": 2.0**-22,
           ".nii.gz": 2.0**-22}
 """Part of the largest coordinate that a format loses."""
+DEGREES = ("EPSG:4326", "EPSG:4979")
+"""Longitude and latitude, without and with heights."""
 EMPTY = {".glb", ".3mf"}
 """Formats that do not hold an empty surface."""
 
@@ -505,7 +509,7 @@ def check_system(suffix: str, what: Any, back: Back, wanted: Expected, remarks: 
         assert back.space == (space if output.names_space and not (empty and suffix in (".obj", ".off")) else None)
     if output.coordinates == "degrees" and suffix == ".geojson":
         if named(placement):
-            assert back.system == "EPSG:4326" and remarks == ()
+            assert back.system in DEGREES and remarks == ()
         else:
             assert back.system is None or pyproj.CRS(back.system).is_engineering
     elif output.names_crs and suffix != ".pmtiles":
@@ -585,7 +589,7 @@ def check_points(suffix: str, name: str, what: Any, back: Back, wanted: Expected
 
 def check_shapes(suffix: str, name: str, back: Back) -> None:
     """No line without length, no triangle without area, areas valid; longitudes within 180 degrees, lines cut there."""
-    degrees = suffix == ".geojson" and back.system == "EPSG:4326"
+    degrees = suffix == ".geojson" and back.system in DEGREES
     if degrees and len(back.points):
         assert abs(back.points[:, 0]).max() <= 180 and abs(back.points[:, 1]).max() <= 90
     for line in back.lines or []:

@@ -59,7 +59,7 @@ class Globe:
         points : (P, 2 or 3) float64
             In coordinates of the placement.
         cells : (M, 2 or more) int64
-            Lines or simplices between them, whose size tells that of a cell.
+            Lines or simplices between them, whose size is that of a cell.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class Globe:
         return (degrees if self.straight else continued(degrees, starts)), starts
 
     def _bends(self, points: Points, degrees: Points, between: Points) -> NDArray[np.bool_]:
-        """Which segments do not have their middle in the middle, by distances on the ground, roughly."""
+        """Find segments whose middle moves away from the middle of their ends, by distances on the ground."""
         step, off = np.diff(degrees[:, :2], axis=0), between[:, :2] - degrees[:-1, :2]
         step[:, 0], off[:, 0] = _turned(step[:, 0]), _turned(off[:, 0])
         off = off - step / 2

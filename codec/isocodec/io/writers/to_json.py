@@ -153,7 +153,7 @@ def _collection(texts: list[bytes], system: dict[str, Any] | None) -> bytes:
 def system(placement: Placement | None, options: OutputOptions) -> dict[str, Any]:
     """Members of a file about its coordinates; omitted for longitude and latitude.
 
-    ``crs``, as in GeoJSON before RFC 7946, names the system that is kept, or says that there is none; ``space`` is that
+    ``crs``, as in GeoJSON before RFC 7946, names the system that is kept, or one without a place; ``space`` is that
     of a body.
     """
     if placement is not None and is_named(placement):

@@ -103,7 +103,7 @@ def _contour_vtu(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> 
     start = 0
     for contour in contours:
         whole = contour.joined
-        points.append(np.pad(whole.placed, ((0, 0), (0, 3 - whole.points.shape[1]))))
+        points.append(np.pad(whole.placed, ((0, 0), (0, 3 - whole.placed.shape[1]))))
         cells.append(start + whole.placed_cells)
         values.append(np.full(len(cells[-1]), float(contour.isovalue)))
         start += len(points[-1])

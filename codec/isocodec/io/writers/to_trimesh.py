@@ -109,7 +109,7 @@ def _with_comment(data: bytes, text: str) -> bytes:
 
 def _in_three(contour: Contour) -> NDArray[np.float64]:
     """Points of a curve with three coordinates."""
-    return np.pad(contour.placed, ((0, 0), (0, 3 - contour.points.shape[1])))
+    return np.pad(contour.placed, ((0, 0), (0, 3 - contour.placed.shape[1])))
 
 
 def _segments_ply(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
