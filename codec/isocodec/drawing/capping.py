@@ -73,7 +73,7 @@ def _face(
         contour.points[used][:, others], number.reshape(-1, 2), contour.isovalue,
         (contour.shape[others[0]], contour.shape[others[1]]), origin_above=_corner_above(contour, axis, last),
     )
-    whole = shapely.geometry.shape(areas_of(flat, above=above))
+    whole = areas_of(flat, above=above)
     pieces = [shapely.constrained_delaunay_triangles(part) for part in whole.geoms]
     rings = [shapely.get_coordinates(triangle)[:3] for piece in pieces for triangle in piece.geoms]
     if not rings:

@@ -12,7 +12,7 @@ from ..errors import OptionError
 from ..extras import optional
 from ..field.reference_system import system_of
 from .areas import areas_of, lifted
-from .bands import bands
+from .bands import band_areas
 from .curve import Curve
 
 
@@ -35,7 +35,7 @@ def table_of(
     geopandas = optional("geopandas", extra="vector", purpose="making tables of lines")
     shapely = optional("shapely", extra="geo", purpose="making tables of lines")
     if side == "bands":
-        return _table_of_bands(list(contours), valid, geopandas, shapely)
+        return _table_of_bands(list(contours), valid, geopandas)
     columns: dict[str, list[Any]] = {"isovalue": [], "side" if side else "closed": [], "complete": []}
     shapes: list[Any] = []
     system: Any = None
@@ -43,8 +43,7 @@ def table_of(
         if contour.n != 2:
             raise OptionError("only an isocontour (n = 2) has lines for a map", code="dimension")
         if side is not None:
-            areas = lifted(areas_of(contour, above=side == "above", valid=valid), contour.placement)
-            parts = [shapely.geometry.shape(areas)]
+            parts = [lifted(areas_of(contour, above=side == "above", valid=valid), contour.placement)]
             kinds: list[Any] = [side]
         else:
             whole = contour.joined
@@ -60,13 +59,7 @@ def table_of(
     return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system)
 
 
-def _table_of_bands(
-    contours: list[Curve], valid: NDArray[np.bool_] | None, geopandas: Any, shapely: Any
-) -> Any:
-    found = bands(contours, valid=valid)
-    columns = {
-        "lower": np.array([band.lower for band in found], float),
-        "upper": np.array([band.upper for band in found], float),
-    }
-    shapes = [shapely.geometry.shape(band.geometry) for band in found]
-    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system_of(contours[0].placement))
+def _table_of_bands(contours: list[Curve], valid: NDArray[np.bool_] | None, geopandas: Any) -> Any:
+    lower, upper, shapes = zip(*band_areas(contours, valid), strict=True)
+    columns = {"lower": np.array(lower, float), "upper": np.array(upper, float)}
+    return geopandas.GeoDataFrame(columns, geometry=list(shapes), crs=system_of(contours[0].placement))
