@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 NEAR_END = 2.0**-21
 """Share of its edge that a point keeps from either end (spec clause 9.5(6))."""
-_SPREAD = 4
-"""Steps over which points that would be rounded to one place are spread in each direction."""
-_ROUNDS = 8
+_SPREAD, _ROUNDS = 4, 9
+"""Steps over which points that would be rounded to one place are spread in each direction; more in each round."""
 _PRIMES = np.array([73856093, 19349663, 83492791])
 
 
@@ -26,24 +25,26 @@ def single(points: NDArray[np.float64]) -> NDArray[np.float32]:
     """Round points (P, d) to single precision; those that would fall together are spread over a few steps of it."""
     points = points.astype(np.float64)
     pitch = float(np.spacing(np.abs(points).max(initial=0).astype(np.float32)))
-    for _ in range(_ROUNDS):
-        some = _together(np.rint(points / pitch).astype(np.int64))
+    for spread in range(_SPREAD, _ROUNDS * _SPREAD, _SPREAD):
+        some, group = _together(points.astype(np.float32))
         if not len(some):
             break
-        _, group = np.unique(np.rint(points[some] / pitch), axis=0, return_inverse=True)
-        group = group.reshape(-1)
         sums = np.stack([np.bincount(group, column) for column in points[some].T], axis=1)
         middle = (sums / np.bincount(group)[:, None])[group]
         way = points[some] - middle
         reach = np.zeros(len(sums))
         np.maximum.at(reach, group, np.abs(way).max(axis=1))
-        points[some] = middle + way * (_SPREAD * pitch / np.maximum(reach, np.finfo(float).tiny))[group, None]
+        points[some] = middle + way * (spread * pitch / np.maximum(reach, np.finfo(float).tiny))[group, None]
     return points.astype(np.float32)
 
 
-def _together(places: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers of the places (P, d) that coincide with others."""
-    _, group, count = np.unique(places @ _PRIMES[: places.shape[1]], return_inverse=True, return_counts=True)
-    some = np.flatnonzero(count[group.reshape(-1)] > 1)
-    _, group, count = np.unique(places[some], axis=0, return_inverse=True, return_counts=True)
-    return some[count[group.reshape(-1)] > 1]
+def _together(points: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Numbers of the points (P, d) that coincide with others, and of the place of each."""
+    keys = (points + 0).view(np.int32).astype(np.int64) @ _PRIMES[: points.shape[1]]
+    _, group, count = np.unique(keys, return_inverse=True, return_counts=True)
+    some = np.flatnonzero(count[group] > 1)
+    # other points may have the same key
+    _, group, count = np.unique(points[some], axis=0, return_inverse=True, return_counts=True)
+    group = group.reshape(-1)
+    again = count[group] > 1
+    return some[again], np.unique(group[again], return_inverse=True)[1]
