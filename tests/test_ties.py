@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,8 @@ from skimage import measure
 import isocodec
 from brute import examples
 from isocodec import Contour
-from isocodec.drawing.separation import NEAR_END, single
 from isocodec.drawing.areas import areas_of
+from isocodec.drawing.separation import NEAR_END, single
 
 Fields = dict[str, Any]
 
@@ -129,7 +130,7 @@ def filled(field: Any, isovalue: float) -> Any:
     return np.array([
         shapely.Polygon(rings[0], rings[1:])
         for points, offsets in zip(*found, strict=True)
-        for rings in [[points[a:b] for a, b in zip(offsets[:-1], offsets[1:], strict=True)]]
+        for rings in [[points[a:b] for a, b in pairwise(offsets)]]
     ])
 
 

@@ -336,8 +336,8 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
 def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isovalue: float) -> Contour:
     """Draw the contour of values that are linear on each cell."""
     from ..drawing.contour import Contour
-    from ..drawing.separation import apart
     from ..drawing.explicit import crossed_edges, draw_cells
+    from ..drawing.separation import apart
 
     above = values > isovalue
     some = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]

@@ -80,7 +80,8 @@ def _face(
         return np.zeros((0, 3, 3))
     # without a placement, x of an area runs along the second axis
     corners = np.array(rings)[:, :, ::-1]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    (a, b), (c, d) = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
+    across = a * d - b * c
     turn = (across > 0) != straight
     corners[turn] = corners[turn][:, ::-1]
     out = np.empty((len(corners), 3, 3))

@@ -12,9 +12,9 @@ from ..grid.lattice.tables import cube_exponent
 from .clipping import clipped
 from .contour import Contour
 from .crossing import Drawn, edge_points
-from .separation import apart
 from .full_grid import draw_grid
 from .leaves import Leaves
+from .separation import apart
 from .simplices import draw_simplices
 from .smoothing import smoothed
 

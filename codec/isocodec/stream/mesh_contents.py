@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import LAYER_LIMIT, ChunkType, DomainKind, MeshLayer
 
 from ..drawing.contour import Contour
-from ..drawing.separation import apart
 from ..drawing.explicit import crossed_edges, draw_cells
+from ..drawing.separation import apart
 from ..drawing.tessellation import Tessellation
 from ..errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from ..field.samples import interval_value

@@ -81,7 +81,7 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
             if suffix == ".glb":
                 middle = mesh.bounds.mean(axis=0)
                 matrix[:3, 3] = middle
-                mesh.vertices = single(mesh.vertices - middle)  # in place it would move the contour, which has them, too
+                mesh.vertices = single(mesh.vertices - middle)  # a copy: the contour has them, too
             name = f"isovalue {contour.isovalue:.12g}"
             scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
             text = space_of(contour.placement)
