@@ -91,14 +91,14 @@ def test_vertices_are_those_of_marching_cubes(shape, seed, noise):
 @examples(120)
 @given(st.integers(2, 3), st.integers(0, 1 << 32), st.integers(1, 6), st.integers(-3, 3))
 def test_ties(n, seed, span, isovalue):
-    """Samples equal to the isovalue are below it: points by brute force, some of them on samples."""
+    """Samples equal to the isovalue are below it: points by brute force, some next to samples, none together."""
     rng = np.random.default_rng(seed)
     field = rng.integers(-span, span + 1, rng.integers(2, 15 if n == 2 else 7, n))
     contour = round_trip(field, isovalue, precision="exact")
     expected = crossing_points(field, isovalue)
     grid = on_grid_edges(contour.points)
-    # Several points may coincide on one sample: compare as multisets.
-    assert Counter(map(tuple, np.round(expected, 9).tolist())) - Counter(map(tuple, np.round(grid, 9).tolist())) == {}
+    assert len(np.unique(contour.points, axis=0)) == len(contour.points) and len(grid) >= len(expected)
+    assert not len(expected) or cKDTree(grid).query(expected)[0].max() < 1e-6
     if n == 2:
         assert len(contour.points) == len(expected)
     signs = isocodec.decode(isocodec.encode(field, isovalue, precision="signs"))
@@ -109,9 +109,9 @@ def test_ties(n, seed, span, isovalue):
 
 
 def test_ties_by_hand():
-    """Samples 0 1 2 along an axis at isovalue 1: only 2 is above, and the point is on the sample that is 1."""
+    """Samples 0 1 2 along an axis at isovalue 1: only 2 is above, and the point is next to the sample that is 1."""
     contour = round_trip(np.array([[0, 1, 2], [0, 1, 2]]), 1, precision="exact")
-    assert sorted(map(tuple, contour.points.tolist())) == [(0.0, 1.0), (1.0, 1.0)]
+    assert sorted(map(tuple, contour.points.tolist())) == [(0.0, 1.0 + 2**-21), (1.0, 1.0 + 2**-21)]
     contour = round_trip(np.array([[0, 1, 2], [0, 1, 2]]), 0.5, precision="exact")
     assert sorted(map(tuple, contour.points.tolist())) == [(0.0, 0.5), (1.0, 0.5)]
 

@@ -6,6 +6,7 @@ symbols in 64 contexts at the same time (``calibration``, which needs numba).
 
     python tools/bench_speed.py                              the data of the demonstration
     python tools/bench_speed.py terrain.npy:500.5 head.npz   other arrays, .npy or .npz; without an isovalue: the median
+    python tools/bench_speed.py --rings 400                  areas of 400 x 400 rings, beside those of contourpy
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import tempfile
 import textwrap
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -239,6 +241,22 @@ def circle(side: int) -> dict[str, Any]:
     }
 
 
+def rings(side: int, repeat: int) -> dict[str, float]:
+    """Seconds until areas above and below a curve of ``side**2`` rings are made, and contourpy's for those below."""
+    import contourpy
+
+    field = np.zeros((4 * side, 4 * side), np.uint8)
+    field[1::4, 1::4] = 9
+    contour = isocodec.decode(isocodec.encode(field, 4.5, precision="exact"))
+    report: dict[str, float] = {"rings": len(contour.lines)}
+    for name, above in (("areas_above_s", True), ("areas_below_s", False)):
+        # a new object each time: the lines of one are kept
+        report[name], _ = best(repeat, lambda: replace(contour).areas(above=above))  # noqa: B023
+    peer = contourpy.contour_generator(z=field.astype(float), fill_type="OuterOffset")
+    report["contourpy_below_s"], _ = best(repeat, lambda: peer.filled(-1, 4.5))
+    return report
+
+
 # ---- Report ---------------------------------------------------------------------------------------------------------
 
 
@@ -280,10 +298,14 @@ def main() -> None:
         "--side", type=int, default=20_000, metavar="N",
         help="samples along a side of the domain in which a circle is decoded, 0 for none; encoding takes N * N bytes",
     )
+    parser.add_argument("--rings", type=int, metavar="N", help="measure only the areas of N * N rings")
     parser.add_argument("--speed-only", action="store_true", help="no first use, no info, no circle")
     parser.add_argument("--json", action="store_true", help="print an object for programs")
     chosen = parser.parse_args()
 
+    if chosen.rings:
+        print(json.dumps(rings(chosen.rings, chosen.repeat)))
+        return
     calibration = Calibration()
     report: dict[str, Any] = {"speed": []}
     for argument in chosen.fields or [str(DATA / name) for name in DEMO]:

@@ -256,10 +256,8 @@ class Observed:
         tied = [isovalue for isovalue, count in counts.items() if count]
         if not tied:
             return []
-        text = "points of the contour coincide there" if valued else "they count as below"
-        if topology:
-            text = "they count as below for the topology"
-        elif kind in "biu" and len(tied) == 1:
+        text = "they count as below for the topology" if topology else "they count as below"
+        if not topology and kind in "biu" and len(tied) == 1:
             text += f", which {tied[0] + 0.5:g} avoids"
         of = f"the isovalue {tied[0]:g}" if len(tied) == 1 else f"one of {len(tied)} isovalues ({tied[0]:g}, ..)"
         return [f"{sum(counts.values()):,} samples equal {of}: {text}"]

@@ -233,8 +233,8 @@ def _measured(contour: Contour, sampled: Samples, promise: _Promise, wrong: int 
         numbers = steps.numbers(some, sampled.signs.ravel()).reshape(sampled.signs.shape)
         near = values_of_steps(sampled.signs, sampled.isovalue, promise.step, numbers)
         in_steps = original(DecodedSamples(near, sampled.isovalue, sampled.signs, promise.step, sampled.gone,
-                                           number=numbers))
-    return _compared(contour, original(sampled), promise, wrong, in_steps=in_steps)
+                                           number=numbers), measured=False)
+    return _compared(contour, original(sampled, measured=False), promise, wrong, in_steps=in_steps)
 
 
 def _compared(
@@ -337,13 +337,14 @@ def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isov
     """Draw the contour of values that are linear on each cell."""
     from ..drawing.contour import Contour
     from ..drawing.explicit import crossed_edges, draw_cells
+    from ..drawing.separation import apart
 
     above = values > isovalue
     some = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
     edges = crossed_edges(some, above)
     low, high = (values[edges[:, i]].astype(np.float64) for i in (0, 1))
     with np.errstate(all="ignore"):
-        ratio = np.clip(np.nan_to_num((isovalue - low) / (high - low), nan=0.5), 0.0, 1.0)
+        ratio = apart((isovalue - low) / (high - low))
     drawn, pieces = draw_cells(points, some, np.zeros(len(some), np.bool_), above, edges, ratio)
     return Contour(drawn, pieces, isovalue, ())
 

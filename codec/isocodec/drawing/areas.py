@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from ..extras import optional
 from ..field.placement import Placement
 from .curve import Curve
 
-Ring = NDArray[np.float64]
+Points = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 
 
 def polygons() -> Any:
@@ -25,8 +27,9 @@ def polygons() -> Any:
     return optional("shapely", extra="geo", purpose="making areas")
 
 
-def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-    """Polygons of the part above or not above the isovalue; see `Contour.areas`. Of a plane in space in `flat`."""
+def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> Any:
+    """``MultiPolygon`` of the part above or not above the isovalue, as `Contour.areas`; of a plane in space in `flat`.
+    """
     contour = contour.flat
     if len(contour.shape) != 2:
         raise OptionError("only an isocontour (n = 2) has areas", code="dimension")
@@ -38,51 +41,46 @@ def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | N
     if valid is not None and np.shape(valid) != contour.shape:
         raise OptionError(f"valid has shape {np.shape(valid)}, but the field has {contour.shape}", code="valid")
     shapely = polygons()
-    touching = _touching(contour)
-    outer: list[Any] = []
-    holes: list[Any] = []
-    for ring in _rings(contour, above):
-        size = _twice_area(ring)
-        if size != 0:
-            polygon = shapely.Polygon(ring)
-            pieces = pieces_of(shapely.make_valid(polygon)) if touching and not polygon.is_valid else [polygon]
-            (outer if size > 0 else holes).extend(pieces)
-    # a hole belongs to the smallest ring around it; rings inside the hole do not cover it
-    candidates = np.array(outer, object)
-    around, hole = shapely.STRtree(holes).query(candidates, predicate="covers")
-    by_size = np.argsort(-shapely.area(candidates)[around], kind="stable")
-    within: list[list[Any]] = [[] for _ in outer]
-    for j, i in dict(zip(hole[by_size].tolist(), around[by_size].tolist(), strict=True)).items():
-        within[i].append(holes[j])
-    parts = []
-    for part, some in zip(outer, within, strict=True):
-        parts += pieces_of(shapely.difference(part, shapely.union_all(some)) if some else part)
-    area = shapely.MultiPolygon(parts)
-    if touching and not area.is_valid:
-        area = shapely.MultiPolygon(pieces_of(shapely.union_all(parts)))
+    area = _nested(*_rings(contour, above), shapely)
     if valid is not None:
-        whole = shapely.difference(area, shapely.union_all(_holes(np.asarray(valid, np.bool_), shapely)))
-        area = shapely.MultiPolygon(pieces_of(whole))
+        area = shapely.difference(area, shapely.union_all(_holes(np.asarray(valid, np.bool_), shapely)))
     if contour.bent:
         # the border bends with the grid
         area = shapely.segmentize(area, 1.0)
-    placed = shapely.MultiPolygon(pieces_of(shapely.transform(area, contour.place)))
-    if contour.placement is not None and contour.placement.closes:
-        placed = shapely.MultiPolygon(pieces_of(shapely.union_all(shapely.make_valid(pieces_of(placed)))))
-    placed = shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in placed.geoms])
-    geometry: dict[str, Any] = shapely.geometry.mapping(placed)
-    return geometry
+    area = shapely.transform(area, contour.place)
+    closes = contour.placement is not None and contour.placement.closes
+    if closes or (contour.bent and not area.is_valid):
+        area = shapely.union_all(shapely.make_valid(shapely.get_parts(area)))
+    return oriented(area)
 
 
-def lifted(geometry: dict[str, Any], placement: Placement | None) -> dict[str, Any]:
+def oriented(shape: Any) -> Any:
+    """``MultiPolygon`` of the polygons of a shape, with exterior rings counter-clockwise, holes clockwise."""
+    shapely = polygons()
+    if shape.geom_type != "MultiPolygon":
+        parts = shapely.get_parts(shapely.get_parts(shape))
+        shape = shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
+    return shapely.orient_polygons(shape)
+
+
+def lifted(area: Any, placement: Placement | None) -> Any:
     """Areas of a plane in space with three coordinates, from those within the plane; others as they are."""
     if placement is None or not placement.in_space:
-        return geometry
-    parts = [
-        [list(map(tuple, placement.lifted(np.array(ring)).tolist())) for ring in part]
-        for part in geometry["coordinates"]
-    ]
-    return {**geometry, "coordinates": parts}
+        return area
+    shapely = polygons()
+    kind, points, offsets = shapely.to_ragged_array([area])
+    return shapely.from_ragged_array(kind, placement.lifted(points), offsets)[0]
+
+
+def geometry_of(area: Any) -> dict[str, Any]:
+    """GeoJSON geometry of a ``MultiPolygon``, as tuples."""
+    parts: list[Any] = []
+    if not area.is_empty:
+        _, points, (rings, shells, _) = polygons().to_ragged_array([area])
+        places = list(zip(*points.T.tolist(), strict=True))
+        closed = [tuple(places[a:b]) for a, b in pairwise(rings.tolist())]
+        parts = [tuple(closed[a:b]) for a, b in pairwise(shells.tolist())]
+    return {"type": "MultiPolygon", "coordinates": parts}
 
 
 def _holes(valid: NDArray[np.bool_], shapely: Any) -> Any:
@@ -94,46 +92,87 @@ def _holes(valid: NDArray[np.bool_], shapely: Any) -> Any:
     return shapely.box(row, first, row + 1, last)
 
 
-def _touching(contour: Curve) -> bool:
-    """Whether rings may touch: points coincide, or lie on the border although no line ends there."""
-    points = contour.points
-    on_border = np.count_nonzero(((points == 0) | (points == np.array(contour.shape) - 1)).any(axis=1))
-    open_lines = sum(walk[0] != walk[-1] for walk in contour.walks)
-    return bool(on_border > 2 * open_lines) or len(np.unique(points[:, 0] + 1j * points[:, 1])) < len(points)
+def _nested(points: Points, first: Numbers, shapely: Any) -> Any:
+    """``MultiPolygon`` of rings with their inside on the left; none touches another one.
+
+    Parameters
+    ----------
+    points : (P, 2) float64
+        Of one ring after the other, the first point of each again at its end.
+    first : (R + 1,) int64
+        Where each ring begins, and the number of points.
+    """
+    if not len(points):
+        return shapely.MultiPolygon()
+    begin, length = first[:-1], np.diff(first)
+    x, y = (points - np.repeat(points[begin], length, axis=0)).T
+    twice_area = np.append(x[:-1] * y[1:] - x[1:] * y[:-1], 0)
+    inner = np.add.reduceat(twice_area, begin) < 0
+    shell = _shells(points, first, inner)
+    # the rings of each polygon one after the other, the shell before its holes
+    order = np.lexsort((inner, shell))
+    ends = np.cumsum(length[order])
+    moved = np.repeat(begin[order] - ends + length[order], length[order])
+    shells = np.append(np.flatnonzero(~inner[order]), len(order))
+    offsets = (np.append(0, ends), shells, np.array([0, len(shells) - 1]))
+    kind = shapely.GeometryType.MULTIPOLYGON
+    return shapely.from_ragged_array(kind, points[np.arange(len(points)) + moved], offsets)[0]
 
 
-def pieces_of(shape: Any) -> list[Any]:
-    """The polygons of which a shape consists."""
-    parts = getattr(shape, "geoms", [shape])
-    return [p for part in parts for p in getattr(part, "geoms", [part]) if p.geom_type == "Polygon"]
+def _shells(points: Points, first: Numbers, inner: NDArray[np.bool_]) -> Numbers:
+    """The ring that bounds the same polygon from outside, for each ring (R,), by number; ``inner`` (R,) are holes.
+
+    Straight lines run through all holes. On its line, what lies before the first point of a hole bounds the same
+    polygon: the shell, or another hole, which begins nearer to the border; and so on until the shell is reached.
+    """
+    ring = np.arange(len(inner))
+    begin = first[:-1]
+    low, high = np.minimum.reduceat(points[:, 0], begin), np.maximum.reduceat(points[:, 0], begin)
+    line = np.floor(low) + 1
+    lines = np.unique(np.where(line < high, line, (low + high) / 2)[inner])
+    # pieces, and the lines that they cross
+    start, way = points[:-1], np.diff(points, axis=0)
+    of = np.repeat(ring, np.diff(first))[:-1]
+    met, after = (np.searchsorted(lines, end(start[:, 0], points[1:, 0])) for end in (np.minimum, np.maximum))
+    count = np.where(of == np.repeat(ring, np.diff(first))[1:], after - met, 0)
+    piece = np.repeat(np.arange(len(of)), count)
+    line = met[piece] + np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
+    slope = way[piece, 1] / way[piece, 0]
+    place = start[piece, 1] + (lines[line] - start[piece, 0]) * slope
+    order = np.lexsort((slope, place, line))
+    ring_at, forwards, place = of[piece[order]], way[piece[order], 0] > 0, place[order]
+    # where a hole begins, the inside lies before; of all its lines, take the one where that is nearest to the border
+    enters = np.flatnonzero(inner[ring_at] & ~forwards)
+    enters = enters[np.argsort(place[enters], kind="stable")]
+    holes, at = np.unique(ring_at[enters], return_index=True)
+    ring[holes] = ring_at[enters[at] - 1]
+    for _ in range(len(ring).bit_length()):
+        ring = ring[ring]
+    return ring
 
 
-def _twice_area(ring: Ring) -> float:
-    """Twice the signed area of a closed ring: positive if counter-clockwise, with axis 0 as x and axis 1 as y."""
-    x, y = (ring - ring[0]).T
-    return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
-
-
-def _rings(contour: Curve, above: bool) -> list[Ring]:
-    """Make closed rings with the part on their left, in index coordinates."""
-    step = 1 if above else -1
-    walks = [walk[::step] for walk in contour.walks]
-    lines = [contour.points[walk] for walk in walks if walk[0] != walk[-1]]
-    rings = [contour.points[walk] for walk in walks if walk[0] == walk[-1]]
-    far = np.array(contour.shape, np.float64) - 1
-    corners = np.array([(0, 0), (far[0], 0), far, (0, far[1])])
+def _rings(contour: Curve, above: bool) -> tuple[Points, Numbers]:
+    """Make closed rings with the part on their left, in index coordinates, one after the other; see `_nested`."""
     if contour.origin_above is None:
         raise _unfinished()
-    here = contour.origin_above == above
+    step = 1 if above else -1
+    rings = [walk for walk in contour.walks if walk[0] == walk[-1]]
+    closed = contour.points[np.fromiter(chain.from_iterable(rings), np.int64)][::step]
+    lines = [contour.points[walk[::step]] for walk in contour.walks if walk[0] != walk[-1]]
+    bounding = _along(lines, np.array(contour.shape, np.float64) - 1, contour.origin_above == above)
+    length = [len(ring) for ring in chain(rings[::step], bounding)]
+    return np.concatenate([closed, *bounding]), np.cumsum([0, *length])
+
+
+def _along(lines: list[Points], far: Points, here: bool) -> list[Points]:
+    """Close lines that end at the border into rings; ``here``: the first sample lies in the part on their left."""
+    corners = np.array([(0, 0), (far[0], 0), far, (0, far[1])])
     if not lines:
         # the whole border lies on one side
-        return [*rings, corners[[0, 1, 2, 3, 0]]] if here else rings
-
+        return [corners[[0, 1, 2, 3, 0]]] if here else []
     starts = _along_border(np.array([line[0] for line in lines]), far)
     ends = _along_border(np.array([line[-1] for line in lines]), far)
     once = 2 * far.sum()
-    # a line may reach the first sample from the other side
-    (ends if here else starts)[(ends if here else starts) == 0] = once
     # with the part on the left, its border runs counter-clockwise from the end of each line to the next start
     first, last = np.argsort(starts), np.argsort(ends)
     until = np.append(starts[first], starts[first[0]] + once)[here:][: len(lines)]
@@ -141,8 +180,9 @@ def _rings(contour: Curve, above: bool) -> list[Ring]:
     follower[last], length[last] = np.roll(first, -here), until - ends[last]
     around = _along_border(corners, far)
     done = np.zeros(len(lines), bool)
+    rings = []
     for i in range(len(lines)):
-        pieces: list[Ring] = []
+        pieces: list[Points] = []
         while not done[i]:
             done[i] = True
             way = (around - ends[i]) % once
@@ -150,12 +190,11 @@ def _rings(contour: Curve, above: bool) -> list[Ring]:
             pieces += [lines[i], corners[passed]]
             i = int(follower[i])
         if pieces:
-            ring = np.concatenate(pieces)
-            rings.append(np.concatenate([ring, ring[:1]]))
+            rings.append(np.concatenate([*pieces, pieces[0][:1]]))
     return rings
 
 
-def _along_border(points: Ring, far: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along_border(points: Points, far: Points) -> Points:
     """Distances of points along the border, counter-clockwise from (0, 0), with axis 0 as x."""
     x, y = points.T
     on = [y == 0, x == far[0], y == far[1], x == 0]

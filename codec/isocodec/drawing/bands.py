@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .areas import areas_of, lifted, pieces_of, polygons
+from .areas import areas_of, geometry_of, lifted, oriented, polygons
 from .curve import Curve
 
 
@@ -52,24 +52,28 @@ def bands(contours: Iterable[Curve], *, valid: NDArray[np.bool_] | None = None) 
     OptionError, TruncatedError, MissingExtraError
         As for `Contour.areas`.
     """
+    return [Band(lower, upper, geometry_of(area)) for lower, upper, area in band_areas(contours, valid)]
+
+
+def band_areas(
+    contours: Iterable[Curve], valid: NDArray[np.bool_] | None
+) -> list[tuple[float | None, float | None, Any]]:
+    """Bounds of the bands, and their ``MultiPolygon``; see `bands`."""
     shapely = polygons()
     above: list[tuple[float, Any]] = []
     lowest: Curve | None = None
     for contour in contours:
-        above.append((contour.isovalue, shapely.geometry.shape(areas_of(contour, valid=valid))))
+        above.append((contour.isovalue, areas_of(contour, valid=valid)))
         if lowest is None or contour.isovalue < lowest.isovalue:
             lowest = contour
         del contour
+    if lowest is None:
+        return []
     above.sort(key=lambda one: one[0])
-    out = [] if lowest is None else [Band(None, lowest.isovalue, areas_of(lowest, above=False, valid=valid))]
+    found: list[tuple[float | None, float | None, Any]] = [
+        (None, lowest.isovalue, areas_of(lowest, above=False, valid=valid))
+    ]
     for i, (value, shape) in enumerate(above):
         upper, less = above[i + 1] if i + 1 < len(above) else (None, None)
-        rest = shape if less is None else shapely.difference(shape, less)
-        out.append(Band(value, upper, _mapping(rest, shapely)))
-    return [replace(band, geometry=lifted(band.geometry, None if lowest is None else lowest.placement)) for band in out]
-
-
-def _mapping(shape: Any, shapely: Any) -> dict[str, Any]:
-    parts = [shapely.geometry.polygon.orient(part) for part in pieces_of(shape)]
-    geometry: dict[str, Any] = shapely.geometry.mapping(shapely.MultiPolygon(parts))
-    return geometry
+        found.append((value, upper, shape if less is None else oriented(shapely.difference(shape, less))))
+    return [(lower, upper, lifted(area, lowest.placement)) for lower, upper, area in found]

@@ -73,14 +73,15 @@ def _face(
         contour.points[used][:, others], number.reshape(-1, 2), contour.isovalue,
         (contour.shape[others[0]], contour.shape[others[1]]), origin_above=_corner_above(contour, axis, last),
     )
-    whole = shapely.geometry.shape(areas_of(flat, above=above))
+    whole = areas_of(flat, above=above)
     pieces = [shapely.constrained_delaunay_triangles(part) for part in whole.geoms]
     rings = [shapely.get_coordinates(triangle)[:3] for piece in pieces for triangle in piece.geoms]
     if not rings:
         return np.zeros((0, 3, 3))
     # without a placement, x of an area runs along the second axis
     corners = np.array(rings)[:, :, ::-1]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    (a, b), (c, d) = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
+    across = a * d - b * c
     turn = (across > 0) != straight
     corners[turn] = corners[turn][:, ::-1]
     out = np.empty((len(corners), 3, 3))

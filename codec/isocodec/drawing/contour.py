@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import MissingExtraError, OptionError
 from ..extras import optional
 from ..field.placement import Placement
-from .areas import areas_of, lifted, polygons
+from .areas import areas_of, geometry_of, lifted, polygons
 from .capping import capped_mesh
 from .seam import joined
 
@@ -247,9 +247,8 @@ class Contour:
         dict
             GeoJSON ``MultiPolygon`` in the coordinates of `placed`, exterior rings counter-clockwise in these and
             holes clockwise; ``shapely.geometry.shape`` takes it. The two parts share the contour and make up the box,
-            from the first sample to the last along each axis, without cells that have a missing corner. Where samples
-            equal the isovalue, rings may touch. On a plane in space points have three coordinates, and rings are
-            counter-clockwise in the coordinates of `flat`.
+            from the first sample to the last along each axis, without cells that have a missing corner. On a plane in
+            space points have three coordinates, and rings are counter-clockwise in the coordinates of `flat`.
 
         Raises
         ------
@@ -260,7 +259,7 @@ class Contour:
         MissingExtraError
             If shapely is not installed.
         """
-        return lifted(areas_of(self, above=above, valid=valid), self.placement)
+        return geometry_of(lifted(areas_of(self, above=above, valid=valid), self.placement))
 
     def capped(self, *, above: bool = True) -> Contour:
         """Make the closed boundary of the part of the grid where values lie above the isovalue, or not above it.

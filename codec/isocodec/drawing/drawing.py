@@ -11,14 +11,17 @@ from ..errors import OptionError
 from ..grid.lattice.tables import cube_exponent
 from .clipping import clipped
 from .contour import Contour
-from .crossing import Drawn
+from .crossing import Drawn, edge_points
 from .full_grid import draw_grid
 from .leaves import Leaves
+from .separation import apart
 from .simplices import draw_simplices
 from .smoothing import smoothed
 
 
-def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Contour:
+def draw(
+    leaves: Leaves, *, complete: bool = True, smooth: bool = False, measured: bool = False
+) -> Contour:
     """Draw the isocontour (n = 2) or isosurface (n = 3) that runs through mixed leaf simplices.
 
     On the full grid (``leaves.full``), and in unit cells where the mesh is as fine, points lie on grid edges, as in
@@ -34,6 +37,9 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
         Whether everything that belongs to these leaves has been received; copied to the result.
     smooth : bool
         Move points of which only the edge is known (`isocodec.drawing.smoothing`).
+    measured : bool
+        Leave points at ends of edges, where samples equal the isovalue: an encoder measures distances from there.
+        Otherwise they are moved into their edges (`isocodec.drawing.curve.apart`).
 
     Returns
     -------
@@ -45,11 +51,11 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
     OptionError
         If the field does not have 2 or 3 axes.
     """
-    return draw_with_ends(leaves, complete=complete, smooth=smooth)[0]
+    return draw_with_ends(leaves, complete=complete, smooth=smooth, measured=measured)[0]
 
 
 def draw_with_ends(
-    leaves: Leaves, *, complete: bool = True, smooth: bool = False
+    leaves: Leaves, *, complete: bool = True, smooth: bool = False, measured: bool = False
 ) -> tuple[Contour, NDArray[np.int64]]:
     """Draw as `draw` does, and also return the samples between which the first points lie.
 
@@ -64,6 +70,9 @@ def draw_with_ends(
     if n not in (2, 3):
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
     drawn = draw_grid(leaves)[0] if leaves.full else _drawn_together(leaves)
+    if not measured:
+        drawn = drawn._replace(ratio=apart(drawn.ratio), points=drawn.points.copy())
+        drawn.points[: len(drawn.edges)] = edge_points(leaves, drawn.edges, drawn.ratio)
     points = smoothed(leaves, drawn) if smooth else drawn.points
     cells, masked = drawn.cells, leaves.whole is not None
     ends = leaves.position[drawn.edges].astype(np.int64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .separation import apart
 from .simplices import simplex_table
 
 
@@ -15,9 +16,13 @@ def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray
 
 
 def surface_contour(
-    points: NDArray[np.float64], values: NDArray[np.float64], triangles: NDArray[np.int64], isovalue: float
+    points: NDArray[np.float64], values: NDArray[np.float64], triangles: NDArray[np.int64], isovalue: float,
+    *, measured: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (P, 2) and segments (M, 2) of a contour of a surface over the plane, linear on its triangles (T, 3)."""
+    """Points (P, 2) and segments (M, 2) of a contour of a surface over the plane, linear on its triangles (T, 3).
+
+    ``measured``: points lie where values equal the isovalue, even at the ends of edges, where several fall together.
+    """
     above = values > isovalue
     mixed = above[triangles]
     cells = triangles[mixed.any(axis=1) & ~mixed.all(axis=1)]
@@ -25,7 +30,9 @@ def surface_contour(
     low, high = values[edges[:, 0]], values[edges[:, 1]]
     # halved first, since the difference of two large floats may overflow
     ratio = np.clip((isovalue / 2 - low / 2) / (high / 2 - low / 2), 0.0, 1.0)
-    return draw_cells(points, cells, np.zeros(len(cells), np.bool_), above, edges, ratio)
+    return draw_cells(
+        points, cells, np.zeros(len(cells), np.bool_), above, edges, ratio if measured else apart(ratio)
+    )
 
 
 def draw_cells(

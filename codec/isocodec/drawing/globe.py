@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..field.reference_system import DEGREES, Transform, epsg_of, is_named, to_degrees
-from .areas import pieces_of, polygons
+from .areas import oriented, polygons
 
 if TYPE_CHECKING:
     from ..field.placement import Placement
@@ -159,7 +159,7 @@ class Globe:
         out = shapely.from_ragged_array(kind, points, (starts, outer))
         for i in np.flatnonzero(cut):
             own = [points[starts[j] : starts[j + 1]] for j in range(outer[i], outer[i + 1])]
-            out[i] = shapely.MultiPolygon(self._on_globe(own, turned, bool(outside[i])))
+            out[i] = self._on_globe(own, turned, bool(outside[i]))
         return np.asarray(shapely.orient_polygons(out))
 
     def _mirrors(self, start: Points) -> bool:
@@ -169,7 +169,7 @@ class Globe:
         steps[:, 0] = _turned(steps[:, 0])
         return bool(np.linalg.det(steps) < 0)
 
-    def _on_globe(self, rings: list[Points], turned: bool, outside: bool) -> list[Any]:
+    def _on_globe(self, rings: list[Points], turned: bool, outside: bool) -> Any:
         """Polygons of an outer ring, or of what is outside of it, without its holes."""
         shapely = polygons()
         areas = []
@@ -180,7 +180,7 @@ class Globe:
             areas.append(_rolled(shapely.make_valid(shapely.Polygon(ring))))
         if outside:
             areas[0] = shapely.difference(shapely.box(-HALF, -POLE, HALF, POLE), areas[0])
-        return pieces_of(shapely.difference(areas[0], shapely.union_all(areas[1:])))
+        return oriented(shapely.difference(areas[0], shapely.union_all(areas[1:])))
 
 
 def ragged(lines: list[Points]) -> tuple[Points, Starts]:
@@ -260,8 +260,9 @@ def _rolled(shape: Any) -> Any:
     parts = []
     for turn in range(int(np.floor((low + HALF) / TURN)), int(np.ceil((high + HALF) / TURN))):
         box = shapely.box(TURN * turn - HALF, -POLE, TURN * turn + HALF, POLE)
-        parts += [shapely.transform(each, lambda points, turn=turn: _within(points, turn), include_z=bool(each.has_z))
-                  for each in pieces_of(shapely.intersection(shape, box))]
+        part = oriented(shapely.intersection(shape, box))
+        parts.append(shapely.transform(
+            part, lambda points, turn=turn: _within(points, turn), include_z=bool(part.has_z)))
     return shapely.union_all(parts)
 
 

@@ -14,7 +14,7 @@ from ..extras import optional
 from ..field.placement import Placement
 from ..field.reference_system import system_of
 from .areas import areas_of, lifted
-from .bands import bands
+from .bands import band_areas
 from .curve import Curve
 
 ISOVALUE = "isovalue"
@@ -109,7 +109,7 @@ def _isovalues(
         columns: dict[str, Any] = {ISOVALUE: float(contour.isovalue)}
         if side is not None:
             areas = lifted(areas_of(contour, above=side == "above", valid=valid), contour.placement)
-            yield contour, np.array([shapely.geometry.shape(areas)], object), {**columns, "side": side}
+            yield contour, np.array([areas], object), {**columns, "side": side}
         else:
             whole = contour.joined
             walks = whole.walks
@@ -122,10 +122,10 @@ def _isovalues(
 
 
 def _bands(
-    contours: Iterable[Curve], _: str | None, valid: NDArray[np.bool_] | None, shapely: Any
+    contours: Iterable[Curve], _: str | None, valid: NDArray[np.bool_] | None, __: Any
 ) -> Iterator[tuple[Curve, NDArray[Any], dict[str, Any]]]:
     """Make the geometries of all bands."""
     whole = list(contours)
-    found = bands(whole, valid=valid)
-    columns = {name: np.array([getattr(band, name) for band in found], float) for name in ("lower", "upper")}
-    yield whole[0], np.array([shapely.geometry.shape(band.geometry) for band in found], object), columns
+    lower, upper, shapes = zip(*band_areas(whole, valid), strict=True)
+    columns = {"lower": np.array(lower, float), "upper": np.array(upper, float)}
+    yield whole[0], np.array(shapes, object), columns

@@ -107,7 +107,7 @@ def _too_far(
     values = chosen.offset + chosen.step * chosen.numbers.astype(np.float64)
     bad = [np.zeros((0, 2))]
     for one, isovalue in zip(wanted, isovalues, strict=True):
-        found = surface_contour(points, values, cells, isovalue)
+        found = surface_contour(points, values, cells, isovalue, measured=True)
         for (a, a_cells), (b, b_cells) in ((found, (one.points, one.cells)), ((one.points, one.cells), found)):
             if not len(a_cells):
                 continue

@@ -17,8 +17,8 @@ from ..field.samples import Samples
 from ..grid.tube.holes import whole_cells_of
 
 
-def original(field: Samples) -> Contour:
-    """The contour of a field: points on the grid's edges by linear interpolation."""
+def original(field: Samples, *, measured: bool = True) -> Contour:
+    """The contour of a field: points on the grid's edges by linear interpolation; ``measured``: see `draw`."""
     shape, n = field.signs.shape, field.signs.ndim
     cells = _mixed_cells(field.signs)
     # x0 has even indices only, xn odd ones; a simplex is a path between them, one axis at a time
@@ -42,7 +42,7 @@ def original(field: Samples) -> Contour:
         edges=edges, edge_offset=places,
         whole=None if field.gone is None else partial(whole_cells_of, field.gone),
     )
-    return draw(leaves)
+    return draw(leaves, measured=measured)
 
 
 def _known_edges(field: DecodedSamples, used: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

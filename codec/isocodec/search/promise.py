@@ -102,7 +102,7 @@ class Promise:
     def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
         """Bytes of the runs of a plan, and what a decoder draws in the end."""
         total, leaves = self.leaves(plan)
-        return total, draw(leaves)
+        return total, draw(leaves, measured=True)
 
     def leaves(self, plan: Sequence[Entry]) -> tuple[int, Leaves]:
         """Bytes of the runs of a plan, and the leaves in the end."""
@@ -114,7 +114,7 @@ class Promise:
     def layers(self, plan: Sequence[Entry]) -> list[tuple[Contour, float | None]]:
         """Drawings of a decoder after each layer of a plan, and the distance promised by then."""
         contours: list[Contour] = []
-        promised = self._encoded(plan, lambda tube: contours.append(draw(self._leaves(tube))))[2]
+        promised = self._encoded(plan, lambda tube: contours.append(draw(self._leaves(tube), measured=True)))[2]
         at = [max((layers for layers in promised if layers <= done), default=0) for done in range(1, len(contours) + 1)]
         return [(contour, promised.get(layers)) for contour, layers in zip(contours, at, strict=True)]
 

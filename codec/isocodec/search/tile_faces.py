@@ -108,7 +108,7 @@ class Faces:
         found: list[Vertex] = []
         for turn in range(MOST_TURNS):
             leaves = promise.leaves([*lead, onto(reduction.chosen, lead), ("offsets", *pitch)])[1]
-            places = promise.excess(draw(leaves), IN_FACE * tolerance)
+            places = promise.excess(draw(leaves, measured=True), IN_FACE * tolerance)
             if turn == 0 and is_rough(promise, len(places)):
                 raise NotKeptError("the field is rough in a face", code="tolerance")
             wanted = distinct(2, reduction.leaves_at(places))[0] if len(places) else np.zeros((0, 4), np.int64)

@@ -13,6 +13,7 @@ from isospec.container import LAYER_LIMIT, ChunkType, DomainKind, MeshLayer
 
 from ..drawing.contour import Contour
 from ..drawing.explicit import crossed_edges, draw_cells
+from ..drawing.separation import apart
 from ..drawing.tessellation import Tessellation
 from ..errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from ..field.placement import own_placement
@@ -211,9 +212,9 @@ class MeshContents:
             low, high = value[found.edges[:, 0]], value[found.edges[:, 1]]
             with np.errstate(all="ignore"):
                 ratio = low / (low - high)
-            return np.where(np.isfinite(ratio), np.clip(ratio, 0, 1), 0.5)
+            return apart(np.where(np.isfinite(ratio), ratio, 0.5))
         if found.parts is not None and found.number is not None:
-            return np.asarray((2 * found.number + 1) / (2 * found.parts))
+            return apart((2 * found.number + 1) / (2 * found.parts))
         return np.full(len(found.edges), 0.5)
 
     # -- chunks ---------------------------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 /** The contour of a decoded state (clause 9). */
 import { EDGES, pattern } from "./cubes.js";
 import type { Decoder } from "./decoder.js";
-import { Crossings, EdgeIndex, leafVertices } from "./edges.js";
+import { apart, Crossings, EdgeIndex, leafVertices } from "./edges.js";
 import type { GridFile } from "./gridfile.js";
 import { cutOut } from "./holes.js";
 import { ADDED, KNOWN, NEW, OLD, SIGN } from "./store.js";
@@ -145,6 +145,7 @@ class Points {
       const crossing = this.crossings.index.find(ax, ay, az, bx, by, bz);
       t = crossing < 0 ? this.plain(e, o) : (this.places[crossing] ??= this.place(e, o, crossing));
     } else t = this.plain(e, o);
+    t = apart(t);
     const number = at.length / this.t.n;
     for (let a = 0; a < this.t.n; a++) at.push(e[o + a]! + t * (e[o + 3 + a]! - e[o + a]!));
     return (this.numbers[id] = number);

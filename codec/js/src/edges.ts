@@ -2,6 +2,9 @@
 import { SIGN, type Ints } from "./store.js";
 import type { Tube } from "./tube.js";
 
+/** Limits the place of a point on its edge, so that no two points fall together (9.5(6)). */
+export const apart = (t: number): number => Math.min(1 - 2 ** -21, Math.max(2 ** -21, t));
+
 /** Numbers edges by the positions of their ends, the lexicographically smaller one first. */
 export class EdgeIndex {
   count = 0;

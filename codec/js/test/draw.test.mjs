@@ -49,6 +49,8 @@ for (const name of NAMES) {
       // during a base its curves are open
       if (!/^level \d/m.test(canonicalText(decoder))) continue;
       const drawing = draw(decoder), { n, points } = drawing, { shape } = decoder.header;
+      const places = Array.from({ length: points.length / n }, (_, i) => points.subarray(n * i, n * i + n).join());
+      assert.equal(new Set(places).size, places.length, `points fall together after ${part} of the file`);
       for (const i of border(drawing)) {
         const p = Array.from(points.subarray(n * i, n * i + n));
         assert.ok(p.some((x, a) => x === 0 || x === shape[a] - 1), `open at ${p} after ${part} of the file`);

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...drawing.areas import pieces_of, polygons
-from ...drawing.bands import bands
+from ...drawing.areas import areas_of, geometry_of, lifted, oriented, polygons
+from ...drawing.bands import band_areas
 from ...drawing.contour import Contour
 from ...drawing.globe import Globe, ragged, rounded, rounded_areas
 from ...drawing.tessellation import Tessellation
@@ -45,27 +45,25 @@ def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes
 def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
     """Write a feature for the areas above or below each contour, or for each band between contours."""
 
-    def moved(contour: Contour, geometry: dict[str, Any]) -> dict[str, Any]:
+    def moved(contour: Contour, area: Any) -> dict[str, Any]:
         shapely = polygons()
-        shape = shapely.geometry.shape(geometry)
         if not options.keep_crs and (globe := Globe.of(contour.placement, contour.placed, contour.cells)):
-            shape = shapely.MultiPolygon(pieces_of(shapely.GeometryCollection(
-                [*globe.areas(shapely.get_parts(shape))])))
+            area = oriented(shapely.GeometryCollection([*globe.areas(shapely.get_parts(area))]))
         if options.decimals is not None:
-            shape = shapely.MultiPolygon(pieces_of(rounded_areas(shape, options.decimals)))
-        return dict(shapely.geometry.mapping(shape))
+            area = oriented(rounded_areas(area, options.decimals))
+        return geometry_of(area)
 
     def feature(contour: Contour) -> bytes:
-        geometry = contour.areas(above=what.side == "above", valid=what.valid)
-        return _feature(contour, _json(moved(contour, geometry)), options, area=what.side)
+        area = lifted(areas_of(contour, above=what.side == "above", valid=what.valid), contour.placement)
+        return _feature(contour, _json(moved(contour, area)), options, area=what.side)
 
     if what.side != "bands":
         return _features(what.contours, feature, options)
     whole = list(what.contours)
     texts = [
-        _json({"type": "Feature", "properties": {"lower": band.lower, "upper": band.upper},
-               "geometry": moved(whole[0], band.geometry)})
-        for band in bands(whole, valid=what.valid)
+        _json({"type": "Feature", "properties": {"lower": lower, "upper": upper},
+               "geometry": moved(whole[0], area)})
+        for lower, upper, area in band_areas(whole, what.valid)
     ]
     return _collection(texts, system(whole[0].placement, options))
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...drawing.separation import single
 from ...errors import OptionError
 from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
@@ -56,7 +57,10 @@ def _single(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
     if suffix == ".off" and len(contour.cells) == 0:
         return b"OFF\n0 0 0\n"
     places = {"digits": _digits(contour)} if suffix == ".off" else {}
-    data = _bytes(mesh_of(contour, suffix).export(file_type=suffix[1:], **places))
+    mesh = mesh_of(contour, suffix)
+    if suffix != ".off":
+        mesh.vertices = single(mesh.vertices)
+    data = _bytes(mesh.export(file_type=suffix[1:], **places))
     text = space_of(contour.placement)
     if suffix == ".stl":
         return text.encode().ljust(_STL_HEADER, b"\0") + data[_STL_HEADER:]
@@ -81,8 +85,7 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
             if suffix == ".glb":
                 middle = mesh.bounds.mean(axis=0)
                 matrix[:3, 3] = _Y_UP @ middle
-                # in place it would move the contour, which has them, too
-                mesh.vertices = (mesh.vertices - middle) @ _Y_UP.T
+                mesh.vertices = single((mesh.vertices - middle) @ _Y_UP.T)  # a copy: the contour has them, too
             name = f"isovalue {contour.isovalue:.12g}"
             scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
             text = space_of(contour.placement)

@@ -1,5 +1,6 @@
 /** Contours of isovalues of a mesh (10.7, 10.8.4(2)). */
 import type { Drawing } from "../draw.js";
+import { apart } from "../edges.js";
 import type { Complex } from "./complex.js";
 import { Crossings } from "./crossings.js";
 import type { Contour } from "./isovalue.js";
@@ -49,7 +50,7 @@ export function drawContour(contour: Contour, mesh: Complex, unit: Unit, scale: 
       const f = (v: number): number => scale !== undefined ? (N(v) + 0.5) * (sign[v] ? 1 : -1)
         : sign[v] ? N(v) + 1 - over : -N(v) - over;
       const s = f(p) / (f(p) - f(q));
-      if (Number.isFinite(s)) return Math.min(1, Math.max(0, s));
+      if (Number.isFinite(s)) return s;
     }
     const { offsets } = contour, e = offsets ? edges!.find(p, q) : -1;
     return e < 0 ? 0.5 : (2 * offsets!.number[e]! + 1) / (2 * offsets!.parts[e]!);
@@ -58,7 +59,7 @@ export function drawContour(contour: Contour, mesh: Complex, unit: Unit, scale: 
   const on = (u: number, v: number): number => {
     const p = Math.min(u, v), q = Math.max(u, v), key = p * mesh.V + q, old = ids.get(key);
     if (old !== undefined) return old;
-    const s = at(p, q);
+    const s = apart(at(p, q));
     for (let k = 0; k < d; k++) points.push(x(p, k) + s * (x(q, k) - x(p, k)));
     ids.set(key, ids.size);
     return ids.size - 1;
