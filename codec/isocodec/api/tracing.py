@@ -93,7 +93,7 @@ class Traced(OneByOne):
 
         def drawn(isovalue: float) -> Contour:
             field = samples(isovalue)
-            contour = original(replace(field, gone=None) if self._through_holes else field)
+            contour = original(replace(field, gone=None) if self._through_holes else field, measured=False)
             return replace(contour, placement=where, metadata=dict(notes), origin_above=bool(field.signs.flat[0]))
 
         return drawn
