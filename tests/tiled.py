@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 import isocodec
+from isocodec.storage.ranges import ranges_of
 from isocodec.tiles.tiled import TiledFile
 
 
@@ -31,7 +32,7 @@ def encoded(
 def tiled_of(data: bytes, limits: isocodec.Limits | None = None) -> TiledFile:
     """What reads a file in tiles, piece by piece, of bytes that are all there."""
     view = memoryview(data)
-    return TiledFile(lambda start, end: bytes(view[start:end]), limits)
+    return TiledFile(ranges_of(data), limits)
 
 
 def pieces(contour: isocodec.Contour) -> list[tuple[tuple[float, ...], ...]]:

@@ -15,7 +15,7 @@ import click
 
 from ..errors import FormatError
 from ..limits import FIELD_SAMPLES, Limits
-from .report import STANDARD, concerning, one_warning
+from .report import STANDARD, concerning, one_warning, own_warnings
 
 if TYPE_CHECKING:
     from ..api.inputs import ReadOptions
@@ -290,7 +290,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
 
         with concerning(mesh), one_warning(mesh):
             known = mesh_in(mesh)
-    with concerning(source):
+    with concerning(source), own_warnings(source):
         try:
             return open(stream(source), mesh=known, limits=limits)
         except FormatError as error:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .head import write_head
 from .layout import Index, TileGrid
-from .leaf import checksums_of, write_leaf
+from .leaf import checksums_of, sizes_of, strand_of, write_leaf
 from .structure import MOST_IN_BLOCK, Head, Kind, Leaf
 from .tile_encoder import Tiling
 
@@ -113,7 +113,7 @@ def _written(head: Head, tiles: Tiles, read: Callable[[int, int], bytes]) -> Ite
     leaves = []
     for block in blocks:
         leaf = _leaf(head, tiles, block, read)
-        leaves.append((write_leaf(head, leaf), leaf.lengths.sum(axis=1).tolist()))
+        leaves.append((write_leaf(head, leaf), sizes_of(head, leaf)))
     yield write_head(head, leaves)
     for data, _ in leaves:
         yield data
@@ -126,9 +126,12 @@ def _leaf(head: Head, tiles: Tiles, block: Index, read: Callable[[int, int], byt
     """Make the directory of a block."""
     members = tuple(head.grid.members(block).T)
     kinds = tiles.kinds[(slice(None), *members)][not head.masked :]
-    lengths = np.stack([tiles.lengths[(a, *members)] for a in _held(head)]).astype(np.int64)
+    lengths = np.stack([tiles.lengths[(a, *members)] for a in _held(head)], axis=1).astype(np.int64)
     checksums = [checksums_of(_segments(head, tiles, block, area, read)) for area in range(head.areas)]
-    return Leaf(kinds, lengths, checksums)
+    return [
+        strand_of(kinds[number], lengths[:, areas], [checksums[area] for area in areas])
+        for number in range(head.strands) if (areas := head.areas_of(number))
+    ]
 
 
 def _held(head: Head) -> list[int]:

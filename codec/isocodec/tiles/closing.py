@@ -56,6 +56,11 @@ class TilePart:
     ends: NDArray[np.int64]
     whole: WholeCells | None
 
+    @property
+    def nbytes(self) -> int:
+        """Size of the drawing in memory."""
+        return self.contour.points.nbytes + self.contour.cells.nbytes + self.ends.nbytes
+
 
 @dataclass(frozen=True)
 class Square:

@@ -10,8 +10,7 @@ import numpy as np
 from ..errors import OptionError, TruncatedError
 from ..stream.promises import last_promise
 from .head import write_head
-from .leaf import write_leaf
-from .structure import Leaf
+from .leaf import sizes_of, write_leaf
 from .tiled import KEPT_LEAVES, TiledFile
 
 _PIECE = 1 << 22
@@ -39,8 +38,12 @@ def first_stages(file: TiledFile, count: int) -> Iterator[bytes]:
     total = len(root.lengths)
     for first in range(0, total, KEPT_LEAVES):
         for leaf in file.leaves(range(first, min(first + KEPT_LEAVES, total))):
-            kept = Leaf(leaf.kinds, leaf.lengths[:areas], leaf.checksums[:areas])
-            leaves.append((write_leaf(short, kept), kept.lengths.sum(axis=1).tolist()))
+            kept = [
+                strand if number < head.masked
+                else replace(strand, lengths=strand.lengths[:, :count], checksums=strand.checksums[:count])
+                for number, strand in enumerate(leaf)
+            ]
+            leaves.append((write_leaf(short, kept), sizes_of(short, kept)))
     yield write_head(short, leaves)
     for data, _ in leaves:
         yield data
