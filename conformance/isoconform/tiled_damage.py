@@ -33,7 +33,11 @@ HEAD_SIZE = slice(6, 8)
 
 def any_tiled(random: Random) -> bytes:
     """A file in tiles of a random field, mostly damaged."""
-    file = _encoded(random)
+    return damaged(random, encoded(random))
+
+
+def damaged(random: Random, file: TiledFile) -> bytes:
+    """A file, mostly damaged; its parts are changed."""
     for _ in range(random.choice((0, 1, 1, 1, 2, 3))):
         file = random.choice(CHANGES)(random, file)
     data = bytes(file)
@@ -42,7 +46,7 @@ def any_tiled(random: Random) -> bytes:
     return data
 
 
-def _encoded(random: Random) -> TiledFile:
+def encoded(random: Random) -> TiledFile:
     """A valid file, in parts."""
     shape = random.choice(SHAPES)
     dice = np.random.default_rng(random.randrange(1 << 30))
