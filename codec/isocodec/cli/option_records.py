@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, fields, replace
 from inspect import cleandoc
 from pathlib import Path
@@ -360,6 +361,22 @@ class Reading(Arguments):
             bbox=self.bbox, average_cells=self.average_cells,
             classes=tuple(int(number) for number in self.classes or ()), **more,
         )
+
+    @contextmanager
+    def windowed(self, source: str, **more: Any) -> Iterator[Any]:
+        """Open a field for tiles, whose samples may be read later.
+
+        Raises
+        ------
+        Failure
+        """
+        from ..api.inputs import windowed
+
+        options = self.reading(source, **more)
+        with ExitStack() as held:
+            with concerning(source), one_warning(source):
+                field = held.enter_context(windowed(stream(source), options))
+            yield field
 
     def read(self, source: str, values: str | None = None, **more: Any) -> Any:
         """Read a field, a series of them, or a mesh.

@@ -34,6 +34,8 @@ class Tiles:
         Sizes of segments, in bytes, by area.
     faces : (n, 2, counts ..) uint32
         Checksums of samples on faces.
+    counts : (3 + isovalues, counts ..) float64
+        As of `TileSegments`.
     place : (counts ..) int64
         Offset of the stored bytes of each tile, -1 if it has not been encoded.
     """
@@ -45,6 +47,7 @@ class Tiles:
         self.kinds = np.zeros((1 + len(tiling.isovalues), *grid.counts), np.uint8)
         self.lengths = np.zeros((1 + areas, *grid.counts), np.uint32)
         self.faces = np.zeros((grid.n, 2, *grid.counts), np.uint32)
+        self.counts = np.zeros((3 + len(tiling.isovalues), *grid.counts))
         self.place = np.full(grid.counts, -1, np.int64)
 
     def missing(self) -> int:

@@ -59,8 +59,7 @@ class Answers:
 
     def windowed(self) -> dict[str, Any]:
         """Whether windows can be read alone."""
-        own = type(self._opened)._windows is not Opened._windows
-        self._windows = self._opened.windows() if own else None
+        self._windows = self._opened.windows()
         return self._with(isinstance(self._windows, Windows))
 
     def window(self, ranges: list[list[int]]) -> dict[str, Any]:
