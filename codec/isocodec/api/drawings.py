@@ -8,8 +8,8 @@ from typing import NamedTuple
 from ..drawing.contour import Contour
 from ..io.writers.output_formats import Cost
 from ..stream.decoder import Decoder
-from ..stream.recoder import ends_of
-from .files import Viewed, clipped
+from ..stream.recoder import clipped, ends_of
+from .files import Viewed
 
 
 class Counts(NamedTuple):

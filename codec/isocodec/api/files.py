@@ -20,7 +20,7 @@ from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
-from ..stream.recoder import ends_of
+from ..stream.recoder import clipped, reaching
 from ..stream.statistics import FileStatistics, statistics
 from ..stream.truncation import truncate
 from ..tin.tin import Tin
@@ -456,31 +456,14 @@ def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> 
     return out
 
 
-def clipped(contour: Contour, window: Sequence[Sequence[float]] | None) -> Contour:
-    """Keep the cells of a contour that reach into a window of index coordinates (on a mesh: of its coordinates)."""
-    if window is None:
-        return contour
-    inside = _reaching(contour, window)
-    used, number = np.unique(contour.cells[inside], return_inverse=True)
-    return replace(contour, points=contour.points[used], cells=number.reshape(-1, contour.cells.shape[1]))
-
-
 def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessellation:
     """Keep the cells of a mesh that reach into a window, as `clipped` does."""
     if window is None:
         return mesh
-    inside = _reaching(mesh, window)
+    inside = reaching(mesh, window)
     used, number = np.unique(mesh.cells[inside], return_inverse=True)
     return replace(mesh, points=mesh.points[used], above=mesh.above[used], levels=mesh.levels[inside],
                    cells=number.reshape(-1, mesh.cells.shape[1]))
-
-
-def _reaching(drawn: Contour | Tessellation, window: Sequence[Sequence[float]]) -> NDArray[np.bool_]:
-    """Find the cells that reach into a window."""
-    bounds = ends_of(window, drawn.points.shape[1])
-    corners = drawn.points[drawn.cells]
-    inside: NDArray[np.bool_] = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
-    return inside.all(axis=1)
 
 
 def frames_of(

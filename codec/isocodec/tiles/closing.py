@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
+from ..drawing.gaps import filled, loops_of
 from ..drawing.leaves import WholeCells
-from .gaps import filled, loops_of
 from .layout import Index
 
 Line = tuple[int, Index]

@@ -16,9 +16,10 @@ from ..format.chunks import write_chunk, write_further
 from ..grid.tube.decoded import Decoded
 from ..stream.promises import last_promise
 from ..stream.recoder import Source, box_of, moved_notes, source_of
+from ..stream.shared_limits import Shared
 from .layout import Index
 from .structure import Kind
-from .tiled import Call, TiledFile, plain
+from .tiled import TiledFile, plain
 
 
 class Extract:
@@ -51,7 +52,7 @@ class Extract:
         self.low, self.size = box_of(file.shape, box, file.limits)
         self.notes = moved_notes(file.metadata, self.low)
         self._ranges = file.head.grid.touching(np.array(self.low), np.array(self.low) + self.size - 1)
-        self._call = Call(file.limits)
+        self._call = Shared(file.limits)
 
     def strands(self, numbers: Sequence[int]) -> bytes | None:
         """Make a file of isovalues, by number, from unchanged bytes; None unless the box is a tile with all of them.

@@ -141,8 +141,7 @@ class TileGrid:
     def _descend(
         extent: Index, position: NDArray[np.int64], index: NDArray[np.int64] | None
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Find positions from indices, or indices from positions, without listing a block: box by box, halved each time.
-        """
+        """Find positions from indices, or indices from positions, by halving boxes instead of listing a block."""
         n, ends = len(extent), np.array(extent)
         corner, left = np.zeros((len(position), n), np.int64), position.copy()
         for bit in reversed(range((max(extent) - 1).bit_length())):

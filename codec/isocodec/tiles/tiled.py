@@ -1,10 +1,10 @@
-"""Read a tiled file: only what windows need, in few requests, within limits that hold for all tiles (spec 11.2, 12.6)."""
+"""Read a tiled file: what windows need, in few requests, within limits for all tiles together (spec 11.2, 12.6)."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,11 @@ from ..errors import LimitError, OptionError
 from ..field.placement import read_placement
 from ..format.chunks import write_chunk, write_metadata
 from ..format.header import Header, write_header
-from ..limits import WORK_PER_BYTE, WORK_STEPS, Budget, Limits
+from ..limits import Limits
 from ..storage.ranges import Fetch, Pieces, Range
 from ..stream.container import with_checksum
-from ..stream.decoder import Decoder
-from ..stream.grid_contents import GridContents
-from ..stream.recoder import bounds_of
+from ..stream.recoder import bounds_of, clipped
+from ..stream.shared_limits import Shared
 from .closing import TilePart
 from .head import read_head
 from .joining import joined
@@ -40,55 +39,6 @@ Box = Sequence[tuple[int, int]]
 """First and last samples along each axis."""
 Found = tuple[Index, Kind, bytes, list[bytes]]
 """A tile: its kind for an isovalue, the segment of its mask, and the segments of its stages."""
-
-
-class Call:
-    """What a call has taken so far of the limits of a file, in all its tiles.
-
-    Parameters
-    ----------
-    limits : Limits
-
-    Attributes
-    ----------
-    budget : Budget
-        Memory held by directories and drawings.
-    """
-
-    def __init__(self, limits: Limits) -> None:
-        self.budget = Budget(limits.memory)
-        self._whole = self._left = limits
-        self._kept = 0
-
-    def keep(self, size: int) -> None:
-        """Count so many more bytes that are held until the end of the call."""
-        self._kept += size
-        self.budget.hold(self, self._kept)
-
-    def decoded(self, data: bytes) -> GridContents:
-        """Decode the file of a tile within what is left of the limits.
-
-        Raises
-        ------
-        FormatError, LimitError
-        """
-        limits = self._left
-        decoder = Decoder(replace(limits, memory=max(limits.memory - self.budget.held, 0)))
-        try:
-            decoder.feed(data)
-            decoder.close()
-        except LimitError as error:
-            name = error.code.removeprefix("limit-")
-            if limits == self._whole or not hasattr(limits, name):
-                raise
-            raise LimitError(f"all tiles together exceed the limit of {getattr(self._whole, name):,} for {name}",
-                             code=error.code, clause="11.2", remedy=error.remedy) from None
-        account, tubes = decoder.account, [tube for tube in (*decoder.grid.tubes, decoder.grid.mask_tube) if tube]
-        work = account.units + account.steps // WORK_STEPS - WORK_PER_BYTE * account.read
-        taken = {name: sum(getattr(tube, name) for tube in tubes) for name in ("vertices", "simplices", "steps")}
-        taken |= {"symbols": account.symbols, "work": max(work, 0)}
-        self._left = replace(limits, **{name: max(getattr(limits, name) - n, 0) for name, n in taken.items()})
-        return decoder.grid
 
 
 @dataclass
@@ -201,17 +151,15 @@ class TiledFile:
     def window(
         self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
         within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
-        clip: bool = True,
     ) -> Contour:
         """Draw the curve or surface of an isovalue, the first if none is given, in a box; see `windows`."""
         number = self.number_of(isovalue)
-        (drawn,) = self.windows(box, [number], within=within, layer=layer, partial=partial, clip=clip)
+        (drawn,) = self.windows(box, [number], within=within, layer=layer, partial=partial)
         return drawn
 
     def windows(
         self, box: Sequence[Sequence[float]] | None = None, numbers: Sequence[int] | None = None, *,
         within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
-        clip: bool = True,
     ) -> Iterator[Contour]:
         """Draw the curves or surfaces of isovalues in a box, one after the other; all is fetched before the first.
 
@@ -223,8 +171,6 @@ class TiledFile:
             As for `IsoFile.contour`.
         layer : int, optional
             Number of the last stage, from 0.
-        clip : bool
-            Whether to drop cells that do not reach into the box.
 
         Yields
         ------
@@ -240,7 +186,7 @@ class TiledFile:
         LimitError
             If all isovalues together need more than the limits allow.
         """
-        grid, call = self.head.grid, Call(self.limits)
+        grid, call = self.head.grid, Shared(self.limits)
         low, high = bounds_of(self.shape, box)
         ranges = grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64))
         stage = within if callable(within) else self.stage_of(within, layer)
@@ -256,15 +202,13 @@ class TiledFile:
                     parts.append(part := self.drawn(index, number, mask, segments, call))
                     call.budget.hold(part, DRAWN * part.nbytes)
                     origin = origin if any(index) else part.contour.origin_above
-            points, cells = joined(parts, grid.n)
+            drawing = clipped(Contour(
+                *joined(parts, grid.n), self.isovalues[number], self.shape, complete,
+                read_placement(self.metadata, grid.n), self.metadata, origin, self.head.masked,
+            ), None if box is None else np.stack([low, high], axis=1))
             call.budget.release(*parts)
-            if box is not None and clip:
-                points, cells = _within(points, cells, low, high)
-            call.keep(points.nbytes + cells.nbytes)
-            yield Contour(
-                points, cells, self.isovalues[number], self.shape, complete, read_placement(self.metadata, grid.n),
-                self.metadata, origin, self.head.masked,
-            )
+            call.keep(drawing.points.nbytes + drawing.cells.nbytes)
+            yield drawing
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
         """Make a separate ``.iso`` file of a tile."""
@@ -273,10 +217,10 @@ class TiledFile:
         return plain(self.head, index, number, mask, segments)
 
     def drawn(
-        self, index: Index, number: int, mask: bytes, segments: Sequence[bytes], call: Call | None = None
+        self, index: Index, number: int, mask: bytes, segments: Sequence[bytes], call: Shared | None = None
     ) -> TilePart:
         """Draw segments of a tile."""
-        tile = (call or Call(self.limits)).decoded(plain(self.head, index, number, mask, segments))
+        tile = (call or Shared(self.limits)).decoded(plain(self.head, index, number, mask, segments))
         contour, ends = tile.ends()
         grid, stage = self.head.grid, len(segments) - 1
         cube = 1 << self.head.stages[stage].edge
@@ -287,7 +231,7 @@ class TiledFile:
     def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[Found]:
         """Get tiles: the kind of each at an isovalue, and its segments up to a stage."""
         index = np.array([*wanted], np.int64)
-        call, out = Call(self.limits), []
+        call, out = Shared(self.limits), []
         block_of = [self._number_of[tuple(block)] for block in (index >> self.head.grid.block).tolist()]
         leaves = self._read_leaves(sorted(set(block_of)), call)
         for number in dict.fromkeys(block_of):
@@ -305,7 +249,7 @@ class TiledFile:
     def kinds(self, ranges: Sequence[range], strand: int) -> NDArray[np.int64]:
         """Kinds of a box of tiles in a strand."""
         out = np.zeros([len(one) for one in ranges], np.int64)
-        for block, leaf in self._leaves_in(ranges, Call(self.limits)).items():
+        for block, leaf in self._leaves_in(ranges, Shared(self.limits)).items():
             own = [range(max(a.start, b.start), min(a.stop, b.stop))
                    for a, b in zip(ranges, self._extent(block), strict=True)]
             index = np.stack(np.meshgrid(*own, indexing="ij"), axis=-1)
@@ -316,21 +260,21 @@ class TiledFile:
 
     def coded(self, ranges: Sequence[range], number: int) -> Iterator[tuple[Index, bytes, list[bytes]]]:
         """Get the coded tiles in a box of tiles at an isovalue, with the segments of the mask and of all stages."""
-        leaves, found = self._found(ranges, [number], len(self.head.stages) - 1, Call(self.limits))
+        leaves, found = self._found(ranges, [number], len(self.head.stages) - 1, Shared(self.limits))
         for index, mask, segments, _ in self._segments(found[number], leaves):
             yield index, mask, segments
 
     def prefetch(self, ranges: Sequence[range], numbers: Sequence[int]) -> None:
         """Fetch what `coded` and `tiles` need of some isovalues, if it is not too much to be kept."""
-        self._found(ranges, numbers, len(self.head.stages) - 1, Call(self.limits))
+        self._found(ranges, numbers, len(self.head.stages) - 1, Shared(self.limits))
 
     def leaves(self, numbers: Sequence[int]) -> list[Leaf]:
         """Fetch leaf directories, by number."""
-        found = self._read_leaves(list(numbers), Call(self.limits))
+        found = self._read_leaves(list(numbers), Shared(self.limits))
         return [found[number] for number in numbers]
 
     def _found(
-        self, ranges: Sequence[range], numbers: Sequence[int], stage: int | Callable[[Box], float], call: Call,
+        self, ranges: Sequence[range], numbers: Sequence[int], stage: int | Callable[[Box], float], call: Shared,
         partial: bool = False,
     ) -> tuple[dict[int, Leaf], dict[int, list[Wanted]]]:
         """Find the coded tiles in a box of tiles, by number of the isovalue, and fetch their segments."""
@@ -345,14 +289,14 @@ class TiledFile:
         return [range(b << grid.block, (b << grid.block) + size)
                 for b, size in zip(block, grid.extent(block), strict=True)]
 
-    def _leaves_in(self, ranges: Sequence[range], call: Call) -> dict[int, Leaf]:
+    def _leaves_in(self, ranges: Sequence[range], call: Shared) -> dict[int, Leaf]:
         """Get the directories of the blocks with tiles in a box of tiles."""
         return self._read_leaves([
             number for number in range(len(self._blocks))
             if all(a.start < b.stop and b.start < a.stop for a, b in zip(ranges, self._extent(number), strict=True))
         ], call)
 
-    def _read_leaves(self, numbers: list[int], call: Call) -> dict[int, Leaf]:
+    def _read_leaves(self, numbers: list[int], call: Shared) -> dict[int, Leaf]:
         """Get leaf directories, kept or fetched."""
         self._pieces.begin(self.limits.bytes, KEPT)
         self._pieces.fetch(self._leaf_range(number) for number in numbers if number not in self._leaves)
@@ -415,7 +359,8 @@ class TiledFile:
         """
         masked = self.head.masked
         strands = [(0, 0, leaf[0])] * masked
-        strands += [(self.head.area(wanted.number, s), s, leaf[wanted.number + masked]) for s in range(wanted.stage + 1)]
+        own = leaf[wanted.number + masked]
+        strands += [(self.head.area(wanted.number, stage), stage, own) for stage in range(wanted.stage + 1)]
         for area, stage, strand in strands:
             at = np.minimum(np.searchsorted(strand.coded, wanted.positions), max(len(strand.coded) - 1, 0))
             there = (strand.coded[at] == wanted.positions) if len(strand.coded) else np.zeros(len(at), np.bool_)
@@ -481,13 +426,3 @@ def plain(
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
     last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
     return b"".join(with_checksum([write_header(header), mask, *segments, last]))
-
-
-def _within(
-    points: NDArray[np.float64], cells: NDArray[np.int64], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Keep the cells that reach into a box, and their points."""
-    corners = points[cells]
-    kept = cells[((corners.min(axis=1) < high) & (corners.max(axis=1) > low)).all(axis=1)]
-    used, number = np.unique(kept, return_inverse=True)
-    return points[used], number.reshape(kept.shape)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from ..errors import InputError, OptionError
 from ..field.missing import HOLE, filled
 from ..field.sampled import Field
+from ..field.samples import missing_of
 from ..storage.atomic import check_target, writing
 from ..stream.given import in_cells
 from ..stream.isovalues import isovalues_of
 from ..stream.options import PROMISE, Isovalues, Options, Precision
 from .assembly import Tiles, grid_of, merged
-from .layout import Index
-from .sample_range import sample_range
+from .layout import Index, TileGrid, in_order
 from .spool import Spool, begun
 from .structure import EXPONENTS
 from .tile_encoder import Tiling
@@ -139,6 +139,32 @@ def tiling_of(
     # as of a field in one piece: the last of three samples is missing
     fill = filled(np.array([*ends(), 0], dtype), np.array([False, False, True]), way, tiling.isovalues)[2]
     return replace(tiling, fill=fill.item())
+
+
+def sample_range(
+    field: Any, grid: TileGrid, progress: Callable[[int, int], object] | None = None
+) -> tuple[float, float] | None:
+    """Find the least and the largest of the samples that are not missing; None if all are missing.
+
+    Parameters
+    ----------
+    field : array
+        Anything with slices that `encode_tiles` accepts; at most one tile is in memory.
+    grid : TileGrid
+        The tiles to read.
+    progress : callable, optional
+        Called with the number of tiles done and the total.
+    """
+    found: list[tuple[Any, Any]] = []
+    for done, index in enumerate(map(tuple, in_order(grid.counts).tolist()), 1):
+        window = field[grid.window(index)]
+        values = np.asarray(window)[~missing_of(window)]
+        if values.size:
+            found = [*found, (values.min(), values.max())]
+            found = [(min(low for low, _ in found), max(high for _, high in found))]
+        if progress:
+            progress(done, grid.total)
+    return (float(found[0][0]), float(found[0][1])) if found else None
 
 
 def _options_of(
