@@ -15,7 +15,7 @@ from isocodec.tiles.head import read_head
 from isocodec.tiles.layout import Index
 from isocodec.tiles.leaf import read_leaf
 from isocodec.tiles.numbers import Reader
-from isocodec.tiles.structure import HEAD_BYTES, Head, Kind, Leaf, Root, Strand
+from isocodec.tiles.structure import HEAD_BYTES, Head, Kind, Leaf, Root, TileStrand
 from isospec.container import ChunkType, IsovalueKind
 
 from .rows import Rows
@@ -149,7 +149,7 @@ def _strand(head: Head, strand: int) -> tuple[str, dict[Kind, str]]:
     return f"isovalue {strand - head.masked}", KINDS
 
 
-def _owner(head: Head, leaf: Leaf, area: int) -> tuple[Strand, int]:
+def _owner(head: Head, leaf: Leaf, area: int) -> tuple[TileStrand, int]:
     """The strand of an area, and its stage."""
     if area < head.masked:
         return leaf[0], 0

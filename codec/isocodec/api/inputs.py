@@ -27,7 +27,7 @@ from .isofile import IsoFile
 from .thinned import MEMORY
 
 if TYPE_CHECKING:
-    from ..tiles.writing import Counts
+    from ..tiles.writing import SampleCounts
 
 MOST = 1 << 20
 """Largest size of a plan file, in bytes."""
@@ -219,7 +219,7 @@ class Observed:
         if isinstance(what, Mesh) and what.values is not None:
             self._see(Field(what.values))
 
-    def in_tiles(self, found: Counts) -> None:
+    def in_tiles(self, found: SampleCounts) -> None:
         """Take over what was counted while the tiles were encoded."""
         self._fields = [_Seen(found.low, found.high, found.missing, self.what.values.dtype, False)]
         self._tied = found.ties

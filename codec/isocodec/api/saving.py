@@ -22,7 +22,7 @@ from .isofile import IsoFile
 if TYPE_CHECKING:
     from ..field.sampled import SpatialImage
     from ..tiles.workers import Engine
-    from ..tiles.writing import Counts
+    from ..tiles.writing import SampleCounts
     from ..tin.tin import Tin
 
 
@@ -116,7 +116,7 @@ def save_tiles(
     path: str | os.PathLike[str], what: Any, isovalue: Isovalues | None, *, tile: int | None,
     resumed: Callable[[int, int], object] | None = None, progress: Callable[[int, int], object] | None = None,
     **options: Any,
-) -> Counts:
+) -> SampleCounts:
     """Write a tiled file as `save` does; returns facts about the samples.
 
     Parameters

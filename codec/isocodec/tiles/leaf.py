@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from isospec.container import MAX_VARINT, Checksum, write_varint
 
 from .numbers import wrong
-from .structure import Head, Kind, Leaf, Strand, groups_of
+from .structure import Head, Kind, Leaf, TileStrand, groups_of
 
 
 def write_leaf(head: Head, leaf: Leaf) -> bytes:
@@ -32,11 +32,11 @@ def write_leaf(head: Head, leaf: Leaf) -> bytes:
     return b"".join([*out, *sums])
 
 
-def strand_of(kinds: NDArray[np.uint8], lengths: NDArray[np.int64], checksums: list[NDArray[np.int64]]) -> Strand:
+def strand_of(kinds: NDArray[np.uint8], lengths: NDArray[np.int64], checksums: list[NDArray[np.int64]]) -> TileStrand:
     """Make a strand of the kinds of all tiles of a block, (K,), and the lengths of their segments, (K, S)."""
     ends = np.append(np.flatnonzero(np.diff(kinds)) + 1, len(kinds))
     coded = np.flatnonzero(kinds == Kind.CODED)
-    return Strand(ends, kinds[ends - 1].astype(np.int64), coded, lengths[coded], checksums)
+    return TileStrand(ends, kinds[ends - 1].astype(np.int64), coded, lengths[coded], checksums)
 
 
 class _Varints:
@@ -101,7 +101,7 @@ def read_leaf(head: Head, data: bytes, tiles: int, at: int) -> Leaf:
     return leaf
 
 
-def _read_strand(numbers: _Varints, tiles: int, stages: int, at: int) -> Strand:
+def _read_strand(numbers: _Varints, tiles: int, stages: int, at: int) -> TileStrand:
     ends, kinds, coded = array("q"), array("q"), [np.zeros(0, np.int64)]
     lengths = [np.zeros(0, np.int64)]
     done = 0
@@ -120,7 +120,7 @@ def _read_strand(numbers: _Varints, tiles: int, stages: int, at: int) -> Strand:
     sizes = np.concatenate(lengths).reshape(-1, stages)
     if sizes.max(initial=0) >= 1 << 40:
         raise wrong("a segment is too long", "leaf", at, "12.5")
-    return Strand(np.array(ends, np.int64), np.array(kinds, np.int64), np.concatenate(coded), sizes)
+    return TileStrand(np.array(ends, np.int64), np.array(kinds, np.int64), np.concatenate(coded), sizes)
 
 
 def sizes_of(head: Head, leaf: Leaf) -> list[int]:

@@ -138,7 +138,7 @@ class Root:
 
 
 @dataclass(frozen=True)
-class Strand:
+class TileStrand:
     """Part of a leaf directory: the tiles of a block at an isovalue, or their masks.
 
     Attributes
@@ -178,7 +178,7 @@ class Strand:
         return np.searchsorted(self.groups[stage], tile, "right") - 1
 
 
-Leaf = list[Strand]
+Leaf = list[TileStrand]
 """A leaf directory: the strand of the mask, if there is one, then those of the isovalues."""
 
 

@@ -27,7 +27,7 @@ from .joining import joined
 from .layout import Index
 from .leaf import read_leaf, sizes_of
 from .numbers import wrong
-from .structure import HEAD_BYTES, Head, Kind, Leaf, Strand
+from .structure import HEAD_BYTES, Head, Kind, Leaf, TileStrand
 
 KEPT = 1 << 24
 """Number of bytes of the file, and of what its directories take, that are kept for further windows."""
@@ -42,7 +42,7 @@ Found = tuple[Index, Kind, bytes, list[bytes]]
 
 
 @dataclass
-class Wanted:
+class TilesWanted:
     """Coded tiles of a block at an isovalue that are wanted, up to a stage.
 
     Attributes
@@ -237,7 +237,7 @@ class TiledFile:
         for number in dict.fromkeys(block_of):
             own = index[np.array(block_of) == number]
             positions = self.head.grid.positions(self._blocks[number], own)
-            each = Wanted(number, isovalue, stage, own, positions)
+            each = TilesWanted(number, isovalue, stage, own, positions)
             self._get([each], leaves, False)
             out += [
                 (at, Kind(self._kind(leaves[number], isovalue, position)), mask, segments)
@@ -276,7 +276,7 @@ class TiledFile:
     def _found(
         self, ranges: Sequence[range], numbers: Sequence[int], stage: int | Callable[[Box], float], call: Shared,
         partial: bool = False,
-    ) -> tuple[dict[int, Leaf], dict[int, list[Wanted]]]:
+    ) -> tuple[dict[int, Leaf], dict[int, list[TilesWanted]]]:
         """Find the coded tiles in a box of tiles, by number of the isovalue, and fetch their segments."""
         leaves = self._leaves_in(ranges, call)
         found = {number: [*self._coded(ranges, leaves, number, stage)] for number in numbers}
@@ -336,7 +336,7 @@ class TiledFile:
 
     def _coded(
         self, ranges: Sequence[range], leaves: Mapping[int, Leaf], number: int, stage: int | Callable[[Box], float]
-    ) -> Iterator[Wanted]:
+    ) -> Iterator[TilesWanted]:
         """Find the coded tiles in a box of tiles, block by block and stage by stage."""
         low, high = ([getattr(one, end) for one in ranges] for end in ("start", "stop"))
         for block, leaf in leaves.items():
@@ -345,14 +345,14 @@ class TiledFile:
             inside = ((index >= low) & (index < high)).all(axis=1)
             index, positions = index[inside], positions[inside]
             if not callable(stage):
-                yield Wanted(block, number, stage, index, positions)
+                yield TilesWanted(block, number, stage, index, positions)
                 continue
             windows = map(self.head.grid.window, map(tuple, index.tolist()))
             stages = np.array([self.stage_of(stage([(w.start, w.stop - 1) for w in each])) for each in windows])
             for own in np.unique(stages).tolist():
-                yield Wanted(block, number, own, index[stages == own], positions[stages == own])
+                yield TilesWanted(block, number, own, index[stages == own], positions[stages == own])
 
-    def _parts(self, wanted: Wanted, leaf: Leaf) -> Iterator[tuple[int, int, Strand, NDArray[np.int64]]]:
+    def _parts(self, wanted: TilesWanted, leaf: Leaf) -> Iterator[tuple[int, int, TileStrand, NDArray[np.int64]]]:
         """Parts of the file with segments of tiles: area, stage, strand, and the tiles' numbers among its coded ones.
 
         Numbers are -1 for tiles without segments there.
@@ -367,7 +367,7 @@ class TiledFile:
             there[there] = strand.lengths[at[there], stage] > 0
             yield area, stage, strand, np.where(there, at, -1)
 
-    def _groups(self, wanted: Wanted, leaf: Leaf) -> Iterator[tuple[Range, int]]:
+    def _groups(self, wanted: TilesWanted, leaf: Leaf) -> Iterator[tuple[Range, int]]:
         """Ranges of the groups with segments of tiles, each with its checksum."""
         for area, stage, strand, tiles in self._parts(wanted, leaf):
             start = int(self.root.segments[wanted.block, area])
@@ -375,7 +375,7 @@ class TiledFile:
                 first, behind = strand.starts[strand.groups[stage][group : group + 2], stage].tolist()
                 yield (start + first, start + behind), int(strand.checksums[stage][group])
 
-    def _get(self, wanted: Sequence[Wanted], leaves: Mapping[int, Leaf], partial: bool) -> None:
+    def _get(self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf], partial: bool) -> None:
         """Fetch the groups with segments of tiles, and verify them."""
         groups = dict(group for each in wanted for group in self._groups(each, leaves[each.block]))
         self._pieces.fetch(groups, partial)
@@ -384,7 +384,7 @@ class TiledFile:
                 raise wrong("a checksum of segments is wrong", "checksum", start, "12.5")
 
     def _segments(
-        self, wanted: Sequence[Wanted], leaves: Mapping[int, Leaf]
+        self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf]
     ) -> Iterator[tuple[Index, bytes, list[bytes], int]]:
         """Give the mask's segment and those of the stages, as far as they have been fetched, and the last stage."""
         for each in wanted:

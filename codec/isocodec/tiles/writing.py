@@ -34,7 +34,7 @@ TILE = 1024
 
 
 @dataclass(frozen=True)
-class Counts:
+class SampleCounts:
     """Facts about the samples of a field that was encoded in tiles.
 
     Attributes
@@ -56,7 +56,7 @@ def encode_tiles(
     path: str | os.PathLike[str], field: Any, tiling: Tiling, *, engine: Engine | None = None,
     workers: int | None = None, spool: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int], object] | None = None, resumed: Callable[[int, int], object] | None = None,
-) -> Counts:
+) -> SampleCounts:
     """Encode a field tile by tile into one file.
 
     In 3-D with a tolerance of half a sample or more, meshes of cubes with the same edge in all tiles are tried. If a
@@ -89,12 +89,12 @@ def encode_tiles(
             return _counts_of(held.tiles)
 
 
-def _counts_of(tiles: Tiles) -> Counts:
+def _counts_of(tiles: Tiles) -> SampleCounts:
     low, high, gone, *ties = tiles.counts.reshape(len(tiles.counts), -1)
     known = ~np.isnan(low)
     ends = (float(low[known].min()), float(high[known].max())) if known.any() else (None, None)
     numbers = zip(tiles.tiling.isovalues, ties, strict=True)
-    return Counts(*ends, int(gone.sum()), {value: int(each.sum()) for value, each in numbers})
+    return SampleCounts(*ends, int(gone.sum()), {value: int(each.sum()) for value, each in numbers})
 
 
 def tiling_of(
