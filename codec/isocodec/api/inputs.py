@@ -89,8 +89,9 @@ def windowed(source: Any, options: ReadOptions) -> Iterator[Field]:
             spans = spans_within(field.placement, field.shape, options.bbox)
             assert field.placement is not None
             lazy = getattr(field.values, "windowed", False)
+            values: Any = PartWindows(field.values, spans) if lazy else field.values[spans]
             field = replace(
-                field, values=PartWindows(field.values, spans) if lazy else field.values[spans],
+                field, values=values,
                 mask=None if field.mask is None else field.mask[spans],
                 placement=part_of(field.placement, spans, field.shape),
             )

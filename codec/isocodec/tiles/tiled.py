@@ -193,9 +193,9 @@ class TiledFile:
         numbers = range(len(self.isovalues)) if numbers is None else numbers
         leaves, found = self._found(ranges, numbers, stage, call, partial)
         for number in numbers:
-            parts, complete, origin = [], True, None
-            if all(one.start == 0 for one in ranges):
-                origin = {Kind.ABOVE: True, Kind.BELOW: False}.get(self._kind(leaves[0], number, 0))
+            parts: list[TilePart] = []
+            kind = self._kind(leaves[0], number, 0) if all(one.start == 0 for one in ranges) else Kind.CODED
+            complete, origin = True, None if kind == Kind.CODED else kind == Kind.ABOVE
             for index, mask, segments, last in self._segments(found[number], leaves):
                 complete &= len(segments) - 1 == last
                 if any(segments):
@@ -231,7 +231,7 @@ class TiledFile:
     def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[Found]:
         """Get tiles: the kind of each at an isovalue, and its segments up to a stage."""
         index = np.array([*wanted], np.int64)
-        call, out = Shared(self.limits), []
+        call, out = Shared(self.limits), list[Found]()
         block_of = [self._number_of[tuple(block)] for block in (index >> self.head.grid.block).tolist()]
         leaves = self._read_leaves(sorted(set(block_of)), call)
         for number in dict.fromkeys(block_of):
@@ -240,7 +240,7 @@ class TiledFile:
             each = TilesWanted(number, isovalue, stage, own, positions)
             self._get([each], leaves, False)
             out += [
-                (at, Kind(self._kind(leaves[number], isovalue, position)), mask, segments)
+                (at, self._kind(leaves[number], isovalue, position), mask, segments)
                 for position, (at, mask, segments, _) in zip(
                     positions.tolist(), self._segments([each], leaves), strict=True)
             ]
@@ -327,12 +327,12 @@ class TiledFile:
             raise wrong("a leaf directory and the root disagree", "leaf", at, "12.4")
         return leaf
 
-    def _kind(self, leaf: Leaf, isovalue: int, position: int) -> int:
+    def _kind(self, leaf: Leaf, isovalue: int, position: int) -> Kind:
         """Kind of a tile of a block; of one without any valid sample, below."""
         at = np.array([position])
         if self.head.masked and leaf[0].kinds_at(at)[0] == Kind.ABOVE:
             return Kind.BELOW
-        return int(leaf[isovalue + self.head.masked].kinds_at(at)[0])
+        return Kind(leaf[isovalue + self.head.masked].kinds_at(at)[0])
 
     def _coded(
         self, ranges: Sequence[range], leaves: Mapping[int, Leaf], number: int, stage: int | Callable[[Box], float]

@@ -92,9 +92,10 @@ def encode_tiles(
 def _counts_of(tiles: Tiles) -> SampleCounts:
     low, high, gone, *ties = tiles.counts.reshape(len(tiles.counts), -1)
     known = ~np.isnan(low)
-    ends = (float(low[known].min()), float(high[known].max())) if known.any() else (None, None)
-    numbers = zip(tiles.tiling.isovalues, ties, strict=True)
-    return SampleCounts(*ends, int(gone.sum()), {value: int(each.sum()) for value, each in numbers})
+    return SampleCounts(
+        float(low[known].min()) if known.any() else None, float(high[known].max()) if known.any() else None,
+        int(gone.sum()), {v: int(each.sum()) for v, each in zip(tiles.tiling.isovalues, ties, strict=True)},
+    )
 
 
 def tiling_of(

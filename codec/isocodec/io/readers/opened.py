@@ -173,8 +173,9 @@ class Opened:
         if found is None:
             return None
         place = self.place(len(found.shape))
+        values: Any = PartWindows(found)
         return Field(
-            PartWindows(found), None, place if place.placed else None, unit=self.unit, name=self.name,
+            values, None, place if place.placed else None, unit=self.unit, name=self.name,
             remarks=(*self.remarks, *((place.remark,) if place.remark else ())),
         )
 
