@@ -27,13 +27,12 @@ class Pieces:
 
     Parameters
     ----------
-    fetch : callable
     first : bytes
         The beginning of the file, if it has already been read.
     """
 
-    def __init__(self, fetch: Fetch, first: bytes) -> None:
-        self._fetch, self._left = fetch, 0
+    def __init__(self, first: bytes) -> None:
+        self._left = 0
         self._starts, self._pieces = [0], [first]
 
     def begin(self, limit: int, kept: int) -> None:
@@ -60,7 +59,7 @@ class Pieces:
         before = range(bisect_right(self._starts, start) - 1, -1, -1)
         return next((i for i in before if end <= self._starts[i] + len(self._pieces[i])), None)
 
-    def fetch(self, ranges: Iterable[Range], partial: bool = False) -> None:
+    def fetch(self, fetch: Fetch, ranges: Iterable[Range], partial: bool = False) -> None:
         """Fetch the ranges that are missing; with ``partial``, as much of them as the file has.
 
         Raises
@@ -74,7 +73,7 @@ class Pieces:
                 f"{-self._left:,} bytes more than the limit would be fetched", code="limit-bytes", clause="11.2",
                 remedy="ask for a smaller window or a coarser layer",
             )
-        for (start, end), data in zip(wanted, self._fetch(wanted) if wanted else (), strict=True):
+        for (start, end), data in zip(wanted, fetch(wanted) if wanted else (), strict=True):
             if len(data) != end - start and not partial:
                 raise TruncatedError(
                     f"the file ends at {start + len(data):,}, before its tiles do", code="truncated",

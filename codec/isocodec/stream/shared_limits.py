@@ -11,7 +11,7 @@ from .grid_contents import GridContents
 
 
 class Shared:
-    """What files have taken so far of the limits that they share.
+    """Limits that several files share, less what these have taken so far.
 
     Parameters
     ----------

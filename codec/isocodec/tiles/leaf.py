@@ -40,7 +40,7 @@ def strand_of(kinds: NDArray[np.uint8], lengths: NDArray[np.int64], checksums: l
 
 
 class _Varints:
-    """The bytes of a leaf directory as varints: all of them at once, as far as they are any.
+    """Varints of a leaf directory, read all at once as far as its bytes are any.
 
     Attributes
     ----------

@@ -101,7 +101,7 @@ class TiledFile:
         self._blocks = list(self.head.grid.all_blocks())
         self._number_of = {block: number for number, block in enumerate(self._blocks)}
         self._leaves: dict[int, Leaf] = {}
-        self._pieces = Pieces(self._fetched, self._first)
+        self._pieces = Pieces(self._first)
 
     def fetch(self, start: int, end: int) -> bytes:
         """Fetch the bytes of the file from one offset up to another, or up to its end."""
@@ -299,7 +299,8 @@ class TiledFile:
     def _read_leaves(self, numbers: list[int], call: Shared) -> dict[int, Leaf]:
         """Get leaf directories, kept or fetched."""
         self._pieces.begin(self.limits.bytes, KEPT)
-        self._pieces.fetch(self._leaf_range(number) for number in numbers if number not in self._leaves)
+        missing = [self._leaf_range(number) for number in numbers if number not in self._leaves]
+        self._pieces.fetch(self._fetched, missing)
         found = {}
         for number in numbers:
             size = int(self.root.lengths[number])
@@ -378,7 +379,7 @@ class TiledFile:
     def _get(self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf], partial: bool) -> None:
         """Fetch the groups with segments of tiles, and verify them."""
         groups = dict(group for each in wanted for group in self._groups(each, leaves[each.block]))
-        self._pieces.fetch(groups, partial)
+        self._pieces.fetch(self._fetched, groups, partial)
         for (start, end), checksum in groups.items():
             if self._pieces.has(start, end) and zlib.crc32(self._pieces.get(start, end)) != checksum:
                 raise wrong("a checksum of segments is wrong", "checksum", start, "12.5")
