@@ -64,7 +64,7 @@ class _Varints:
 
     @property
     def place(self) -> int:
-        """Where the next number begins."""
+        """Offset of the next number."""
         return int(self.ends[self.next - 1]) if self.next else 0
 
     def take(self, count: int) -> NDArray[np.int64]:
