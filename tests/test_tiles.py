@@ -19,7 +19,7 @@ from commands import fails, ok, run
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
-from isocodec.storage.ranges import MOST_PIECES, together
+from isocodec.storage.ranges import GAP, MOST_PIECES, SLACK, together
 from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import Kind, groups_of
@@ -67,25 +67,28 @@ def test_groups_have_a_thousand_bytes() -> None:
     assert groups_of(np.zeros(3, np.int64)).tolist() == [0]
 
 
-def test_ranges_are_joined_over_small_gaps() -> None:
-    assert together([(5, 9), (0, 5), (20, 30)]) == [(0, 9), (20, 30)]
+def test_ranges_are_joined_over_gaps() -> None:
+    """Over small ones always; over larger ones while there are many, as far as that reads little in vain."""
+    assert together([(5, 9), (0, 5), (1 << 20, 2 << 20)]) == [(0, 9), (1 << 20, 2 << 20)]
     assert together([(0, 100), (10, 20)]) == [(0, 100)]
-    many = [(100 * i, 100 * i + 10) for i in range(20)]
-    assert len(together(many)) == 5
-    assert len(together([(i << 30, (i << 30) + 10) for i in range(20)])) == 20
+    assert together([(0, 5), (GAP + 5, GAP + 9)]) == [(0, GAP + 9)]
+    for count, gap, wanted in ((20, GAP + 1, MOST_PIECES), (4, GAP + 1, 4), (20, 1 << 30, 20)):
+        assert len(together([(i * gap + i * 10, i * gap + i * 10 + 10) for i in range(count)])) == wanted
+    # as many of the smallest gaps as there is room for
+    rows = [(i << 18, (i << 18) + 10) for i in range(100)]
+    assert len(together(rows)) == 100 - (SLACK + 1000) // ((1 << 18) - 10)
 
 
-@given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 40)).map(lambda r: (r[0], r[0] + r[1])), max_size=12))
+@given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 40)).map(lambda r: (r[0] << 11, (r[0] + r[1]) << 11)),
+                max_size=12))
 def test_joined_ranges_have_every_byte_that_is_asked_for(ranges: list[tuple[int, int]]) -> None:
-    """However they overlap: each lies within one, none touches another, and bytes in between only join a few."""
+    """However they overlap: each lies within one, and none touches another."""
     found = together(ranges)
-    asked = {byte for start, end in ranges for byte in range(start, end)}
-    read = [byte for start, end in found for byte in range(start, end)]
+    asked = {byte for start, end in ranges for byte in range(start >> 11, end >> 11)}
+    read = [byte for start, end in found for byte in range(start >> 11, end >> 11)]
     assert asked <= set(read) and len(read) == len(set(read))
-    assert all(a[1] < b[0] for a, b in pairwise(found)) and len(found) <= MOST_PIECES
-    assert {found[0][0], found[-1][1]} == {min(asked), max(asked) + 1} if asked else not found
-    if sum(byte + 1 not in asked for byte in asked) <= MOST_PIECES:
-        assert set(read) == asked
+    assert all(a[1] + GAP < b[0] for a, b in pairwise(found)) and len(found) <= MOST_PIECES
+    assert {found[0][0], found[-1][1]} == {min(asked) << 11, (max(asked) + 1) << 11} if asked else not found
 
 
 # -- seams ---------------------------------------------------------------------------------------------------------
@@ -136,7 +139,7 @@ def check_faces(data: bytes, holes: bool) -> None:
     for stage in range(len(file.head.stages)):
         drawn = {
             index: file.drawn(index, 0, mask, segments) if kind == Kind.CODED else None
-            for index, kind, mask, segments in file.tiles(list(np.ndindex(*grid.counts)), 0, stage)
+            for index, kind, mask, segments in file.tiles(np.ndindex(*grid.counts), 0, stage)
         }
         for index, axis in ((i, a) for i in drawn for a in range(grid.n) if i[a] + 1 < grid.counts[a]):
             here = in_face(drawn[index], axis, 1 << grid.exponent)

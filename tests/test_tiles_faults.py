@@ -19,11 +19,9 @@ import numpy as np
 import pytest
 
 import isocodec
-import isocodec.storage.ranges
 from brute import INTERPRETED
-from commands import fails
-from isocodec.errors import InputError, IsoError
-from tiled import encoded, hilly, pieces, served, tiled_of
+from isocodec.errors import InputError
+from tiled import encoded, hilly
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="processes of their own would be slow")
 
@@ -191,49 +189,6 @@ def test_a_scheduler_that_dies(tmp_path: Path) -> None:
     assert not out.exists()
     isocodec.save(out, field, 30.5, tile=64)
     assert out.read_bytes() == encoded(tmp_path, field, 30.5, tile=64)
-
-
-# -- servers -------------------------------------------------------------------------------------------------------
-
-
-BOX = [(300, 330), (400, 430)]
-
-
-@pytest.fixture(scope="module")
-def noise(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    field = np.random.default_rng(1).integers(0, 100, (600, 600))
-    return encoded(tmp_path_factory.mktemp("noise"), field, 50.5, precision="exact")
-
-
-@pytest.mark.parametrize("how", ["whole", "redirects"])
-def test_servers_that_do_it_their_way(noise: bytes, how: str) -> None:
-    pytest.importorskip("aiohttp")
-    with served(noise, how) as (url, sent):
-        file = isocodec.open(url)
-        wanted = tiled_of(noise)
-        if how == "whole":
-            assert pieces(file.contour()) == pieces(wanted.window())
-        else:
-            assert pieces(file.contour(window=BOX)) == pieces(wanted.window(BOX))
-            assert sum(sent) < len(noise) // 2
-
-
-@pytest.mark.parametrize("how", ["hangs", "hangs later", "circles", "fails", "breaks", "other bytes"])
-def test_servers_that_fail(noise: bytes, how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An error that says what it is, soon; on the command line too, and nothing is written."""
-    pytest.importorskip("aiohttp")
-    monkeypatch.setenv("ISOCODEC_TIMEOUT", "1")
-    with served(noise, how) as (url, _):
-        started = time.monotonic()
-        with pytest.raises((IsoError, OSError)) as raised:
-            isocodec.open(url).contour(window=BOX)
-        assert time.monotonic() - started < 10
-        assert str(raised.value)
-        assert not how.startswith("hangs") or "not answered" in str(raised.value)
-        code = {"other bytes": 4}.get(how, 3)
-        line = fails(code, "decode", url, "-o", tmp_path / "x.npz", "--window", "300:330,400:430")
-        assert line.split(": ", 2)[2].strip()
-        assert not list(tmp_path.iterdir())
 
 
 def test_a_worker_that_dies_again_and_again(tmp_path: Path) -> None:

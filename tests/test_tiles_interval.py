@@ -15,8 +15,7 @@ import isocodec
 from commands import fails, ok, run
 from isocodec.stream.isovalues import multiples
 from isocodec.stream.options import Options
-from isocodec.tiles.sample_range import sample_range
-from isocodec.tiles.writing import tiling_of
+from isocodec.tiles.writing import sample_range, tiling_of
 from tiled import hilly, holed, pieces
 
 

@@ -15,7 +15,7 @@ from scipy.ndimage import maximum_filter
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok
-from isocodec.tiles.gaps import filled, loops_of
+from isocodec.drawing.gaps import filled, loops_of
 from isocodec.tiles.tiled import TiledFile
 from test_tiles import random_field
 from tiled import encoded, pieces, tiled_of

@@ -188,5 +188,5 @@ def test_command_line(tmp_path: Path) -> None:
     fails(2, "edit", plain, "-o", out, "--window", "900:910,0:4")
     np.save(tmp_path / "f.npy", field)
     said = run("encode", "--tile", 32, tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
-    assert "the isovalue 1e+06: the curve is empty" in said and said.count("empty") == 1
+    assert "the isovalue 1e+06 lies outside the data" in said and said.count("empty") == 1
     assert len(run("edit", tiled, "-o", "-", "--layers", 1).stdout_bytes) < tiled.stat().st_size

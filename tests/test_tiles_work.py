@@ -30,7 +30,8 @@ from isocodec.tiles.head import write_head
 from isocodec.tiles.spool import Spool, description
 from isocodec.tiles.tile_encoder import Tiling
 from isocodec.tiles.writing import tiling_of
-from tiled import encoded, hilly, holed, pieces, served, tiled_of
+from test_servers import right, serving
+from tiled import encoded, hilly, holed, pieces, tiled_of
 
 # -- who encodes ---------------------------------------------------------------------------------------------------
 
@@ -303,29 +304,17 @@ def test_cut_files(tmp_path: Path) -> None:
 
 def test_a_window_of_a_url(tmp_path: Path) -> None:
     """Few requests, and few bytes; what is there already is not fetched again."""
-    pytest.importorskip("aiohttp")
     noise = np.random.default_rng(1).integers(0, 100, (700, 700))
     data = encoded(tmp_path, noise, 50.5, precision="exact")
-    with served(data) as (url, sent):
+    with serving(data, right) as (url, server):
         file = isocodec.open(url)
-        assert file.kind == "tiles" and len(sent) == 1
+        assert file.kind == "tiles" and len(server.sent) == 1
         part = file.contour(window=[(300, 330), (400, 430)])
         assert pieces(part) == pieces(tiled_of(data).window([(300, 330), (400, 430)]))
-        assert len(sent) <= 8 and sum(sent) < len(data) // 2
+        assert len(server.sent) <= 6 and sum(server.sent) < len(data) // 2
         assert file.complete
-    with served(data[:-9]) as (url, _):
+    with serving(data[:-9], right) as (url, _):
         assert not isocodec.open(url).complete
-
-
-def test_a_server_without_ranges(tmp_path: Path) -> None:
-    """What it gives is taken whole, of files in tiles and of others."""
-    pytest.importorskip("aiohttp")
-    noise = np.random.default_rng(1).integers(0, 100, (300, 300))
-    tiled, plain = encoded(tmp_path, noise, 50.5, precision="exact"), isocodec.encode(noise, 50.5, precision="exact")
-    assert len(plain) > 1 << 14
-    for data in (tiled, plain):
-        with served(data, "whole") as (url, _):
-            assert len(isocodec.open(url).contour().points) == len(isocodec.decode(data).points)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes that have a name")

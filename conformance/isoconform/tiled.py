@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from isocodec import save
 from isocodec.format.chunks import CHECKSUM_BYTES
+from isocodec.storage.ranges import ranges_of
 from isocodec.tiles.first_stages import first_stages
 from isocodec.tiles.tiled import TiledFile as Tiles
 from isospec.container import Checksum, Double, write_varint
@@ -39,7 +40,7 @@ def _tiled(name: str, field: ArrayLike, isovalue: float | Sequence[float], about
         defaults = {"profile": "baseline", "precision": "exact" if "step" not in options else None}
         save(path, field, isovalue, tile=EDGE, **{**defaults, **options})
         data = path.read_bytes()
-        file = Tiles(lambda start, end: data[start:end])
+        file = Tiles(ranges_of(data))
         file.head = replace(file.head, metadata={})  # but for what it promises
         data = b"".join(first_stages(file, len(file.head.stages)))
         return Draft(name, data, np.ndim(field), ("file in tiles", f"tiles: {about}"))
@@ -89,7 +90,7 @@ def encoded() -> Iterator[Draft]:
 
 
 def _opened(draft: Draft) -> Tiles:
-    return Tiles(lambda start, end: draft.data[start:end])
+    return Tiles(ranges_of(draft.data))
 
 
 def _segments(data: bytes) -> list[bytes]:

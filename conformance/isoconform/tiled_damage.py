@@ -14,6 +14,7 @@ import numpy as np
 from isocodec import save
 from isocodec.errors import FormatError
 from isocodec.format.chunks import CHECKSUM_BYTES
+from isocodec.storage.ranges import ranges_of
 from isocodec.tiles.structure import Kind
 from isocodec.tiles.tiled import TiledFile as Reader
 from isospec.container import Checksum, write_varint
@@ -32,7 +33,11 @@ HEAD_SIZE = slice(6, 8)
 
 def any_tiled(random: Random) -> bytes:
     """A file in tiles of a random field, mostly damaged."""
-    file = _encoded(random)
+    return damaged(random, encoded(random))
+
+
+def damaged(random: Random, file: TiledFile) -> bytes:
+    """A file, mostly damaged; its parts are changed."""
     for _ in range(random.choice((0, 1, 1, 1, 2, 3))):
         file = random.choice(CHANGES)(random, file)
     data = bytes(file)
@@ -41,7 +46,7 @@ def any_tiled(random: Random) -> bytes:
     return data
 
 
-def _encoded(random: Random) -> TiledFile:
+def encoded(random: Random) -> TiledFile:
     """A valid file, in parts."""
     shape = random.choice(SHAPES)
     dice = np.random.default_rng(random.randrange(1 << 30))
@@ -62,7 +67,7 @@ def _encoded(random: Random) -> TiledFile:
 
 def in_parts(data: bytes, isovalues: list[bytes]) -> TiledFile:
     """A valid file in parts; of its isovalues kind and bytes are given."""
-    reader = Reader(lambda start, end: data[start:end])
+    reader = Reader(ranges_of(data))
     head = reader.head
     blocks = []
     for number, block in enumerate(head.grid.all_blocks()):
@@ -71,7 +76,8 @@ def in_parts(data: bytes, isovalues: list[bytes]) -> TiledFile:
         for at, index in enumerate(map(tuple, head.grid.members(block).tolist())):
             found = [reader.tiles([index], i, len(head.stages) - 1)[0] for i in range(len(isovalues))]
             segments = [[found[0][2]]] * head.masked + [own for _, _, _, own in found]
-            for channel, kind, own in zip(channels, leaf.kinds[:, at].tolist(), segments, strict=True):
+            for channel, strand, own in zip(channels, leaf, segments, strict=True):
+                kind = int(strand.kinds_at(np.array([at]))[0])
                 channel.append(Run(kind, 1, [own] if kind == Kind.CODED else []))
         blocks.append(Block([*channels], len(head.stages), head.masked))
     stages = bytes(s.geometry << 7 | s.adaptive << 6 | s.edge for s in head.stages)
@@ -82,7 +88,7 @@ def in_parts(data: bytes, isovalues: list[bytes]) -> TiledFile:
 def tiles_of(data: bytes) -> int:
     """How many tiles a file has; none if its head is wrong."""
     try:
-        return Reader(lambda start, end: data[start:end]).head.grid.total
+        return Reader(ranges_of(data)).head.grid.total
     except FormatError:
         return 0
 

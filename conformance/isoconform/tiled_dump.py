@@ -9,6 +9,7 @@ import numpy as np
 
 from isocodec.errors import IsoError, KernelError, LimitError, TruncatedError
 from isocodec.limits import Limits
+from isocodec.storage.ranges import ranges_of
 from isocodec.tiles.tiled import TiledFile
 
 from .dump import COMPLETE, Output, dump
@@ -37,7 +38,7 @@ def dump_tiled(data: bytes, limits: Limits | None = None) -> Output:
 
 
 def _lines(data: bytes, limits: Limits | None, symbols: Counter[str]) -> list[str]:
-    file = TiledFile(lambda start, end: data[start:end], limits)
+    file = TiledFile(ranges_of(data), limits)
     counts = file.head.grid.counts
     if len(data) < file.root.total:
         raise TruncatedError("the file ends before its last segment", offset=len(data))

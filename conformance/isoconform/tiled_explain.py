@@ -15,7 +15,7 @@ from isocodec.tiles.head import read_head
 from isocodec.tiles.layout import Index
 from isocodec.tiles.leaf import read_leaf
 from isocodec.tiles.numbers import Reader
-from isocodec.tiles.structure import HEAD_BYTES, Head, Kind, Leaf, Root
+from isocodec.tiles.structure import HEAD_BYTES, Head, Kind, Leaf, Root, TileStrand
 from isospec.container import ChunkType, IsovalueKind
 
 from .rows import Rows
@@ -106,24 +106,26 @@ class _Walk(Rows):
                     self.note(reader.at, f"tile {_spoken(index)}: segments of {', '.join(map(str, lengths))} bytes")
                 done += count
         for area in range(head.areas):
-            groups = leaf.groups[area].tolist()
-            for first, last in pairwise(groups):
+            strand, stage = _owner(head, leaf, area)
+            for first, last in pairwise(strand.groups[stage].tolist()):
                 reader.bytes(CHECKSUM_BYTES)
-                tiles = f"tiles {_spoken(members[first])} to {_spoken(members[last - 1])}"
-                self.note(reader.at, f"CRC-32 of a group: {_area(head, area)}, {tiles} (12.5(3))")
+                ends = (members[strand.coded[at]] for at in (first, last - 1))
+                tiles = " to ".join(map(_spoken, ends))
+                self.note(reader.at, f"CRC-32 of a group: {_area(head, area)}, tiles {tiles} (12.5(3))")
 
     def _area(self, head: Head, area: int, members: list[Index], leaf: Leaf) -> None:
-        groups, wrong = {int(first): number for number, first in enumerate(leaf.groups[area][:-1])}, ""
-        for at, index in enumerate(members):
+        strand, stage = _owner(head, leaf, area)
+        lengths = strand.lengths[:, stage]
+        groups, wrong = {int(first): number for number, first in enumerate(strand.groups[stage][:-1])}, ""
+        for at, (position, length) in enumerate(zip(strand.coded.tolist(), lengths.tolist(), strict=True)):
             here = self.at
             if at in groups:
-                first, last = leaf.groups[area][groups[at] : groups[at] + 2].tolist()
-                whole = self.data[here : here + int(leaf.lengths[area, first:last].sum())]
-                right, stated = zlib.crc32(whole), int(leaf.checksums[area][groups[at]])
+                first, last = strand.groups[stage][groups[at] : groups[at] + 2].tolist()
+                whole = self.data[here : here + int(lengths[first:last].sum())]
+                right, stated = zlib.crc32(whole), int(strand.checksums[stage][groups[at]])
                 wrong = "" if right == stated else f"; the CRC-32 of its group is {right:08x}, stated {stated:08x}"
-            length = int(leaf.lengths[area, at])
             if length:
-                segment = self.data[here : here + length]
+                segment, index = self.data[here : here + length], members[position]
                 self.note(here + length, f"{_area(head, area)}, tile {_spoken(index)}: {_chunks(segment)}{wrong}")
 
 
@@ -145,6 +147,14 @@ def _strand(head: Head, strand: int) -> tuple[str, dict[Kind, str]]:
     if head.masked and strand == 0:
         return "mask", MASKS
     return f"isovalue {strand - head.masked}", KINDS
+
+
+def _owner(head: Head, leaf: Leaf, area: int) -> tuple[TileStrand, int]:
+    """The strand of an area, and its stage."""
+    if area < head.masked:
+        return leaf[0], 0
+    stage, isovalue = divmod(area - head.masked, len(head.isovalues))
+    return leaf[isovalue + head.masked], stage
 
 
 def _area(head: Head, area: int) -> str:

@@ -106,7 +106,7 @@ class Drawings(OneByOne):
 
     def draw(self, number: int) -> Contour:
         """Draw the contour of an isovalue, by its number, and release what was decoded of it."""
-        from .files import clipped
+        from ..stream.recoder import clipped
 
         decoder, view = self._decoder, self._view
         contour = decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes)

@@ -20,7 +20,7 @@ from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
-from ..stream.recoder import ends_of
+from ..stream.recoder import clipped, reaching
 from ..stream.statistics import FileStatistics, statistics
 from ..stream.truncation import truncate
 from ..tin.tin import Tin
@@ -371,24 +371,30 @@ class TileFile:
 
     def contour(self, isovalue: float | None, view: Viewed) -> Contour:
         """Decode the curve or surface of an isovalue in a window; see `IsoFile.contour`."""
+        number = self.tiled.number_of(isovalue)
+        return next(self._windows([number], view))
+
+    def _windows(self, numbers: Sequence[int], view: Viewed) -> Iterator[Contour]:
+        """Decode the curves or surfaces of isovalues, by number, in a window; all is fetched before the first."""
         view.refuse("tiles", "smooth", "through_holes")
         self._check_frame(view.frame)
-        tiled = self.tiled
-        if view.max_bytes is not None:
-            tiled = self._beginning(view.max_bytes)
+        tiled = self.tiled if view.max_bytes is None else self._beginning(view.max_bytes)
         layer = None if view.layers is None else min(view.layers, len(tiled.head.stages)) - 1
         partial = view.partial or view.max_bytes is not None
-        drawn = tiled.window(view.window, isovalue=isovalue, within=view.within, layer=layer, partial=partial)
-        if view.progress is not None:
-            view.progress(1, 1)
-        return drawn
+        drawings = tiled.windows(view.window, numbers, within=view.within, layer=layer, partial=partial)
+        for done, drawn in enumerate(drawings, start=1):
+            if view.progress is not None:
+                view.progress(done, len(numbers))
+            yield drawn
 
     def _beginning(self, size: int) -> TiledFile:
         """Open the same file, cut after its first bytes."""
         from ..tiles.tiled import TiledFile
 
-        fetch = self.tiled.fetch
-        return TiledFile(lambda start, end: fetch(start, min(end, size)) if start < size else b"", self.limits)
+        def fetch(ranges: Sequence[tuple[int, int]]) -> list[bytes]:
+            return [self.tiled.fetch(start, min(end, size)) if start < size else b"" for start, end in ranges]
+
+        return TiledFile(fetch, self.limits)
 
     @staticmethod
     def _check_frame(frame: int | None) -> None:
@@ -397,7 +403,7 @@ class TileFile:
 
     def contours(self, view: Viewed) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues; see `IsoFile.contours`."""
-        return [self.contour(isovalue, view) for isovalue in self.tiled.isovalues]
+        return [*self._windows(range(len(self.tiled.isovalues)), view)]
 
     def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
         """Decode the contours of the only frame."""
@@ -450,31 +456,14 @@ def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> 
     return out
 
 
-def clipped(contour: Contour, window: Sequence[Sequence[float]] | None) -> Contour:
-    """Keep the cells of a contour that reach into a window of index coordinates (on a mesh: of its coordinates)."""
-    if window is None:
-        return contour
-    inside = _reaching(contour, window)
-    used, number = np.unique(contour.cells[inside], return_inverse=True)
-    return replace(contour, points=contour.points[used], cells=number.reshape(-1, contour.cells.shape[1]))
-
-
 def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessellation:
     """Keep the cells of a mesh that reach into a window, as `clipped` does."""
     if window is None:
         return mesh
-    inside = _reaching(mesh, window)
+    inside = reaching(mesh, window)
     used, number = np.unique(mesh.cells[inside], return_inverse=True)
     return replace(mesh, points=mesh.points[used], above=mesh.above[used], levels=mesh.levels[inside],
                    cells=number.reshape(-1, mesh.cells.shape[1]))
-
-
-def _reaching(drawn: Contour | Tessellation, window: Sequence[Sequence[float]]) -> NDArray[np.bool_]:
-    """Find the cells that reach into a window."""
-    bounds = ends_of(window, drawn.points.shape[1])
-    corners = drawn.points[drawn.cells]
-    inside: NDArray[np.bool_] = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
-    return inside.all(axis=1)
 
 
 def frames_of(

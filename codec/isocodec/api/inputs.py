@@ -26,6 +26,9 @@ from .georeference import NOWHERE, Georeference
 if TYPE_CHECKING:
     from ..tin.tin import Tin
 
+if TYPE_CHECKING:
+    from ..tiles.writing import SampleCounts
+
 MOST = 1 << 20
 """Largest size of a plan file, in bytes."""
 _MUCH = 1 << 30
@@ -68,8 +71,10 @@ def mesh_in(path: str) -> tuple[Any, Any]:
 
 
 @contextmanager
-def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placement]]:
-    """Open a field as an object with ``shape``, ``dtype`` and slices, together with where its samples lie.
+def windowed(source: Any, options: ReadOptions) -> Iterator[Field]:
+    """Open a field for tiles: its samples are read a window at a time, where the format can, or else at once.
+
+    What tiles cannot hold of its placement is remarked on.
 
     Raises
     ------
@@ -77,13 +82,27 @@ def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placeme
         As `isocodec.read`.
     """
     with open_source(source, options) as opened:
-        windows = opened.windows(options.nodata)
-        place = opened.place(len(windows.shape))
+        field = opened.windowed(options.nodata) if options.frame is None else None
+        if field is None:
+            field = opened.field(options.frame, nodata=options.nodata)
         if options.bbox is not None:
-            spans = spans_within(place, windows.shape, options.bbox)
-            place = part_of(place, spans, windows.shape)
-            windows = PartWindows(windows, spans)
-        yield windows, place
+            spans = spans_within(field.placement, field.shape, options.bbox)
+            assert field.placement is not None
+            lazy = getattr(field.values, "windowed", False)
+            values: Any = PartWindows(field.values, spans) if lazy else field.values[spans]
+            field = replace(
+                field, values=values,
+                mask=None if field.mask is None else field.mask[spans],
+                placement=part_of(field.placement, spans, field.shape),
+            )
+        place, remarks = field.placement, list(field.remarks)
+        if place is not None and place.coordinates is not None:
+            place = Placement(crs=place.crs, unit=place.unit)
+            remarks.append("its coordinates are left out, as tiles are placed by even steps alone")
+        if place is not None and place.periodic:
+            remarks.append(f"its ends along axis {place.periodic[0]} are not joined, as tiles are not")
+            place = replace(place, periodic=(), periods=())
+        yield replace(field, placement=place, missing=options.missing, remarks=remarks)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,6 +211,7 @@ class Observed:
         self.before = [*getattr(what.fields if isinstance(what, Frames) else what, "remarks", ())]
         self._given = what
         self._fields: list[_Seen] = []
+        self._tied: dict[float, int] | None = None
         self.what = what
         if isinstance(what, Frames):
             self.what = replace(what, fields=_Changed(what.fields, self._see, self._fields.clear))
@@ -199,6 +219,11 @@ class Observed:
             self._see(what)
         if isinstance(what, Mesh) and what.values is not None:
             self._see(Field(what.values))
+
+    def in_tiles(self, found: SampleCounts) -> None:
+        """Take over what was counted while the tiles were encoded."""
+        self._fields = [_Seen(found.low, found.high, found.missing, self.what.values.dtype, False)]
+        self._tied = found.ties
 
     def _see(self, field: Field) -> Field:
         self._fields.append(_Seen.of(field))
@@ -246,8 +271,9 @@ class Observed:
         kind = self._fields[0].dtype.kind
         if kind not in kinds:
             return []
-        counts = dict.fromkeys(isovalues, 0)
-        for field in self._given if isinstance(self._given, Frames) else [self._given]:
+        counts = self._tied or dict.fromkeys(isovalues, 0)
+        fields = self._given if isinstance(self._given, Frames) else [self._given]
+        for field in fields if self._tied is None else ():
             values = field.values if field.mask is None else field.values[~field.mask]
             for isovalue in isovalues:
                 if kind == "f" or isovalue.is_integer():

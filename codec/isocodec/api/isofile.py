@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -17,7 +18,8 @@ from ..errors import IsoError, OptionError, TruncatedError
 from ..field.placement import CRS, Placement, read_placement
 from ..format.chunks import whole_bytes
 from ..limits import Limits
-from ..storage.content import Readable, content
+from ..storage.content import Readable, content, is_url
+from ..storage.ranges import NoRangesError, ranges_of
 from ..stream.inspect import FileInfo
 from ..stream.promises import promise_of
 from ..stream.statistics import FileStatistics
@@ -434,7 +436,7 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
     if is_tiled(data):
         from ..tiles.tiled import TiledFile
 
-        return IsoFile(TileFile(TiledFile(lambda start, end: data[start:end], limits), limits))
+        return IsoFile(TileFile(TiledFile(ranges_of(data), limits), limits))
     return IsoFile(WholeFile(data, limits, mesh))
 
 
@@ -466,15 +468,13 @@ def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile 
 
     Returns None if the file is not tiled, comes through a pipe, or if its server does not support range requests.
     """
-    from ..storage.content import is_url
-    from ..storage.ranges import NoRangesError, ranges_of
-
     if not is_url(source) and os.path.exists(source) and not os.path.isfile(source):
         return None
     fetch = ranges_of(source)
     try:
-        first = fetch(0, HEAD_BYTES)
-    except NoRangesError:
+        (first,) = fetch([(0, HEAD_BYTES)])
+    except NoRangesError as error:
+        warnings.warn(f"{error.message}: all of it is read", stacklevel=5)
         return None
     if not is_tiled(first):
         return None

@@ -23,6 +23,7 @@ from .isofile import IsoFile
 if TYPE_CHECKING:
     from ..field.sampled import SpatialImage
     from ..tiles.workers import Engine
+    from ..tiles.writing import SampleCounts
     from ..tin.tin import Tin
 
 _OF_CURVES = {"precision", "keep_topology"}
@@ -118,10 +119,27 @@ def save(
 
         write_bytes(path, b"".join(encoder_of(what, isovalue, progress=progress, **options)))
         return
+    save_tiles(path, what, isovalue, tile=tile, engine=engine, workers=workers, spool=spool, progress=progress,
+               **options)
+
+
+def save_tiles(
+    path: str | os.PathLike[str], what: Any, isovalue: Isovalues | None, *, tile: int | None,
+    resumed: Callable[[int, int], object] | None = None, progress: Callable[[int, int], object] | None = None,
+    **options: Any,
+) -> SampleCounts:
+    """Write a tiled file as `save` does; returns facts about the samples.
+
+    Parameters
+    ----------
+    resumed : callable, optional
+        Called with the number of tiles that have been encoded before, if any, and the total.
+    """
     from ..tiles.writing import encode_tiles, tiling_of
 
+    work = {name: options.pop(name, None) for name in ("engine", "workers", "spool")}
     tiling = tiling_of(what, isovalue, tile, Options.of(**options), progress)
-    encode_tiles(path, what, tiling, engine=engine, workers=workers, spool=spool, progress=progress)
+    return encode_tiles(path, what, tiling, progress=progress, resumed=resumed, **work)
 
 
 def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str, options: bool) -> bool:

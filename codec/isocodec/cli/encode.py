@@ -43,6 +43,7 @@ from .report import (
     named,
     own_warnings,
     progress_bar,
+    say,
     timed_result,
     warn,
     write_output,
@@ -63,7 +64,7 @@ APART = {
     "surface": ("labels", "interval", "offset", "independent", "precision", "keep_topology", "frames", "frame_axis",
                 "frame_interval", "periodic", "period", "coordinates_error", "missing"),
     "tile": ("labels", "independent", "keep_topology", "layers", "frames", "frame_axis", "frame_interval", "periodic",
-             "period", "coordinates_error", "missing"),
+             "period", "coordinates_error"),
 }
 """Options that do not apply to a kind of file, by the option that chooses the kind."""
 CODED = ("surface", "tile", "frames", "layers", "independent", "stored", "mesh_error", "metadata", "profile")
@@ -366,30 +367,28 @@ def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
 
 def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode tile by tile; returns facts about the file, and remarks."""
-    from ..api.inputs import windows_of
+    from ..api.inputs import observed
     from ..api.isofile import open
     from ..api.output import engine_of
-    from ..api.saving import save
+    from ..api.saving import save_tiles
 
     if str(options.output) == STANDARD:
         raise click.UsageError("a tiled file cannot be written to standard output")
+    more = {} if options.missing is None else {"missing": options.missing}
     with (
-        concerning(options.source), windows_of(options.source, options.reading(options.source)) as (what, place),
+        options.windowed(options.source, **more) as field, concerning(options.source),
         engine_of(options.workers, options.scheduler) as engine, progress_bar("encoding tiles") as progress,
     ):
-        added = options.added()
-        for remark in added.remarks([place.remark] if place.remark else []):
+        seen = observed(field, options.added())
+        for remark in seen.before:
             warn(options.source, remark)
-        placed = added.placement(place, what.shape)
-        keywords["metadata"] = {**(placed.notes() if placed else {}), **keywords["metadata"]}
-        save(
-            options.output, what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
-            workers=options.workers if engine else None, progress=progress, **keywords,
-        )
+        seen.in_tiles(save_tiles(
+            options.output, seen.what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
+            workers=options.workers if engine else None, progress=progress,
+            resumed=lambda done, total: say(f"{named(options.output)}: resuming at tile {done + 1:,} of {total:,}"),
+            **keywords,
+        ))
     file = open(str(options.output))
-    sizes = {number: sum(layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number)
-             for number in range(len(file.isovalues))}
-    empty = [file.isovalues[number] for number, size in sizes.items() if not size]
     facts = {"bytes": file.size, "layers": len(file.info.layers), "tiles": math.prod(file.info.tiles or ()),
-             "shape": list(file.shape), "isovalues": [float(value) for value in file.isovalues]}
-    return facts, [f"all samples lie on the same side of the isovalue {value:g}: the curve is empty" for value in empty]
+             **seen.facts(file)}
+    return facts, seen.after(file, keywords, options.nodata is not None or options.missing is not None)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, fields, replace
 from inspect import cleandoc
 from pathlib import Path
@@ -15,7 +16,7 @@ import click
 
 from ..errors import FormatError
 from ..limits import FIELD_SAMPLES, Limits
-from .report import STANDARD, concerning, one_warning
+from .report import STANDARD, concerning, one_warning, own_warnings
 
 if TYPE_CHECKING:
     from ..api.inputs import ReadOptions
@@ -349,7 +350,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
 
         with concerning(mesh), one_warning(mesh):
             known = mesh_in(mesh)
-    with concerning(source):
+    with concerning(source), own_warnings(source):
         try:
             return open(stream(source), mesh=known, limits=limits)
         except FormatError as error:
@@ -419,6 +420,22 @@ class Reading(Arguments):
             bbox=self.bbox, average_cells=self.average_cells,
             classes=tuple(int(number) for number in self.classes or ()), **more,
         )
+
+    @contextmanager
+    def windowed(self, source: str, **more: Any) -> Iterator[Any]:
+        """Open a field for tiles, whose samples may be read later.
+
+        Raises
+        ------
+        Failure
+        """
+        from ..api.inputs import windowed
+
+        options = self.reading(source, **more)
+        with ExitStack() as held:
+            with concerning(source), one_warning(source):
+                field = held.enter_context(windowed(stream(source), options))
+            yield field
 
     def read(self, source: str, values: str | None = None, **more: Any) -> Any:
         """Read a field, a series of them, or a mesh.

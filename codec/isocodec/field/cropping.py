@@ -88,25 +88,40 @@ def cropped(field: Field, box: Box) -> Field:
         placement=part_of(field.placement, spans, field.shape),
     )
 
+
 class PartWindows:
-    """A part of some samples by slices, with those masked that equal a marker.
+    """A part of some samples by slices, as `isocodec.read` gives them, with those masked that equal a marker.
 
     Parameters
     ----------
     whole : object with ``shape``, ``dtype`` and slices
-    spans : sequence of slice
+    spans : sequence of slice, optional
         From where to where, along each axis.
     nodata : float, optional
+
+    Attributes
+    ----------
+    shape : tuple of int
+    ndim : int
+    dtype : dtype
+        Truth values are uint8, bytes in native order.
+    windowed : bool
+        A `Field` keeps these as they are.
     """
 
-    def __init__(self, whole: Any, spans: Sequence[slice], nodata: float | None = None) -> None:
-        self._whole, self._nodata, self.dtype = whole, nodata, whole.dtype
-        self._spans = [range(size)[span] for size, span in zip(whole.shape, spans, strict=True)]
+    windowed = True
+
+    def __init__(self, whole: Any, spans: Sequence[slice] | None = None, nodata: float | None = None) -> None:
+        self._whole, self._nodata = whole, nodata
+        self.dtype = np.dtype(np.uint8) if whole.dtype.kind == "b" else whole.dtype.newbyteorder("=")
+        self._spans = [range(size)[span] for size, span in zip(
+            whole.shape, spans or [slice(None)] * len(whole.shape), strict=True)]
         self.shape = tuple(map(len, self._spans))
+        self.ndim = len(self.shape)
 
     def __getitem__(self, window: tuple[slice, ...]) -> Any:
         parts = [span[part] for span, part in zip(self._spans, window, strict=True)]
-        found = self._whole[tuple(slice(part.start, part.stop) for part in parts)]
+        found = self._whole[tuple(slice(part.start, part.stop) for part in parts)].astype(self.dtype, copy=False)
         if self._nodata is None:
             return found
         return np.ma.masked_array(found, np.ma.getmaskarray(found) | missing_samples(np.asarray(found), self._nodata))

@@ -28,7 +28,8 @@ class Field:
     Attributes
     ----------
     values : (s0, .., sn-1) array of bool, integers or floats
-        The mask of a numpy masked array is moved to ``mask``.
+        The mask of a numpy masked array is moved to ``mask``. For tiles, these may also be the windows of a file
+        (`isocodec.field.cropping.PartWindows`).
     mask : (s0, .., sn-1) array of bool, or None
         True where a sample is missing; NaN is missing as well.
     placement : Placement or None
@@ -75,7 +76,7 @@ class Field:
         remarks: Sequence[str] = (),
     ) -> None:
         check_missing(missing)
-        array = np.asarray(values)
+        array: Any = values if getattr(values, "windowed", False) else np.asarray(values)
         gone = None if mask is None else np.asarray(mask)
         if "numpy.ma" in sys.modules and np.ma.is_masked(values):
             hidden = np.ma.getmaskarray(np.ma.asanyarray(values))

@@ -14,7 +14,8 @@ from urllib.parse import urlsplit
 
 from ..errors import InputError, IsoError, LimitError, OptionError, plain
 from ..extras import optional
-from ..limits import FIELD_SAMPLES, TIMEOUT, Limits, patience
+from ..limits import FIELD_SAMPLES, Limits
+from .web import MISSING, WebFile
 
 Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
 """An ``.iso`` file: its bytes, or where to read them."""
@@ -22,7 +23,6 @@ SuffixOf = Callable[[str, bytes], str | None]
 """Finds the suffix of a format from the name of a file, if any, and its first `HEAD` bytes."""
 HEAD = 512
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(://|::)")
-MISSING = "the server has no such file"
 _PIECE = 1 << 20
 _SAMPLE = 16
 """Largest size of a file, in bytes, per sample that may be read."""
@@ -31,6 +31,11 @@ _SAMPLE = 16
 def is_url(thing: object) -> bool:
     """Whether a text is a URL: ``https://..``, ``s3://..``, ``zip::..``."""
     return isinstance(thing, str) and _URL.match(thing) is not None
+
+
+def is_web(thing: object) -> bool:
+    """Whether a text is the URL of a file on a web server."""
+    return isinstance(thing, str) and thing.lower().startswith(("http://", "https://"))
 
 
 def is_file(thing: object) -> bool:
@@ -46,34 +51,23 @@ def opened(url: str) -> Iterator[Any]:
     ------
     OSError, InputError, MissingExtraError
     """
+    if is_web(url):
+        with WebFile(url).open() as body:
+            yield body
+        return
     fsspec = optional("fsspec", extra="remote", purpose=f"reading {plain(url.partition(':')[0])}: URLs")
     try:
-        with fsspec.open(url, "rb", **waiting(url)) as file:
+        with fsspec.open(url, "rb") as file:
             yield file
     except FileNotFoundError as exc:
         # the library's message is only the URL
         raise FileNotFoundError(errno.ENOENT, MISSING, url) from exc
-    except TimeoutError as exc:
-        # the messages of libraries are empty
-        raise InputError(
-            f"the server has not answered within {patience():g} seconds", code="timeout",
-            remedy=f"try again later, or raise {TIMEOUT}",
-        ) from exc
     except ImportError as exc:
         raise InputError(f"cannot be opened ({exc})", code="url", remedy="install what the error names") from exc
     except ValueError as exc:
         if isinstance(exc, IsoError):
             raise
         raise InputError(f"cannot be opened ({plain(str(exc))})", code="url") from exc
-
-
-def waiting(url: str) -> dict[str, Any]:
-    """Options of fsspec by which a server may take `patience` seconds to answer, and for each part of a file."""
-    if not url.startswith(("http:", "https:")):
-        return {}
-    seconds = patience()
-    timeout = optional("aiohttp", extra="remote", purpose="reading URLs").ClientTimeout
-    return {"client_kwargs": {"timeout": timeout(total=None, sock_connect=seconds, sock_read=seconds)}}
 
 
 def content(data: Readable, limits: Limits | None = None, signatures: Collection[bytes] = ()) -> bytes:

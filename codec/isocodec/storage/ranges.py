@@ -4,27 +4,22 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable, Iterable
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from ..errors import InputError, LimitError, TruncatedError
+from ..errors import InputError, LimitError, TruncatedError, plain
 from ..extras import optional
-from ..limits import TIMEOUT, patience
-from .content import MISSING, is_url, waiting
+from .content import is_url, is_web
+from .web import MISSING, NoRangesError, Range, WebFile
 
-Fetch = Callable[[int, int], bytes]
-"""Reads the bytes of a file from one offset up to another."""
-Range = tuple[int, int]
-MOST_PIECES = 5
-"""Ranges are joined over gaps of at most ``GAP`` bytes until there are no more than this many."""
-GAP = 1 << 18
-BEHIND = 416
-"""HTTP status if a range begins after the end of the file."""
-
-
-class NoRangesError(InputError):
-    """The server sends the whole file although a range was requested."""
+Fetch = Callable[[Sequence[Range]], list[bytes]]
+"""Reads ranges of a file, each from one offset up to another; fewer bytes if the file ends before."""
+MOST_PIECES = 4
+"""Ranges are joined over the smallest gaps until there are no more than this many."""
+GAP, SLACK = 1 << 13, 1 << 20
+"""Gaps, in bytes, that cost less than a request; and bytes of larger gaps that may be read for fewer requests."""
 
 
 class Pieces:
@@ -32,61 +27,78 @@ class Pieces:
 
     Parameters
     ----------
-    fetch : callable
-    limit : int
-        Largest number of bytes to fetch at once.
     first : bytes
         The beginning of the file, if it has already been read.
     """
 
-    def __init__(self, fetch: Fetch, limit: int, first: bytes) -> None:
-        self._fetch = fetch
-        self._limit = limit
-        self._pieces = [(0, first)]
+    def __init__(self, first: bytes) -> None:
+        self._left = 0
+        self._starts, self._pieces = [0], [first]
+
+    def begin(self, limit: int, kept: int) -> None:
+        """Allow so many bytes to be fetched, and keep those fetched before if they are no more than ``kept``."""
+        self._left = limit
+        if sum(map(len, self._pieces)) > kept:
+            self._starts, self._pieces = [0], self._pieces[:1]
 
     def has(self, start: int, end: int) -> bool:
         """Whether a range has been fetched."""
-        return any(at <= start and end <= at + len(data) for at, data in self._pieces)
+        return start == end or self._piece(start, end) is not None
 
     def get(self, start: int, end: int) -> bytes:
         """The bytes of a range that has been fetched."""
         if start == end:
             return b""
-        return next(data[start - at : end - at] for at, data in self._pieces if at <= start and end <= at + len(data))
+        number = self._piece(start, end)
+        assert number is not None
+        at = self._starts[number]
+        return self._pieces[number][start - at : end - at]
 
-    def fetch(self, ranges: Iterable[Range], partial: bool = False) -> None:
+    def _piece(self, start: int, end: int) -> int | None:
+        """Number of a piece that holds a range; pieces may overlap."""
+        before = range(bisect_right(self._starts, start) - 1, -1, -1)
+        return next((i for i in before if end <= self._starts[i] + len(self._pieces[i])), None)
+
+    def fetch(self, fetch: Fetch, ranges: Iterable[Range], partial: bool = False) -> None:
         """Fetch the ranges that are missing; with ``partial``, as much of them as the file has.
 
         Raises
         ------
         LimitError, TruncatedError
         """
-        for start, end in together(each for each in ranges if not self.has(*each)):
-            if end - start > self._limit:
-                raise LimitError(
-                    f"{end - start:,} bytes would be fetched, more than the limit of {self._limit:,}",
-                    code="limit-bytes", clause="11.2", remedy="ask for a smaller window or a coarser layer",
-                )
-            data = self._fetch(start, end)
+        wanted = together(each for each in ranges if not self.has(*each))
+        self._left -= sum(end - start for start, end in wanted)
+        if self._left < 0:
+            raise LimitError(
+                f"{-self._left:,} bytes more than the limit would be fetched", code="limit-bytes", clause="11.2",
+                remedy="ask for a smaller window or a coarser layer",
+            )
+        for (start, end), data in zip(wanted, fetch(wanted) if wanted else (), strict=True):
             if len(data) != end - start and not partial:
                 raise TruncatedError(
                     f"the file ends at {start + len(data):,}, before its tiles do", code="truncated",
                     offset=start + len(data), clause="12.4",
                 )
-            self._pieces.append((start, data))
+            number = bisect_right(self._starts, start)
+            self._starts.insert(number, start)
+            self._pieces.insert(number, data)
 
 
 def together(ranges: Iterable[Range]) -> list[Range]:
-    """Sort ranges, and join them over the smallest gaps while there are too many."""
+    """Sort ranges, and join them: over small gaps, and over larger ones while there are many ranges."""
     apart: list[Range] = []
     for start, end in sorted(each for each in ranges if each[0] < each[1]):
         if apart and start <= apart[-1][1]:
             apart[-1] = apart[-1][0], max(apart[-1][1], end)
         else:
             apart.append((start, end))
-    gaps = sorted((b[0] - a[1], i) for i, (a, b) in enumerate(pairwise(apart), start=1))
-    most = max(len(apart) - MOST_PIECES, 0)
-    bridged = {i for gap, i in gaps[:most] if gap <= GAP}
+    most = SLACK + sum(end - start for start, end in apart)
+    bridged: set[int] = set()
+    for gap, i in sorted((b[0] - a[1], i) for i, (a, b) in enumerate(pairwise(apart), start=1)):
+        most -= gap
+        if most < 0 or (len(apart) - len(bridged) <= MOST_PIECES and gap > GAP):
+            break
+        bridged.add(i)
     out: list[Range] = []
     for i, (start, end) in enumerate(apart):
         if i in bridged:
@@ -96,24 +108,31 @@ def together(ranges: Iterable[Range]) -> list[Range]:
     return out
 
 
-def ranges_of(source: str | os.PathLike[str]) -> Fetch:
-    """Make a function that reads a file or URL from one offset up to another, or to the end of the file.
+def ranges_of(source: bytes | str | os.PathLike[str]) -> Fetch:
+    """Make a function that reads ranges of bytes, a file or a URL.
 
     Raises
     ------
     OSError, MissingExtraError
         Also raised by the function: ``NoRangesError`` if a server sends the whole file although a range was requested.
     """
+    if isinstance(source, bytes):
+        return lambda ranges: [source[start:end] for start, end in ranges]
+    if is_web(source):
+        return WebFile(str(source)).read
     if is_url(source):
         return _remote(str(source))
     path = Path(source)
-    # raises an error now if the URL cannot be opened
+    # raises an error now if the file cannot be opened
     path.open("rb").close()
 
-    def fetch(start: int, end: int) -> bytes:
+    def fetch(ranges: Sequence[Range]) -> list[bytes]:
+        found = []
         with path.open("rb") as file:
-            file.seek(start)
-            return file.read(end - start)
+            for start, end in ranges:
+                file.seek(start)
+                found.append(file.read(end - start))
+        return found
 
     return fetch
 
@@ -121,32 +140,25 @@ def ranges_of(source: str | os.PathLike[str]) -> Fetch:
 def _remote(url: str) -> Fetch:
     fsspec = optional("fsspec", extra="remote", purpose="reading URLs")
     try:
-        system, path = fsspec.core.url_to_fs(url, **waiting(url))
+        system, path = fsspec.core.url_to_fs(url)
     except (ImportError, ValueError) as exc:
-        raise InputError(f"cannot be opened ({exc})", code="url") from exc
+        raise InputError(f"cannot be opened ({plain(str(exc))})", code="url") from exc
 
-    def fetch(start: int, end: int) -> bytes:
+    def fetch(ranges: Sequence[Range]) -> list[bytes]:
+        starts, ends = ([each[side] for each in ranges] for side in (0, 1))
         try:
-            data: bytes = system.cat_file(path, start=start, end=end)
-        except TimeoutError as exc:
-            # the library's message is empty
-            raise InputError(
-                f"the server has not answered within {patience():g} seconds", code="timeout",
-                remedy=f"try again later, or raise {TIMEOUT}",
-            ) from exc
+            found: list[bytes] = system.cat_ranges([path] * len(ranges), starts, ends, on_error="raise")
         except FileNotFoundError as exc:
             raise FileNotFoundError(errno.ENOENT, MISSING, url) from exc
         except OSError:
             raise
         except Exception as exc:
-            if getattr(exc, "status", None) == BEHIND:
-                return b""
-            raise InputError(f"cannot be read ({type(exc).__name__}: {exc})", code="url") from exc
-        if len(data) > end - start:
+            raise InputError(f"cannot be read ({type(exc).__name__}: {plain(str(exc))})", code="url") from exc
+        if any(len(data) > end - start for data, (start, end) in zip(found, ranges, strict=True)):
             raise NoRangesError(
                 "the server sends the whole file instead of the requested range", code="ranges",
                 remedy="download the file first, or use a server that supports range requests",
             )
-        return data
+        return found
 
     return fetch

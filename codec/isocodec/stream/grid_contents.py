@@ -158,6 +158,11 @@ class GridContents:
         return self._tubes
 
     @property
+    def mask_tube(self) -> Tube | None:
+        """The tube of the mask, if its chunk has begun."""
+        return self._mask.tube
+
+    @property
     def tubes_before(self) -> list[Tube | None]:
         """Tubes of the isovalues of the previous frame."""
         return self._strands.before

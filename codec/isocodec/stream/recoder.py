@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..drawing.contour import Contour
+from ..drawing.tessellation import Tessellation
 from ..errors import LimitError, OptionError
 from ..field.decoded_samples import DecodedSamples, near_values, values_of_steps
 from ..field.placement import PLACEMENT, read_placement, unplaced, write_placement
@@ -23,6 +25,9 @@ from .decoder import Decoder
 from .grid_encoder import GridEncoder, GridFrames, grid_file
 from .options import Options
 from .series import Series
+
+Window = Sequence[Sequence[float]] | NDArray[np.float64]
+"""Start and end along each axis."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +142,7 @@ def _radices(parts: int) -> list[int]:
     return out
 
 
-def ends_of(window: Sequence[Sequence[float]], d: int) -> NDArray[np.float64]:
+def ends_of(window: Window, d: int) -> NDArray[np.float64]:
     """Convert a window along d axes to its ends, (d, 2).
 
     Raises
@@ -151,6 +156,23 @@ def ends_of(window: Sequence[Sequence[float]], d: int) -> NDArray[np.float64]:
             f"the window is {window!r}; it must be {d} pairs, start and end along each axis", code="window"
         )
     return ends
+
+
+def clipped(contour: Contour, window: Window | None) -> Contour:
+    """Keep the cells of a contour that reach into a window of index coordinates (on a mesh: of its coordinates)."""
+    if window is None:
+        return contour
+    inside = reaching(contour, window)
+    used, number = np.unique(contour.cells[inside], return_inverse=True)
+    return replace(contour, points=contour.points[used], cells=number.reshape(-1, contour.cells.shape[1]))
+
+
+def reaching(drawn: Contour | Tessellation, window: Window) -> NDArray[np.bool_]:
+    """Find the cells that reach into a window."""
+    bounds = ends_of(window, drawn.points.shape[1])
+    corners = drawn.points[drawn.cells]
+    inside: NDArray[np.bool_] = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
+    return inside.all(axis=1)
 
 
 def bounds_of(

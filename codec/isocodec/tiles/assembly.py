@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .head import write_head
 from .layout import Index, TileGrid
-from .leaf import checksums_of, write_leaf
+from .leaf import checksums_of, sizes_of, strand_of, write_leaf
 from .structure import MOST_IN_BLOCK, Head, Kind, Leaf
 from .tile_encoder import Tiling
 
@@ -34,6 +34,8 @@ class Tiles:
         Sizes of segments, in bytes, by area.
     faces : (n, 2, counts ..) uint32
         Checksums of samples on faces.
+    counts : (3 + isovalues, counts ..) float64
+        As of `TileSegments`.
     place : (counts ..) int64
         Offset of the stored bytes of each tile, -1 if it has not been encoded.
     """
@@ -45,6 +47,7 @@ class Tiles:
         self.kinds = np.zeros((1 + len(tiling.isovalues), *grid.counts), np.uint8)
         self.lengths = np.zeros((1 + areas, *grid.counts), np.uint32)
         self.faces = np.zeros((grid.n, 2, *grid.counts), np.uint32)
+        self.counts = np.zeros((3 + len(tiling.isovalues), *grid.counts))
         self.place = np.full(grid.counts, -1, np.int64)
 
     def missing(self) -> int:
@@ -113,7 +116,7 @@ def _written(head: Head, tiles: Tiles, read: Callable[[int, int], bytes]) -> Ite
     leaves = []
     for block in blocks:
         leaf = _leaf(head, tiles, block, read)
-        leaves.append((write_leaf(head, leaf), leaf.lengths.sum(axis=1).tolist()))
+        leaves.append((write_leaf(head, leaf), sizes_of(head, leaf)))
     yield write_head(head, leaves)
     for data, _ in leaves:
         yield data
@@ -126,9 +129,12 @@ def _leaf(head: Head, tiles: Tiles, block: Index, read: Callable[[int, int], byt
     """Make the directory of a block."""
     members = tuple(head.grid.members(block).T)
     kinds = tiles.kinds[(slice(None), *members)][not head.masked :]
-    lengths = np.stack([tiles.lengths[(a, *members)] for a in _held(head)]).astype(np.int64)
+    lengths = np.stack([tiles.lengths[(a, *members)] for a in _held(head)], axis=1).astype(np.int64)
     checksums = [checksums_of(_segments(head, tiles, block, area, read)) for area in range(head.areas)]
-    return Leaf(kinds, lengths, checksums)
+    return [
+        strand_of(kinds[number], lengths[:, areas], [checksums[area] for area in areas])
+        for number in range(head.strands) if (areas := head.areas_of(number))
+    ]
 
 
 def _held(head: Head) -> list[int]:

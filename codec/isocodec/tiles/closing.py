@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
+from ..drawing.gaps import filled, loops_of
 from ..drawing.leaves import WholeCells
-from .gaps import filled, loops_of
 from .layout import Index
 
 Line = tuple[int, Index]
@@ -55,6 +55,11 @@ class TilePart:
     contour: Contour
     ends: NDArray[np.int64]
     whole: WholeCells | None
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the drawing in memory."""
+        return self.contour.points.nbytes + self.contour.cells.nbytes + self.ends.nbytes
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from ..format.chunks import write_chunk, write_further
 from ..grid.tube.decoded import Decoded
 from ..stream.promises import last_promise
 from ..stream.recoder import Source, box_of, moved_notes, source_of
+from ..stream.shared_limits import Shared
 from .layout import Index
 from .structure import Kind
 from .tiled import TiledFile, plain
@@ -51,6 +51,8 @@ class Extract:
         self._file = file
         self.low, self.size = box_of(file.shape, box, file.limits)
         self.notes = moved_notes(file.metadata, self.low)
+        self._ranges = file.head.grid.touching(np.array(self.low), np.array(self.low) + self.size - 1)
+        self._call = Shared(file.limits)
 
     def strands(self, numbers: Sequence[int]) -> bytes | None:
         """Make a file of isovalues, by number, from unchanged bytes; None unless the box is a tile with all of them.
@@ -61,6 +63,7 @@ class Extract:
             return None
         if (head.grid.origin(index), head.grid.size(index)) != (self.low, self.size):
             return None
+        self._file.prefetch(self._ranges, numbers)
         found = [self._file.tiles([index], number, len(head.stages) - 1)[0] for number in numbers]
         if any(kind != Kind.CODED for _, kind, _, _ in found):
             return None
@@ -86,6 +89,7 @@ class Extract:
                 "the file's meshes are coarser than the grid: only whole tiles can be extracted", code="extract",
                 remedy=f"ask for the window of one tile ({one} samples), or decode the window",
             )
+        self._file.prefetch(self._ranges, numbers)
         told = [self._told(number) for number in numbers]
         gone = np.logical_or.reduce([each for _, each, _ in told])
         missing = gone if gone.any() else None
@@ -96,30 +100,26 @@ class Extract:
 
     def _told(self, number: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Decoded]:
         """Signs of an isovalue, samples that its tiles mark as missing, and the decoded state that the tiles hold."""
-        signs, gone = np.zeros(self.size, np.bool_), np.zeros(self.size, np.bool_)
-        told = []
-        for index, kind, mask, segments in self._tiles(number):
+        head, told = self._file.head, []
+        # the tile along each axis to which a sample belongs, or one of the two
+        tile = np.ix_(*(
+            np.minimum(np.arange(low, low + size) >> head.grid.exponent, one.stop - 1) - one.start
+            for low, size, one in zip(self.low, self.size, self._ranges, strict=True)
+        ))
+        signs = (self._file.kinds(self._ranges, number + head.masked) == Kind.ABOVE)[tile]
+        gone = np.zeros(self.size, np.bool_)
+        if head.masked:
+            gone = (self._file.kinds(self._ranges, 0) == Kind.ABOVE)[tile]
+            signs &= ~gone
+        for index, mask, segments in self._file.coded(self._ranges, number):
             here, there = self._windows(index)
-            if kind != Kind.CODED:
-                signs[here] = kind == Kind.ABOVE
-                continue
-            decoder = self._file.decoded(index, number, mask, segments)
+            decoder = self._call.decoded(plain(head, index, number, mask, segments))
             signs[here] = decoder.above()[there]
             gone[here] |= ~decoder.valid()[there]
             state = decoder.state()
             assert state is not None
-            told.append(self._moved(state, np.subtract(self._file.head.grid.origin(index), self.low)))
+            told.append(self._moved(state, np.subtract(head.grid.origin(index), self.low)))
         return signs, gone, _together(told, self.size)
-
-    def _tiles(self, number: int) -> Iterator[tuple[Index, Kind, bytes, list[bytes]]]:
-        """Tiles that reach into the box, tiles without coded data first.
-
-        A neighbour may know of missing samples in the shared face, so it is applied later.
-        """
-        grid = self._file.head.grid
-        low, size = np.array(self.low), np.array(self.size)
-        found = self._file.tiles(grid.touching(low, low + size - 1), number, len(self._file.head.stages) - 1)
-        return chain((t for t in found if t[1] != Kind.CODED), (t for t in found if t[1] == Kind.CODED))
 
     def _windows(self, index: Index) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
         """Samples of a tile that lie in the box, as ranges in the box and in the tile."""

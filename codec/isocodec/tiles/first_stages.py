@@ -10,9 +10,8 @@ import numpy as np
 from ..errors import OptionError, TruncatedError
 from ..stream.promises import last_promise
 from .head import write_head
-from .leaf import write_leaf
-from .structure import Leaf
-from .tiled import KEPT_LEAVES, TiledFile
+from .leaf import sizes_of, write_leaf
+from .tiled import TiledFile
 
 _PIECE = 1 << 22
 
@@ -34,18 +33,19 @@ def first_stages(file: TiledFile, count: int) -> Iterator[bytes]:
     head, root = file.head, file.root
     notes = head.metadata if count >= len(head.stages) else last_promise(head.metadata)
     short = replace(head, stages=head.stages[:count], metadata=notes)
-    areas = short.areas
     leaves = []
-    total = len(root.lengths)
-    for first in range(0, total, KEPT_LEAVES):
-        for leaf in file.leaves(range(first, min(first + KEPT_LEAVES, total))):
-            kept = Leaf(leaf.kinds, leaf.lengths[:areas], leaf.checksums[:areas])
-            leaves.append((write_leaf(short, kept), kept.lengths.sum(axis=1).tolist()))
+    for leaf in file.leaves(range(len(root.lengths))):
+        kept = [
+            strand if number < head.masked
+            else replace(strand, lengths=strand.lengths[:, :count], checksums=strand.checksums[:count])
+            for number, strand in enumerate(leaf)
+        ]
+        leaves.append((write_leaf(short, kept), sizes_of(short, kept)))
     yield write_head(short, leaves)
     for data, _ in leaves:
         yield data
     at = int(root.leaves[-1])
-    end = at + int(np.sum(root.sizes[:, :areas]))
+    end = at + int(np.sum(root.sizes[:, : short.areas]))
     while at < end:
         piece = file.fetch(at, min(at + _PIECE, end))
         if not piece:

@@ -108,23 +108,54 @@ class TileGrid:
 
     def members(self, block: Index) -> NDArray[np.int64]:
         """Tiles of a block in order, (K, n) int64."""
-        first = np.array(block, np.int64) << self.block
-        there = tuple(min(count - int(f), 1 << self.block) for count, f in zip(self.counts, first, strict=True))
-        return in_order(there) + first
+        return in_order(self.extent(block)) + (np.array(block, np.int64) << self.block)
 
     def all_blocks(self) -> Iterator[Index]:
         """Blocks in order."""
         for block in in_order(self.blocks).tolist():
             yield tuple(block)
 
-    def touching(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> Iterator[Index]:
-        """Tiles that have a cell in the box of samples from ``low`` to ``high``, inclusive."""
+    def touching(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> tuple[range, ...]:
+        """Tiles, along each axis, that have a cell in the box of samples from ``low`` to ``high``, inclusive."""
         ranges = []
         for a, count in enumerate(self.counts):
             first = min(int(low[a]) >> self.exponent, count - 1)
             last = min(max(int(high[a]) - 1, int(low[a])) >> self.exponent, count - 1)
             ranges.append(range(first, last + 1))
-        return product(*ranges)
+        return tuple(ranges)
+
+    def extent(self, block: Index) -> Index:
+        """Number of tiles of a block along each axis."""
+        return tuple(min(c - (i << self.block), 1 << self.block) for c, i in zip(self.counts, block, strict=True))
+
+    def positions(self, block: Index, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Positions of tiles, (K, n), in the order of their block."""
+        inside = index - (np.array(block) << self.block)
+        return self._descend(self.extent(block), np.zeros(len(index), np.int64), inside)[0]
+
+    def at(self, block: Index, positions: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Tiles, (K, n), at these positions in the order of their block."""
+        return self._descend(self.extent(block), positions, None)[1] + (np.array(block) << self.block)
+
+    @staticmethod
+    def _descend(
+        extent: Index, position: NDArray[np.int64], index: NDArray[np.int64] | None
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Find positions from indices, or indices from positions, by halving boxes instead of listing a block."""
+        n, ends = len(extent), np.array(extent)
+        corner, left = np.zeros((len(position), n), np.int64), position.copy()
+        for bit in reversed(range((max(extent) - 1).bit_length())):
+            parts = np.array(list(product((0, 1), repeat=n))) << bit
+            # tiles in each half, quarter or eighth of a box, and before it
+            sizes = np.clip(ends - (corner[:, None] + parts), 0, 1 << bit).prod(axis=2)
+            before = np.cumsum(sizes, axis=1) - sizes
+            if index is None:
+                child = (left[:, None] >= before + sizes).sum(axis=1)
+            else:
+                child = ((index >> bit & 1) << np.arange(n)[::-1]).sum(axis=1)
+            left += np.take_along_axis(before, child[:, None], axis=1)[:, 0] * (1 if index is not None else -1)
+            corner += parts[child]
+        return left, corner
 
     def level(self, index: Index, edge: int) -> int:
         """The level of a tile's uniform mesh with cubes of edge ``2**edge``; 0 if the whole tile is smaller."""

@@ -118,11 +118,8 @@ class Spool:
 
     def _note(self, record: Any) -> None:
         at = tuple(record["index"].tolist())
-        tiles = self.tiles
-        tiles.kinds[(slice(None), *at)] = record["kinds"]
-        tiles.lengths[(slice(None), *at)] = record["lengths"]
-        tiles.faces[(slice(None), slice(None), *at)] = record["faces"]
-        tiles.place[at] = record["place"]
+        for name in ("kinds", "lengths", "faces", "counts", "place"):
+            getattr(self.tiles, name)[(..., *at)] = record[name]
 
     def add(self, tile: TileSegments) -> None:
         """Store a tile.
@@ -139,7 +136,7 @@ class Spool:
         record["index"], record["place"], record["sum"] = tile.index, place, zlib.crc32(data)
         record["kinds"] = [tile.mask, *tile.kinds]
         record["lengths"] = [len(segment) for segment in segments]
-        record["faces"] = tile.faces
+        record["faces"], record["counts"] = tile.faces, tile.counts
         record["check"] = zlib.crc32(record.tobytes()[:-4])
         before = self._journal.tell()
         try:
@@ -178,7 +175,8 @@ def _record_of(tiles: Tiles) -> np.dtype[Any]:
     return np.dtype(
         [
             ("index", "<i8", (n,)), ("place", "<i8"), ("sum", "<u4"), ("kinds", "u1", (len(tiles.kinds),)),
-            ("lengths", "<u4", (len(tiles.lengths),)), ("faces", "<u4", (n, 2)), ("check", "<u4"),
+            ("lengths", "<u4", (len(tiles.lengths),)), ("faces", "<u4", (n, 2)),
+            ("counts", "<f8", (len(tiles.counts),)), ("check", "<u4"),
         ]
     )
 
@@ -187,7 +185,7 @@ def description(tiling: Tiling) -> dict[str, object]:
     """Properties shared by all tiles of a file: the shape and type of the field, and all options."""
     return {
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
-        **asdict(tiling.options), "dtype": tiling.dtype, "cubes": tiling.cubes, "version": 1,
+        **asdict(tiling.options), "dtype": tiling.dtype, "cubes": tiling.cubes, "fill": tiling.fill, "version": 2,
     }
 
 

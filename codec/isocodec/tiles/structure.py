@@ -138,31 +138,48 @@ class Root:
 
 
 @dataclass(frozen=True)
-class Leaf:
-    """A leaf directory: kinds, sizes and checksums for the tiles of a block.
+class TileStrand:
+    """Part of a leaf directory: the tiles of a block at an isovalue, or their masks.
 
     Attributes
     ----------
-    kinds : (strands, K) uint8
-    lengths : (areas, K) int64
-        Sizes of segments, in bytes.
+    ends, kinds : (R,) int64
+        Runs of tiles of a kind, in the order of the block: where each ends, and its kind.
+    coded : (C,) int64
+        Positions of the coded tiles in the order of the block.
+    lengths : (C, S) int64
+        Sizes of their segments, in bytes, by stage.
     checksums : list of (groups,) int64
-        Checksums of groups of segments, by area.
+        Checksums of groups of segments, by stage.
     """
 
-    kinds: NDArray[np.uint8]
+    ends: NDArray[np.int64]
+    kinds: NDArray[np.int64]
+    coded: NDArray[np.int64]
     lengths: NDArray[np.int64]
-    checksums: list[NDArray[np.int64]]
+    checksums: list[NDArray[np.int64]] = field(default_factory=list)
 
     @cached_property
     def groups(self) -> list[NDArray[np.int64]]:
-        """Numbers, by area, of the segments with which groups begin, followed by the number of segments."""
-        return [groups_of(lengths) for lengths in self.lengths]
+        """The coded tiles with which groups begin, by stage, followed by the number of coded tiles."""
+        return [groups_of(lengths) for lengths in self.lengths.T]
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
-        """Offsets of segments, relative to the first of their area, and the end of the last one, (areas, K + 1)."""
-        return np.pad(np.cumsum(self.lengths, axis=1), ((0, 0), (1, 0)))
+        """Offsets of segments, relative to the first of their area, and the end of the last one, (C + 1, S)."""
+        return np.pad(np.cumsum(self.lengths, axis=0), ((1, 0), (0, 0)))
+
+    def kinds_at(self, positions: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Kinds of the tiles at these positions in the order of the block."""
+        return self.kinds[np.searchsorted(self.ends, positions, "right")]
+
+    def group_of(self, stage: int, tile: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers of the groups that hold the segments of coded tiles, by their number among the coded ones."""
+        return np.searchsorted(self.groups[stage], tile, "right") - 1
+
+
+Leaf = list[TileStrand]
+"""A leaf directory: the strand of the mask, if there is one, then those of the isovalues."""
 
 
 def is_tiled(data: object) -> bool:

@@ -50,6 +50,8 @@ class Tiling:
         Type of the samples.
     cubes : int
         In 3-D, exponent of the edge of the cubes with which meshes for a tolerance begin; 0 for the full grid.
+    fill : int or float, optional
+        Value that takes the place of missing samples.
     """
 
     grid: TileGrid
@@ -57,6 +59,7 @@ class Tiling:
     options: Options
     dtype: str
     cubes: int = 0
+    fill: float | None = None
 
     def __post_init__(self) -> None:
         o = self.options
@@ -121,6 +124,9 @@ class TileSegments:
         By isovalue and stage; empty for tiles that are not coded.
     faces : tuple of tuple of int
         Checksums of the samples in the low and the high face across each axis.
+    counts : tuple of float
+        Least and largest sample (NaN if all are missing), missing samples, samples equal to each isovalue. Samples that
+        the next tile has, too, are left to it.
     """
 
     index: Index
@@ -129,6 +135,7 @@ class TileSegments:
     kinds: tuple[Kind, ...]
     segments: tuple[tuple[bytes, ...], ...]
     faces: tuple[tuple[int, int], ...]
+    counts: tuple[float, ...]
 
 
 class FaceSlack(Slack):
@@ -173,8 +180,11 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
     size = tiling.grid.size(index)
     if np.shape(window) != size:
         raise InputError(f"has {size} samples, not {np.shape(window)}", code="shape")
+    counts = _counts(window, index, tiling)
+    if tiling.fill is not None:
+        window = np.where(missing_of(window), np.asarray(tiling.fill, np.asarray(window).dtype), np.asarray(window))
     if missing_of(window).all():
-        return _missing(index, tiling)
+        return _missing(index, tiling, counts)
     values, gone = without_holes(window)
     faces = tuple(
         (_checksum(values.take(0, axis), gone, 0, axis), _checksum(values.take(-1, axis), gone, -1, axis))
@@ -200,7 +210,7 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
     )
     faces = tuple((_sealed(low, meshes, axis, 0), _sealed(high, meshes, axis, size[axis] - 1))
                   for axis, (low, high) in enumerate(faces))
-    return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces)
+    return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces, counts)
 
 
 def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
@@ -232,7 +242,16 @@ def _sealed(checksum: int, meshes: Sequence[Faces | None], axis: int, place: int
     return checksum
 
 
-def _missing(index: Index, tiling: Tiling) -> TileSegments:
+def _counts(window: ArrayLike, index: Index, tiling: Tiling) -> tuple[float, ...]:
+    """See `TileSegments.counts`."""
+    own = tuple(slice(None, -1 if shared else None) for _, shared in tiling.grid.shared(index))
+    gone = missing_of(window)[own]
+    there = np.asarray(window)[own][~gone]
+    low, high = (there.min(), there.max()) if there.size else (math.nan, math.nan)
+    return float(low), float(high), float(gone.sum()), *(float((there == v).sum()) for v in tiling.isovalues)
+
+
+def _missing(index: Index, tiling: Tiling, counts: tuple[float, ...]) -> TileSegments:
     """Make a tile whose samples are all missing."""
     grid, count = tiling.grid, len(tiling.isovalues)
     faces = []
@@ -241,7 +260,7 @@ def _missing(index: Index, tiling: Tiling) -> TileSegments:
         face = np.zeros(beside, tiling.dtype)
         faces.append(2 * (_checksum(face, np.ones((1, *beside), np.bool_), 0, 0),))
     segments = ((b"",) * len(tiling.stages),) * count
-    return TileSegments(index, Kind.ABOVE, b"", (Kind.BELOW,) * count, segments, tuple(faces))
+    return TileSegments(index, Kind.ABOVE, b"", (Kind.BELOW,) * count, segments, tuple(faces), counts)
 
 
 def _kind(signs: NDArray[np.bool_]) -> Kind:

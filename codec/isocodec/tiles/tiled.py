@@ -1,10 +1,10 @@
-"""Read a tiled file: only what a window needs, in few requests (spec clause 12.6)."""
+"""Read a tiled file: what windows need, in few requests, within limits for all tiles together (spec 11.2, 12.6)."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import takewhile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,30 +12,53 @@ from numpy.typing import NDArray
 from isospec.container import ChunkType
 
 from ..drawing.contour import Contour
-from ..errors import OptionError
+from ..errors import LimitError, OptionError
 from ..field.placement import read_placement
 from ..format.chunks import write_chunk, write_metadata
 from ..format.header import Header, write_header
 from ..limits import Limits
 from ..storage.ranges import Fetch, Pieces, Range
 from ..stream.container import with_checksum
-from ..stream.decoder import Decoder
-from ..stream.grid_contents import GridContents
-from ..stream.recoder import bounds_of
+from ..stream.recoder import bounds_of, clipped
+from ..stream.shared_limits import Shared
 from .closing import TilePart
 from .head import read_head
 from .joining import joined
 from .layout import Index
-from .leaf import read_leaf
+from .leaf import read_leaf, sizes_of
 from .numbers import wrong
-from .structure import HEAD_BYTES, Head, Kind, Leaf
+from .structure import HEAD_BYTES, Head, Kind, Leaf, TileStrand
 
-KEPT_LEAVES = 64
-"""Number of leaf directories that are cached."""
+KEPT = 1 << 24
+"""Number of bytes of the file, and of what its directories take, that are kept for further windows."""
+LEAF_PEAK, LEAF_KEPT = 64, 24
+"""Memory that a leaf directory takes while it is read, and afterwards, for each of its bytes."""
+DRAWN = 3
+"""Memory that drawings of tiles take while they are joined, in their own size."""
 Box = Sequence[tuple[int, int]]
 """First and last samples along each axis."""
 Found = tuple[Index, Kind, bytes, list[bytes]]
 """A tile: its kind for an isovalue, the segment of its mask, and the segments of its stages."""
+
+
+@dataclass
+class TilesWanted:
+    """Coded tiles of a block at an isovalue that are wanted, up to a stage.
+
+    Attributes
+    ----------
+    block, number, stage : int
+        Number of the block, of the isovalue, and of the last stage.
+    index : (K, n) int64
+    positions : (K,) int64
+        Positions of the tiles in the order of the block.
+    """
+
+    block: int
+    number: int
+    stage: int
+    index: NDArray[np.int64]
+    positions: NDArray[np.int64]
 
 
 class TiledFile:
@@ -44,9 +67,9 @@ class TiledFile:
     Parameters
     ----------
     fetch : callable
-        Returns the bytes of the file from one offset up to another, or up to its end.
+        Reads ranges of the file.
     limits : Limits, optional
-        Limits for decoding each tile; ``bytes`` limits what is fetched at a time.
+        Limits of a call, for all its tiles together; ``bytes`` limits what it fetches.
     first : bytes, optional
         The first ``HEAD_BYTES`` of the file, if already read.
 
@@ -55,7 +78,7 @@ class TiledFile:
     head : Head
     root : Root
     requests, received : int
-        Number of requests, and number of bytes fetched.
+        Number of ranges and of bytes fetched.
 
     Raises
     ------
@@ -63,25 +86,32 @@ class TiledFile:
         If it is not a tiled file, or is damaged.
     TruncatedError
         If it ends too early.
+    LimitError
+        If it has more isovalues than the limits allow.
     """
 
     def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
         self.limits = limits or Limits()
         self._source = fetch
         self.requests, self.received = (0, 0) if first is None else (1, len(first))
-        first = self.fetch(0, HEAD_BYTES) if first is None else first
-        self._pieces = lambda: Pieces(self.fetch, self.limits.bytes, first)
-        self.head, self.root = read_head(first)
+        self._first = self.fetch(0, HEAD_BYTES) if first is None else first
+        self.head, self.root = read_head(self._first)
+        if len(self.head.isovalues) > self.limits.isovalues:
+            raise LimitError(f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", clause="11.2")
         self._blocks = list(self.head.grid.all_blocks())
         self._number_of = {block: number for number, block in enumerate(self._blocks)}
         self._leaves: dict[int, Leaf] = {}
+        self._pieces = Pieces(self._first)
 
     def fetch(self, start: int, end: int) -> bytes:
         """Fetch the bytes of the file from one offset up to another, or up to its end."""
-        data = self._source(start, end)
-        self.requests += 1
-        self.received += len(data)
-        return data
+        return self._fetched([(start, end)])[0]
+
+    def _fetched(self, ranges: Sequence[Range]) -> list[bytes]:
+        found = self._source(ranges)
+        self.requests += len(ranges)
+        self.received += sum(map(len, found))
+        return found
 
     @property
     def shape(self) -> Index:
@@ -121,19 +151,29 @@ class TiledFile:
     def window(
         self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
         within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
-        clip: bool = True,
     ) -> Contour:
-        """Draw the curve or surface in a box.
+        """Draw the curve or surface of an isovalue, the first if none is given, in a box; see `windows`."""
+        number = self.number_of(isovalue)
+        (drawn,) = self.windows(box, [number], within=within, layer=layer, partial=partial)
+        return drawn
+
+    def windows(
+        self, box: Sequence[Sequence[float]] | None = None, numbers: Sequence[int] | None = None, *,
+        within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
+    ) -> Iterator[Contour]:
+        """Draw the curves or surfaces of isovalues in a box, one after the other; all is fetched before the first.
 
         Parameters
         ----------
-        box, isovalue, within, layer, partial
-            As there.
-        clip : bool
-            Whether to drop cells that do not reach into the box.
+        numbers : sequence of int, optional
+            Numbers of the isovalues; all if not given.
+        box, within, partial
+            As for `IsoFile.contour`.
+        layer : int, optional
+            Number of the last stage, from 0.
 
-        Returns
-        -------
+        Yields
+        ------
         Contour
             Contour in index coordinates of the whole field; tiles meet without seams. It is not complete if a needed
             layer of a tile is missing.
@@ -144,36 +184,31 @@ class TiledFile:
         FormatError, TruncatedError
             If the file is damaged.
         LimitError
+            If all isovalues together need more than the limits allow.
         """
-        number = self.number_of(isovalue)
-        grid = self.head.grid
+        grid, call = self.head.grid, Shared(self.limits)
         low, high = bounds_of(self.shape, box)
-        by_stage: dict[int, list[Index]] = {}
-        for index in grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)):
-            own = within([(w.start, w.stop - 1) for w in grid.window(index)]) if callable(within) else within
-            by_stage.setdefault(self.stage_of(own, layer), []).append(index)
-        metadata = self.metadata
-        origin_above, complete = None, True
-        parts = []
-        for stage, wanted in by_stage.items():
-            for index, kind, mask, segments in self.tiles(wanted, number, stage, partial):
-                above: bool | None = kind == Kind.ABOVE
-                if kind == Kind.CODED:
-                    there = len(segments) - 1
-                    complete &= there == stage
-                    if there < 0:
-                        continue
-                    parts.append(self.drawn(index, number, mask, segments))
-                    above = parts[-1].contour.origin_above
-                if not any(index):
-                    origin_above = above
-        points, cells = joined(parts, grid.n)
-        if box is not None and clip:
-            points, cells = _within(points, cells, low, high)
-        return Contour(
-            points, cells, self.isovalues[number], self.shape, complete, read_placement(metadata, grid.n), metadata,
-            origin_above, self.head.masked,
-        )
+        ranges = grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64))
+        stage = within if callable(within) else self.stage_of(within, layer)
+        numbers = range(len(self.isovalues)) if numbers is None else numbers
+        leaves, found = self._found(ranges, numbers, stage, call, partial)
+        for number in numbers:
+            parts: list[TilePart] = []
+            kind = self._kind(leaves[0], number, 0) if all(one.start == 0 for one in ranges) else Kind.CODED
+            complete, origin = True, None if kind == Kind.CODED else kind == Kind.ABOVE
+            for index, mask, segments, last in self._segments(found[number], leaves):
+                complete &= len(segments) - 1 == last
+                if any(segments):
+                    parts.append(part := self.drawn(index, number, mask, segments, call))
+                    call.budget.hold(part, DRAWN * part.nbytes)
+                    origin = origin if any(index) else part.contour.origin_above
+            drawing = clipped(Contour(
+                *joined(parts, grid.n), self.isovalues[number], self.shape, complete,
+                read_placement(self.metadata, grid.n), self.metadata, origin, self.head.masked,
+            ), None if box is None else np.stack([low, high], axis=1))
+            call.budget.release(*parts)
+            call.keep(drawing.points.nbytes + drawing.cells.nbytes)
+            yield drawing
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
         """Make a separate ``.iso`` file of a tile."""
@@ -181,125 +216,192 @@ class TiledFile:
         ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, index, number, mask, segments)
 
-    def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> TilePart:
+    def drawn(
+        self, index: Index, number: int, mask: bytes, segments: Sequence[bytes], call: Shared | None = None
+    ) -> TilePart:
         """Draw segments of a tile."""
-        grid_of_tile, stage = self.decoded(index, number, mask, segments), len(segments) - 1
-        contour, ends = grid_of_tile.ends()
-        grid, cube = self.head.grid, 1 << self.head.stages[stage].edge
-        origin, size = grid.origin(index), grid.size(index)
-        return TilePart(index, stage, cube, origin, size, contour, ends, grid_of_tile.whole_cells)
-
-    def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> GridContents:
-        """Decode segments of a tile."""
-        decoder = Decoder(self.limits)
-        decoder.feed(plain(self.head, index, number, mask, segments))
-        decoder.close()
-        return decoder.grid
+        tile = (call or Shared(self.limits)).decoded(plain(self.head, index, number, mask, segments))
+        contour, ends = tile.ends()
+        grid, stage = self.head.grid, len(segments) - 1
+        cube = 1 << self.head.stages[stage].edge
+        return TilePart(index, stage, cube, grid.origin(index), grid.size(index), contour, ends, tile.whole_cells)
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
-    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int, partial: bool = False) -> list[Found]:
-        """Yield tiles, leaf by leaf: the kind of each for an isovalue, and its segments up to a stage.
-
-        With ``partial``, a truncated file gives segments up to the last stage that is complete.
-        """
-        by_leaf: dict[int, list[Index]] = {}
-        for index in wanted:
-            block = tuple(i >> self.head.grid.block for i in index)
-            by_leaf.setdefault(self._number_of[block], []).append(index)
-        numbers = sorted(by_leaf)
-        areas = [0] * self.head.masked + [self.head.area(isovalue, s) for s in range(stage + 1)]
-        pieces = self._pieces()
-        if sum(map(len, by_leaf.values())) == self.head.grid.total:
-            pieces.fetch([(int(self.root.leaves[0]), self._end_of(areas))], partial)
-        leaves = self._read_leaves(numbers, pieces)
-        places = {number: self._places(number, by_leaf[number]) for number in numbers}
-        groups = {
-            (area, number, int(np.searchsorted(leaves[number].groups[area], i, "right")) - 1)
-            for number in numbers for area in areas for i in places[number] if leaves[number].lengths[area, i]
-        }
-        ranges = {group: self._group_range(leaves[group[1]], *group) for group in sorted(groups)}
-        pieces.fetch(ranges.values(), partial)
-        gone = {group for group, each in ranges.items() if not pieces.has(*each)} if partial else set()
-        for (area, number, group), (start, end) in ranges.items():
-            if (area, number, group) in gone:
-                continue
-            if zlib.crc32(pieces.get(start, end)) != leaves[number].checksums[area][group]:
-                raise wrong("a checksum of segments is wrong", "checksum", start, "12.5")
-        return [
-            self._found(leaves[number], index, i, isovalue,
-                        [pieces.get(*self._segment_range(leaves[number], area, number, i))
-                         for area in self._there(leaves[number], areas, number, i, gone)])
-            for number in numbers for index, i in zip(by_leaf[number], places[number], strict=True)
-        ]
-
-    def _there(self, leaf: Leaf, areas: list[int], number: int, i: int, gone: set[tuple[int, int, int]]) -> list[int]:
-        """Number of the first areas whose segments of a tile have been received."""
-        if not gone:
-            return areas
-
-        def is_there(area: int) -> bool:
-            group = int(np.searchsorted(leaf.groups[area], i, "right")) - 1
-            return not leaf.lengths[area, i] or (area, number, group) not in gone
-
-        return list(takewhile(is_there, areas))
-
-    def _found(self, leaf: Leaf, index: Index, i: int, isovalue: int, segments: list[bytes]) -> Found:
-        mask = segments.pop(0) if self.head.masked and segments else b""
-        kind = Kind(leaf.kinds[isovalue + self.head.masked, i])
-        if self.head.masked and leaf.kinds[0, i] == Kind.ABOVE:
-            kind = Kind.BELOW
-        return index, kind, mask, segments
-
-    def _end_of(self, areas: list[int]) -> int:
-        """End of the leaf directories or, if the first areas are wanted, of those, which follow the directories."""
-        end = int(self.root.leaves[-1])
-        return end + int(self.root.sizes[:, : len(areas)].sum()) if areas == list(range(len(areas))) else end
-
-    def _places(self, number: int, wanted: list[Index]) -> list[int]:
-        """Positions of tiles in their leaf."""
-        order = {tuple(index): i for i, index in enumerate(self.head.grid.members(self._blocks[number]).tolist())}
-        return [order[index] for index in wanted]
-
-    def _read_leaves(self, numbers: list[int], pieces: Pieces) -> dict[int, Leaf]:
-        """Get leaf directories, cached or fetched."""
-        pieces.fetch(self._leaf_range(number) for number in numbers if number not in self._leaves)
-        out = {
-            number: self._leaves.pop(number) if number in self._leaves else self._read_leaf(number, pieces)
-            for number in numbers
-        }
-        self._leaves.update(out)
-        while len(self._leaves) > KEPT_LEAVES:
-            del self._leaves[next(iter(self._leaves))]
+    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[Found]:
+        """Get tiles: the kind of each at an isovalue, and its segments up to a stage."""
+        index = np.array([*wanted], np.int64)
+        call, out = Shared(self.limits), list[Found]()
+        block_of = [self._number_of[tuple(block)] for block in (index >> self.head.grid.block).tolist()]
+        leaves = self._read_leaves(sorted(set(block_of)), call)
+        for number in dict.fromkeys(block_of):
+            own = index[np.array(block_of) == number]
+            positions = self.head.grid.positions(self._blocks[number], own)
+            each = TilesWanted(number, isovalue, stage, own, positions)
+            self._get([each], leaves, False)
+            out += [
+                (at, self._kind(leaves[number], isovalue, position), mask, segments)
+                for position, (at, mask, segments, _) in zip(
+                    positions.tolist(), self._segments([each], leaves), strict=True)
+            ]
         return out
+
+    def kinds(self, ranges: Sequence[range], strand: int) -> NDArray[np.int64]:
+        """Kinds of a box of tiles in a strand."""
+        out = np.zeros([len(one) for one in ranges], np.int64)
+        for block, leaf in self._leaves_in(ranges, Shared(self.limits)).items():
+            own = [range(max(a.start, b.start), min(a.stop, b.stop))
+                   for a, b in zip(ranges, self._extent(block), strict=True)]
+            index = np.stack(np.meshgrid(*own, indexing="ij"), axis=-1)
+            positions = self.head.grid.positions(self._blocks[block], index.reshape(-1, len(own)))
+            here = tuple(slice(a.start - b.start, a.stop - b.start) for a, b in zip(own, ranges, strict=True))
+            out[here] = leaf[strand].kinds_at(positions).reshape(index.shape[:-1])
+        return out
+
+    def coded(self, ranges: Sequence[range], number: int) -> Iterator[tuple[Index, bytes, list[bytes]]]:
+        """Get the coded tiles in a box of tiles at an isovalue, with the segments of the mask and of all stages."""
+        leaves, found = self._found(ranges, [number], len(self.head.stages) - 1, Shared(self.limits))
+        for index, mask, segments, _ in self._segments(found[number], leaves):
+            yield index, mask, segments
+
+    def prefetch(self, ranges: Sequence[range], numbers: Sequence[int]) -> None:
+        """Fetch what `coded` and `tiles` need of some isovalues, if it is not too much to be kept."""
+        self._found(ranges, numbers, len(self.head.stages) - 1, Shared(self.limits))
 
     def leaves(self, numbers: Sequence[int]) -> list[Leaf]:
         """Fetch leaf directories, by number."""
-        found = self._read_leaves(list(numbers), self._pieces())
+        found = self._read_leaves(list(numbers), Shared(self.limits))
         return [found[number] for number in numbers]
+
+    def _found(
+        self, ranges: Sequence[range], numbers: Sequence[int], stage: int | Callable[[Box], float], call: Shared,
+        partial: bool = False,
+    ) -> tuple[dict[int, Leaf], dict[int, list[TilesWanted]]]:
+        """Find the coded tiles in a box of tiles, by number of the isovalue, and fetch their segments."""
+        leaves = self._leaves_in(ranges, call)
+        found = {number: [*self._coded(ranges, leaves, number, stage)] for number in numbers}
+        self._get([each for wanted in found.values() for each in wanted], leaves, partial)
+        return leaves, found
+
+    def _extent(self, number: int) -> list[range]:
+        """Tiles of a block along each axis."""
+        grid, block = self.head.grid, self._blocks[number]
+        return [range(b << grid.block, (b << grid.block) + size)
+                for b, size in zip(block, grid.extent(block), strict=True)]
+
+    def _leaves_in(self, ranges: Sequence[range], call: Shared) -> dict[int, Leaf]:
+        """Get the directories of the blocks with tiles in a box of tiles."""
+        return self._read_leaves([
+            number for number in range(len(self._blocks))
+            if all(a.start < b.stop and b.start < a.stop for a, b in zip(ranges, self._extent(number), strict=True))
+        ], call)
+
+    def _read_leaves(self, numbers: list[int], call: Shared) -> dict[int, Leaf]:
+        """Get leaf directories, kept or fetched."""
+        self._pieces.begin(self.limits.bytes, KEPT)
+        missing = [self._leaf_range(number) for number in numbers if number not in self._leaves]
+        self._pieces.fetch(self._fetched, missing)
+        found = {}
+        for number in numbers:
+            size = int(self.root.lengths[number])
+            if number not in self._leaves:
+                call.budget.check(LEAF_PEAK * size)
+                self._leaves[number] = self._read_leaf(number)
+            found[number] = self._leaves[number]
+            call.keep(LEAF_KEPT * size)
+        while sum(LEAF_KEPT * int(self.root.lengths[number]) for number in self._leaves) > KEPT:
+            del self._leaves[next(iter(self._leaves))]
+        return found
 
     def _leaf_range(self, number: int) -> Range:
         start, end = self.root.leaves[number : number + 2].tolist()
         return start, end
 
-    def _read_leaf(self, number: int, pieces: Pieces) -> Leaf:
+    def _read_leaf(self, number: int) -> Leaf:
         at = int(self.root.leaves[number])
-        data = pieces.get(*self._leaf_range(number))
+        data = self._pieces.get(*self._leaf_range(number))
         if zlib.crc32(data) != self.root.checksums[number]:
             raise wrong("a leaf directory's checksum is wrong", "checksum", at, "12.4")
-        leaf = read_leaf(self.head, data, len(self.head.grid.members(self._blocks[number])), at)
-        if not np.array_equal(leaf.lengths.sum(axis=1), self.root.sizes[number]):
+        tiles = int(np.prod(self.head.grid.extent(self._blocks[number])))
+        leaf = read_leaf(self.head, data, tiles, at)
+        if sizes_of(self.head, leaf) != self.root.sizes[number].tolist():
             raise wrong("a leaf directory and the root disagree", "leaf", at, "12.4")
         return leaf
 
-    def _segment_range(self, leaf: Leaf, area: int, number: int, i: int) -> Range:
-        start = int(self.root.segments[number, area])
-        return start + int(leaf.starts[area, i]), start + int(leaf.starts[area, i + 1])
+    def _kind(self, leaf: Leaf, isovalue: int, position: int) -> Kind:
+        """Kind of a tile of a block; of one without any valid sample, below."""
+        at = np.array([position])
+        if self.head.masked and leaf[0].kinds_at(at)[0] == Kind.ABOVE:
+            return Kind.BELOW
+        return Kind(leaf[isovalue + self.head.masked].kinds_at(at)[0])
 
-    def _group_range(self, leaf: Leaf, area: int, number: int, group: int) -> Range:
-        start = int(self.root.segments[number, area])
-        first, behind = leaf.groups[area][group : group + 2].tolist()
-        return start + int(leaf.starts[area, first]), start + int(leaf.starts[area, behind])
+    def _coded(
+        self, ranges: Sequence[range], leaves: Mapping[int, Leaf], number: int, stage: int | Callable[[Box], float]
+    ) -> Iterator[TilesWanted]:
+        """Find the coded tiles in a box of tiles, block by block and stage by stage."""
+        low, high = ([getattr(one, end) for one in ranges] for end in ("start", "stop"))
+        for block, leaf in leaves.items():
+            positions = leaf[number + self.head.masked].coded
+            index = self.head.grid.at(self._blocks[block], positions)
+            inside = ((index >= low) & (index < high)).all(axis=1)
+            index, positions = index[inside], positions[inside]
+            if not callable(stage):
+                yield TilesWanted(block, number, stage, index, positions)
+                continue
+            windows = map(self.head.grid.window, map(tuple, index.tolist()))
+            stages = np.array([self.stage_of(stage([(w.start, w.stop - 1) for w in each])) for each in windows])
+            for own in np.unique(stages).tolist():
+                yield TilesWanted(block, number, own, index[stages == own], positions[stages == own])
+
+    def _parts(self, wanted: TilesWanted, leaf: Leaf) -> Iterator[tuple[int, int, TileStrand, NDArray[np.int64]]]:
+        """Parts of the file with segments of tiles: area, stage, strand, and the tiles' numbers among its coded ones.
+
+        Numbers are -1 for tiles without segments there.
+        """
+        masked = self.head.masked
+        strands = [(0, 0, leaf[0])] * masked
+        own = leaf[wanted.number + masked]
+        strands += [(self.head.area(wanted.number, stage), stage, own) for stage in range(wanted.stage + 1)]
+        for area, stage, strand in strands:
+            at = np.minimum(np.searchsorted(strand.coded, wanted.positions), max(len(strand.coded) - 1, 0))
+            there = (strand.coded[at] == wanted.positions) if len(strand.coded) else np.zeros(len(at), np.bool_)
+            there[there] = strand.lengths[at[there], stage] > 0
+            yield area, stage, strand, np.where(there, at, -1)
+
+    def _groups(self, wanted: TilesWanted, leaf: Leaf) -> Iterator[tuple[Range, int]]:
+        """Ranges of the groups with segments of tiles, each with its checksum."""
+        for area, stage, strand, tiles in self._parts(wanted, leaf):
+            start = int(self.root.segments[wanted.block, area])
+            for group in np.unique(strand.group_of(stage, tiles[tiles >= 0])).tolist():
+                first, behind = strand.starts[strand.groups[stage][group : group + 2], stage].tolist()
+                yield (start + first, start + behind), int(strand.checksums[stage][group])
+
+    def _get(self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf], partial: bool) -> None:
+        """Fetch the groups with segments of tiles, and verify them."""
+        groups = dict(group for each in wanted for group in self._groups(each, leaves[each.block]))
+        self._pieces.fetch(self._fetched, groups, partial)
+        for (start, end), checksum in groups.items():
+            if self._pieces.has(start, end) and zlib.crc32(self._pieces.get(start, end)) != checksum:
+                raise wrong("a checksum of segments is wrong", "checksum", start, "12.5")
+
+    def _segments(
+        self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf]
+    ) -> Iterator[tuple[Index, bytes, list[bytes], int]]:
+        """Give the mask's segment and those of the stages, as far as they have been fetched, and the last stage."""
+        for each in wanted:
+            leaf = leaves[each.block]
+            parts = [(self.root.segments[each.block, area], stage, strand, tiles)
+                     for area, stage, strand, tiles in self._parts(each, leaf)]
+            for i, index in enumerate(map(tuple, each.index.tolist())):
+                segments = []
+                for start, stage, strand, tiles in parts:
+                    tile = int(tiles[i])
+                    first, behind = (start + strand.starts[tile : tile + 2, stage]).tolist() if tile >= 0 else (0, 0)
+                    if not self._pieces.has(first, behind):
+                        break
+                    segments.append(self._pieces.get(first, behind))
+                mask = segments.pop(0) if self.head.masked and segments else b""
+                yield index, mask, segments, each.stage
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue; 0 for None.
@@ -325,13 +427,3 @@ def plain(
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
     last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
     return b"".join(with_checksum([write_header(header), mask, *segments, last]))
-
-
-def _within(
-    points: NDArray[np.float64], cells: NDArray[np.int64], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Keep the cells that reach into a box, and their points."""
-    corners = points[cells]
-    kept = cells[((corners.min(axis=1) < high) & (corners.max(axis=1) > low)).all(axis=1)]
-    used, number = np.unique(kept, return_inverse=True)
-    return points[used], number.reshape(kept.shape)

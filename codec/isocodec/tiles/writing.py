@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
+from ..field.missing import HOLE, filled
 from ..field.sampled import Field
+from ..field.samples import missing_of
 from ..storage.atomic import check_target, writing
 from ..stream.given import in_cells
 from ..stream.isovalues import isovalues_of
 from ..stream.options import PROMISE, Isovalues, Options, Precision
-from .assembly import grid_of, merged
-from .layout import Index
-from .sample_range import sample_range
+from .assembly import Tiles, grid_of, merged
+from .layout import Index, TileGrid, in_order
 from .spool import Spool, begun
 from .structure import EXPONENTS
 from .tile_encoder import Tiling
@@ -32,16 +33,36 @@ TILE = 1024
 """Default number of samples along each axis of a tile in 2-D; in 3-D, an eighth of it."""
 
 
+@dataclass(frozen=True)
+class SampleCounts:
+    """Facts about the samples of a field that was encoded in tiles.
+
+    Attributes
+    ----------
+    low, high : float or None
+        Least and largest sample; None if all are missing.
+    missing : int
+    ties : dict of float to int
+        Samples equal to an isovalue, by isovalue.
+    """
+
+    low: float | None
+    high: float | None
+    missing: int
+    ties: dict[float, int]
+
+
 def encode_tiles(
     path: str | os.PathLike[str], field: Any, tiling: Tiling, *, engine: Engine | None = None,
     workers: int | None = None, spool: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int], object] | None = None,
-) -> None:
+    progress: Callable[[int, int], object] | None = None, resumed: Callable[[int, int], object] | None = None,
+) -> SampleCounts:
     """Encode a field tile by tile into one file.
 
     In 3-D with a tolerance of half a sample or more, meshes of cubes with the same edge in all tiles are tried. If a
     tile is not proven to keep the tolerance, or if samples are missing, all tiles are encoded again with smaller cubes,
-    and finally on the full grid. Parameters and errors are as for `isocodec.save`.
+    and finally on the full grid. Parameters and errors are as for `isocodec.save`; ``resumed`` is called with the
+    number of tiles that a spool has, if any, and the total.
     """
     from ..search.strategy import NotKeptError
 
@@ -50,18 +71,31 @@ def encode_tiles(
     folder = Path(spool) if spool is not None else Path(f"{os.fspath(path)}.tiles")
     tried = tiling.tried()
     left = tried[begun(folder, tried) :]
-    while left:
+    while True:
         with Spool(folder, left[0]) as held:
+            total = tiling.grid.total
+            if resumed and held.tiles.missing() < total:
+                resumed(total - held.tiles.missing(), total)
             try:
                 run(field, left[0], held, engine, workers or _workers_of(engine), progress)
             except NotKeptError as error:
                 left = left[-1:] if error.code == "missing" else left[1:]
-            else:
-                left = []
-                with writing(path) as file:
-                    for piece in merged(held.tiles, held.read):
-                        file.write(piece)
+                held.remove()
+                continue
+            with writing(path) as file:
+                for piece in merged(held.tiles, held.read):
+                    file.write(piece)
             held.remove()
+            return _counts_of(held.tiles)
+
+
+def _counts_of(tiles: Tiles) -> SampleCounts:
+    low, high, gone, *ties = tiles.counts.reshape(len(tiles.counts), -1)
+    known = ~np.isnan(low)
+    return SampleCounts(
+        float(low[known].min()) if known.any() else None, float(high[known].max()) if known.any() else None,
+        int(gone.sum()), {v: int(each.sum()) for v, each in zip(tiles.tiling.isovalues, ties, strict=True)},
+    )
 
 
 def tiling_of(
@@ -99,7 +133,39 @@ def tiling_of(
         return found
 
     tiling = Tiling(grid, (), options, dtype.str)
-    return replace(tiling, isovalues=tuple(isovalues_of(0.5 if isovalue is None else isovalue, ends)))
+    tiling = replace(tiling, isovalues=tuple(isovalues_of(0.5 if isovalue is None else isovalue, ends)))
+    way = field.missing if isinstance(field, Field) else HOLE
+    if way == HOLE:
+        return tiling
+    # as of a field in one piece: the last of three samples is missing
+    fill = filled(np.array([*ends(), 0], dtype), np.array([False, False, True]), way, tiling.isovalues)[2]
+    return replace(tiling, fill=fill.item())
+
+
+def sample_range(
+    field: Any, grid: TileGrid, progress: Callable[[int, int], object] | None = None
+) -> tuple[float, float] | None:
+    """Find the least and the largest of the samples that are not missing; None if all are missing.
+
+    Parameters
+    ----------
+    field : array
+        Anything with slices that `encode_tiles` accepts; at most one tile is in memory.
+    grid : TileGrid
+        The tiles to read.
+    progress : callable, optional
+        Called with the number of tiles done and the total.
+    """
+    found: list[tuple[Any, Any]] = []
+    for done, index in enumerate(map(tuple, in_order(grid.counts).tolist()), 1):
+        window = field[grid.window(index)]
+        values = np.asarray(window)[~missing_of(window)]
+        if values.size:
+            found = [*found, (values.min(), values.max())]
+            found = [(min(low for low, _ in found), max(high for _, high in found))]
+        if progress:
+            progress(done, grid.total)
+    return (float(found[0][0]), float(found[0][1])) if found else None
 
 
 def _options_of(
@@ -111,9 +177,9 @@ def _options_of(
         precision = Precision(signs=True)
     if not isinstance(field, Field):
         field = Field(np.broadcast_to(np.zeros((), dtype), shape))
-    if field.labels is not None or field.missing != "hole":
-        raise OptionError("labels and filled samples do not apply to tiles", code="tiles",
-                          remedy="leave labels and missing out")
+    if field.labels is not None or field.missing == "nearest":
+        raise OptionError("labels, and samples filled by the nearest ones, do not apply to tiles", code="tiles",
+                          remedy="leave labels out; let missing samples be holes, below or above")
     notes = {**field.metadata, **options.metadata}
     placement = field.placement
     if placement is not None:

@@ -118,11 +118,12 @@ function measure(cell) {
 }
 
 /** A server of one file that knows ranges, or does not, and what it was asked for. */
-async function serving(data, { ranges = true, tag = () => '"1"' } = {}) {
+async function serving(data, { ranges = true, tag = () => '"1"', busy = 0 } = {}) {
   const asked = [];
   const server = createServer((request, response) => {
     const range = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? "");
     asked.push(request.headers.range);
+    if (asked.length <= busy) return void response.writeHead(503, { "retry-after": "0" }).end();
     if (request.url !== "/file.iso") return void response.writeHead(404).end();
     if (!ranges || !range) return void response.writeHead(200, { etag: tag(asked.length) }).end(data);
     const from = Number(range[1]), to = Math.min(data.length, Number(range[2]) + 1);
@@ -153,6 +154,24 @@ test("a window takes few requests, and no more than it needs", { skip }, async (
     const blob = await open(new Blob([data]));
     assert.deepEqual(cellsOf(await blob.window(box)), cellsOf(fine));
     assert.ok(blob.received < data.length / 2);
+  } finally {
+    server.close();
+  }
+});
+
+test("windows of many isovalues take as few requests as one, of a busy server too", { skip }, async () => {
+  const isovalues = Array.from({ length: 21 }, (_, i) => ["--isovalue", `${5000.5 + 20 * i}`]).flat();
+  const data = read(tile("many", [300, 400], isovalues)), server = await serving(data, { busy: 2 }), box = [[60, 170], [60, 170]];
+  try {
+    const tiles = await open(server.url), numbers = tiles.head.isovalues.map((_, i) => i);
+    const found = await tiles.windows(box, numbers);
+    assert.ok(tiles.requests <= 6 && server.asked.length <= 6 + 2, `${server.asked.length} requests`);
+    const whole = await open(data);
+    for (const i of numbers) assert.deepEqual(cellsOf(found[i]), cellsOf(await whole.window(box, { isovalue: i })));
+    await assert.rejects((await open(data, { limits: { vertices: 2000 } })).windows(box, numbers), { kind: "limit" });
+    const gone = await serving(data, { busy: 99 });
+    await assert.rejects(open(gone.url), /503/);
+    gone.close();
   } finally {
     server.close();
   }

@@ -242,7 +242,10 @@ class Raster(Opened):
         if frame is not None:
             check_frame(frame, 0)
         with about(self.label):
-            found, place = self.windows(nodata)[:, :], self._band.place()
+            self._band.nodata = nodata
+            found, place = self._band[:, :], self._band.place()
+            if self._orientation not in (None, 1):
+                found = upright(found, self._orientation)
         return Field(
             found.data, found.mask if found.mask.any() else None, place if place.placed else None, unit=self.unit,
             name=self.name, remarks=(place.remark,) if place.remark else (),
@@ -255,9 +258,9 @@ class Raster(Opened):
         return self._band.place()
 
     def windows(self, nodata: float | None = None) -> Any:
-        """Give the samples by windows, or a picture that has to be turned whole; see `Opened.windows`."""
+        """Give the samples by windows, but none of a picture that has to be turned; see `Opened.windows`."""
         self._band.nodata = nodata
-        return self._band if self._orientation in (None, 1) else upright(self._band[:, :], self._orientation)
+        return self._band if self._orientation in (None, 1) else None
 
     def turned(self, orientation: Any) -> Raster:
         """Show a picture of an orientation upright; one with coordinates stays as it is stored, as they do."""

@@ -138,6 +138,18 @@ class OpenedLabels(Opened):
     def _slices(self, frame: int | None) -> Any:
         return LabelledWindows(self, self._taken(frame))
 
+    def windows(self, nodata: float | None = None) -> Any:
+        """Give the samples by windows; see `Opened.windows`."""
+        self._marked = nodata is None or not self._packing.plain
+        return super().windows(nodata)
+
+    def windowed(self, nodata: float | None = None) -> Field | None:
+        """Describe a field without reading its samples; see `Opened.windowed`."""
+        found = super().windowed(nodata)
+        assert found is not None
+        return replace(found, crs=self.place(len(self.shape)).crs, notes=notes_of(self._array),
+                       remarks=(*found.remarks, *self._packing.remarks))
+
     def _windows(self) -> LabelledWindows:
         self._joined = False
         return LabelledWindows(self, self._array)

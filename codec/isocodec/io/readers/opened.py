@@ -141,13 +141,25 @@ class Opened:
             return self._place(n, frame)
 
     def windows(self, nodata: float | None = None) -> Any:
-        """Give an object with ``shape``, ``dtype`` and slices, which reads windows alone where the format allows.
+        """Give an object with ``shape``, ``dtype`` and slices, which reads windows alone; None if the format has none.
 
         Samples that equal ``nodata`` are masked.
         """
         with about(self.label):
             found = self._windows()
-            return found if nodata is None else PartWindows(found, [slice(None)] * len(found.shape), nodata)
+            return found if found is None or nodata is None else PartWindows(found, nodata=nodata)
+
+    def windowed(self, nodata: float | None = None) -> Field | None:
+        """Describe a field as `field` does, but without reading its samples; None if the format has no windows."""
+        found = self.windows(nodata)
+        if found is None:
+            return None
+        place = self.place(len(found.shape))
+        values: Any = PartWindows(found)
+        return Field(
+            values, None, place if place.placed else None, unit=self.unit, name=self.name,
+            remarks=(*self.remarks, *((place.remark,) if place.remark else ())),
+        )
 
     def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
         """Read a field with all that the input states, or with another value of missing samples (NaN: only NaN)."""
@@ -226,8 +238,8 @@ class Opened:
         return numbers(self._values(frame))
 
     def _windows(self) -> Any:
-        whole = numbers(self._values(None))
-        return np.where(whole.mask, np.nan, whole) if hasattr(whole, "mask") else whole
+        """The samples by slices, or None."""
+        return None
 
     def _series(self) -> Slices | None:
         """The frames of a format that states which axis counts them."""

@@ -4,7 +4,7 @@ import { draw, type Drawing } from "../draw.js";
 import { LIMITS, type Limits } from "../errors.js";
 import type { MainProfile } from "../main/profile.js";
 import { fetchTables } from "../stream.js";
-import { Directory, type Place } from "./directory.js";
+import { Directory } from "./directory.js";
 import { join, type Piece } from "./join.js";
 import { Kept } from "./kept.js";
 import { Pieces } from "./source.js";
@@ -46,33 +46,48 @@ export class TiledFile {
 
   /** The curve or surface in a box of samples: all cells that lie in it, in whole or in part. */
   async window(box: Box | undefined, options: WindowOptions = {}): Promise<Drawing> {
-    const { directory, head } = this, { isovalue = 0, signal } = options, stage = this.stage(options);
-    if (!(isovalue in head.isovalues)) throw new RangeError(`there is no isovalue ${isovalue}; the file has ${head.isovalues.length}`);
+    return (await this.windows(box, [options.isovalue ?? 0], options))[0]!;
+  }
+
+  /** The curves or surfaces of several isovalues, by number, in a box of samples; all that they need is read together. */
+  async windows(box: Box | undefined, isovalues: readonly number[], options: WindowOptions = {}): Promise<Drawing[]> {
+    const { directory, head } = this, { signal } = options, stage = this.stage(options);
+    const unknown = isovalues.find((isovalue) => !(isovalue in head.isovalues));
+    if (unknown !== undefined) throw new RangeError(`there is no isovalue ${unknown}; the file has ${head.isovalues.length}`);
     if (box && (box.length !== head.n || !box.every(([from, to]) => from <= to)))
       throw new RangeError(`a box is ${head.n} pairs, from where to where along each axis`);
-    const key = ({ index }: Place): string => `${index} ${isovalue} ${stage}`, drawings = new Map<string, Drawing>(), fresh: Place[] = [];
-    const places = (await directory.blocks(box)).flatMap(([block, channels]) => directory.coded(block, channels, isovalue, box))
-      .filter((place) => directory.filled(place, isovalue, stage));
-    for (const place of places) {
-      const kept = this.drawings.get(key(place));
-      if (kept) drawings.set(key(place), kept);
-      else fresh.push(place);
-    }
+    const blocks = await directory.blocks(box), limits = { ...this.limits };
+    const wanted = isovalues.map((isovalue) => {
+      const places = blocks.flatMap(([block, channels]) => directory.coded(block, channels, isovalue, box))
+        .filter((place) => directory.filled(place, isovalue, stage));
+      return places.map((place) => {
+        const key = `${place.index} ${isovalue} ${stage}`;
+        return { place, isovalue, key, drawing: this.drawings.get(key) };
+      });
+    });
     signal?.throwIfAborted();
-    const groups = await directory.fetch(fresh.flatMap((place) => directory.segments(place, isovalue, stage)));
-    const limits = { ...this.limits };
-    for (const place of fresh) {
-      await this.turn(signal);
-      const file = directory.file(place, isovalue, stage, groups), decoder = await this.decode(file, limits), drawing = draw(decoder, 0, 0, true);
-      // what a tile takes beyond what its bytes allow is missing to the others
-      limits.work -= Math.max(0, decoder.meter.steps / 16 - limits.workPerByte * file.length);
-      drawings.set(key(place), drawing);
-      this.drawings.set(key(place), drawing, drawing.points.length);
+    const fresh = wanted.flat().filter(({ drawing }) => !drawing);
+    const groups = await directory.fetch(fresh.flatMap(({ place, isovalue }) => directory.segments(place, isovalue, stage)));
+    const joined: Drawing[] = [];
+    for (const tiles of wanted) {
+      for (const tile of tiles) {
+        if (tile.drawing) continue;
+        await this.turn(signal);
+        const file = directory.file(tile.place, tile.isovalue, stage, groups), decoder = await this.decode(file, limits);
+        tile.drawing = draw(decoder, 0, 0, true);
+        // what a tile takes, of work beyond what its bytes allow, is missing to the others
+        limits.work -= Math.max(0, decoder.meter.steps / 16 - limits.workPerByte * file.length);
+        limits.vertices -= decoder.meter.vertices;
+        this.drawings.set(tile.key, tile.drawing, tile.drawing.points.length);
+      }
+      const pieces = tiles.map(({ place, drawing }): Piece => ({
+        origin: place.index.map((i) => i * head.tile), last: directory.widths(place.index).map((w) => w - 1), drawing: drawing!,
+      }));
+      const drawing = join(head.n, head.shape.map((s) => s - 1), pieces, box, limits.memory);
+      limits.memory -= drawing.points.byteLength + drawing.cells.byteLength;
+      joined.push(drawing);
     }
-    const pieces = places.map((place): Piece => ({
-      origin: place.index.map((i) => i * head.tile), last: directory.widths(place.index).map((w) => w - 1), drawing: drawings.get(key(place))!,
-    }));
-    return join(head.n, head.shape.map((s) => s - 1), pieces, box, limits.memory);
+    return joined;
   }
 
   /** The whole curve or surface. */

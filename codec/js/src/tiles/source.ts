@@ -7,8 +7,12 @@ export interface Range {
   size: number;
 }
 
-/** Bytes between two ranges that are read with both rather than asked for twice. */
-const GAP = 8192;
+/** Bytes between two ranges that are read with both rather than asked for twice, and those in all for fewer requests. */
+const GAP = 8192, SLACK = 2 ** 20;
+/** Ranges that are not joined over larger gaps. */
+const FEW = 4;
+/** Statuses after which a server is asked again, and milliseconds before that, and in all. */
+const BUSY = [408, 425, 429, 500, 502, 503, 504], PAUSES = [250, 500, 1000], PATIENCE = 8000;
 /** Requests at a time. */
 const LANES = 6;
 
@@ -39,7 +43,7 @@ export class Pieces {
 
   /** The bytes of some ranges. Neighbours are read together. */
   async read(ranges: readonly Range[]): Promise<Uint8Array[]> {
-    const found: Uint8Array[] = [], joined: { at: number; end: number; members: number[] }[] = [];
+    const found: Uint8Array[] = [], joined: Joined[] = [];
     const order = ranges.map((_, i) => i).sort((i, j) => ranges[i]!.at - ranges[j]!.at);
     let total = 0;
     for (const i of order) {
@@ -47,11 +51,12 @@ export class Pieces {
       if (this.whole || end <= this.start.length) {
         if (end > this.start.length) throw this.short();
         found[i] = this.start.subarray(at, end);
-      } else if (last && at - last.end <= GAP) {
+      } else if (last && at <= last.end + GAP) {
         last.end = Math.max(last.end, end);
         last.members.push(i);
       } else joined.push({ at, end, members: [i] });
     }
+    bridge(joined);
     for (const { at, end } of joined) total += end - at;
     if (total > this.most) throw new IsoError("limit", "11.2", joined[0]!.at, "what is needed is longer than the limit");
     const lane = async (): Promise<void> => {
@@ -84,21 +89,53 @@ export class Pieces {
     return this.whole ? bytes.slice(from, to) : bytes;
   }
 
+  /** Ask for a range; again, if the server is busy. */
   private async ask(from: number, to: number): Promise<Uint8Array<ArrayBuffer>> {
-    const url = this.source as string | URL, answer = await fetch(url, { headers: { range: `bytes=${from}-${to - 1}` } });
+    const url = this.source as string | URL, until = Date.now() + PATIENCE;
+    for (const pause of [...PAUSES, Infinity]) {
+      const answer = await fetch(url, { headers: { range: `bytes=${from}-${to - 1}` } });
+      const rest = Math.max(pause, 1000 * (Number(answer.headers.get("retry-after")) || 0));
+      if (!BUSY.includes(answer.status) || Date.now() + rest > until) return this.take(answer, from, to);
+      await answer.body?.cancel();
+      await new Promise((resolve) => setTimeout(resolve, rest));
+    }
+    throw new Error(`${url}: is busy`);
+  }
+
+  private async take(answer: Response, from: number, to: number): Promise<Uint8Array<ArrayBuffer>> {
+    const url = this.source as string | URL;
     if (answer.status === 416) return new Uint8Array(0);
     if (!answer.ok || !answer.body) throw new Error(`${url}: ${answer.status} ${answer.statusText}`);
     const tag = answer.headers.get("etag") ?? answer.headers.get("last-modified");
     if ((this.tag ??= tag) !== tag) throw new Error(`${url}: has changed while it was read`);
-    const range = answer.headers.get("content-range");
-    if (answer.status === 206 && range && Number(/^bytes (\d+)-/.exec(range)?.[1]) !== from)
+    const range = answer.headers.get("content-range"), ends = range && /^bytes (\d+)-(\d+)\//.exec(range);
+    if (answer.status === 206 && range && !(ends && Number(ends[1]) === from && Number(ends[2]) < to))
       throw new Error(`${url}: sends other bytes than those asked for`);
     const ranged = answer.status === 206, bytes = await collect(answer.body, ranged ? to - from : this.most);
     if (ranged) return bytes;
-    // a server without ranges sends all of it
+    console.warn(`${url}: the server sends no parts of files; all of it was read`);
     this.start = bytes;
     this.whole = true;
     return bytes;
+  }
+}
+
+interface Joined {
+  at: number;
+  end: number;
+  members: number[];
+}
+
+/** Join ranges over the smallest gaps while there are more than a few, as far as that reads little in vain. */
+function bridge(ranges: Joined[]): void {
+  const gaps = ranges.slice(1).map(({ at }, i) => ({ size: at - ranges[i]!.end, next: ranges[i + 1]! })).sort((a, b) => a.size - b.size);
+  let left = SLACK + ranges.reduce((sum, { at, end }) => sum + end - at, 0);
+  for (const { size, next } of gaps) {
+    if (ranges.length <= FEW || (left -= size) < 0) return;
+    const i = ranges.indexOf(next), before = ranges[i - 1]!;
+    before.end = next.end;
+    before.members.push(...next.members);
+    ranges.splice(i, 1);
   }
 }
 

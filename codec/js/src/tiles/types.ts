@@ -36,7 +36,7 @@ export interface TilesHead {
 export type Box = readonly (readonly [number, number])[];
 
 export interface TilesOptions {
-  /** Bounds on what a window may ask for; `bytes` are those that it needs of the file. */
+  /** Bounds on what a call may ask for, all tiles together; `bytes` are those that it needs of the file. */
   limits?: Partial<Limits>;
   /** The main profile, from `isocodec/main`. */
   main?: MainProfile;
@@ -47,7 +47,7 @@ export interface TilesOptions {
 }
 
 export interface WindowOptions {
-  /** Number of the isovalue, 0 if it is not given. */
+  /** Number of the isovalue, 0 if it is not given; of `window` alone. */
   isovalue?: number;
   /** Cubes of the mesh no wider than so many samples will do. */
   within?: number;
