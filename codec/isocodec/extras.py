@@ -35,5 +35,10 @@ def optional(module: str, *, extra: str, purpose: str) -> Any:
         raise MissingExtraError(
             f"{purpose} needs {library}{reason}",
             code="missing-extra",
-            remedy=f"pip install 'isocodec[{extra}]'",
+            remedy=remedy_of(extra),
         ) from exc
+
+
+def remedy_of(extra: str) -> str:
+    """The command that installs an extra: the package is on no index."""
+    return f"pip install '.[{extra}]' in a checkout of isocodec"

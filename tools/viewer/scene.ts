@@ -407,7 +407,7 @@ export class Scene {
       gl.uniformMatrix3fv(at("camera"), false, [c * u * wide, s * u * high, 0, -s * wide, c * high, 0,
         (-c * u * x + s * y) * wide, (-s * u * x - c * y) * high, 1]);
       gl.uniform2f(at("size"), canvas.clientWidth, canvas.clientHeight);
-      gl.uniform1f(at("wide"), (this.parts.size > 12 ? 0.8 : this.parts.size > 3 ? 1.1 : 1.6) + (isovalue === this.marked ? 1.2 : 0));
+      gl.uniform1f(at("wide"), (this.parts.size > 12 ? 1 : this.parts.size > 3 ? 1.1 : 1.6) + (isovalue === this.marked ? 1.2 : 0));
       gl.disable(gl.DEPTH_TEST);
       gl.disable(gl.BLEND);
       gl.vertexAttribPointer(0, 4, gl.FLOAT, false, 0, 0);

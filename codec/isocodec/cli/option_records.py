@@ -151,6 +151,22 @@ class Grouped(click.Command):
         self.help = self.text()
         super().format_help_text(ctx, formatter)
 
+    def make_parser(self, ctx: click.Context) -> Any:
+        """A parser that refuses an option given twice, unless it is repeatable: the first would be dropped silently."""
+        parser = super().make_parser(ctx)
+        parse = parser.parse_args
+
+        def parsed(args: list[str]) -> Any:
+            found = parse(args=args)
+            for each in {id(one): one for one in found[2]}.values():
+                repeats = sum(one is each for one in found[2]) > 1
+                if repeats and isinstance(each, click.Option) and not (each.multiple or each.is_flag):
+                    raise click.UsageError(f"{each.opts[0]} may be given only once", ctx)
+            return found
+
+        parser.parse_args = parsed  # type: ignore[method-assign,assignment]
+        return parser
+
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """One block for each heading; `--help` goes to the last."""
         blocks: dict[str, list[tuple[str, str]]] = {}

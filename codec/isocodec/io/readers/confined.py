@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from ... import errors
 from ...errors import InputError, IsoError, LimitError, MissingExtraError, one_line
+from ...extras import remedy_of
 from ...limits import TIMEOUT, patience
 from .mesh_formats import MeshFormat, MeshRead
 from .messages import receive, send
@@ -80,7 +81,7 @@ class ReadingProcess:
         if find_spec(library.partition(".")[0]) is None:
             raise MissingExtraError(
                 f"reading {source.path.suffix} needs {library}", code="missing-extra",
-                remedy=f"pip install 'isocodec[{extra}]'",
+                remedy=remedy_of(extra),
             )
         self._library, self._size = library, _size_of(source.path)
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115  # closed in __exit__
