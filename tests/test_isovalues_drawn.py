@@ -28,6 +28,11 @@ def cone(size: int = 96) -> np.ndarray:
     return np.asarray(np.round(230 - 3.4 * np.hypot(x - size / 2, y - size / 2)).clip(0)).astype(np.int16)
 
 
+def ball() -> np.ndarray:
+    at = np.indices((28, 28, 28)) - 13.5
+    return np.asarray(np.round(50 - 4 * np.sqrt((at**2).sum(axis=0)))).astype(np.int16)
+
+
 def mesh() -> isocodec.Mesh:
     points = np.stack(np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 40)), axis=-1).reshape(-1, 2)
     return isocodec.Mesh(points, Delaunay(points).simplices, 200 * points[:, 0] + 13 * points[:, 1], stored="whole")
@@ -43,7 +48,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "series": isocodec.encode(isocodec.Frames([cone(), cone() // 2]), few, precision="exact"),
         "mesh": isocodec.encode(mesh(), few),
         "surface": isocodec.encode(isocodec.thin(cone(48), to=300)),
-        "volume": isocodec.encode(np.stack([cone(24) // 3] * 12), [20.5, 60.5], precision="exact"),
+        "volume": isocodec.encode(ball(), [0.5, 20.5], precision="exact"),
     }
     for name, data in made.items():
         (folder / f"{name}.iso").write_bytes(data)
@@ -92,7 +97,7 @@ def test_steps_are_those_of_the_whole_file(files: dict[str, Path]) -> None:
 
 def test_volume_and_surface_of_points(files: dict[str, Path]) -> None:
     volume = steps_of(isocodec.open(files["volume"]), "o.png", Steps(count=1))
-    assert volume.facts["isovalues"] == [20.5, 60.5]
+    assert volume.facts["isovalues"] == [0.5, 20.5]
     pixels = np.asarray(Image.open(io.BytesIO(volume.render())).convert("RGB")).reshape(-1, 3).astype(int)
     # the inner surface is green, the outer one, blue, is seen around it
     assert (pixels[:, 1] - pixels[:, 2] > 40).sum() > 500

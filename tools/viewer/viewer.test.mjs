@@ -48,7 +48,9 @@ function find(name) {
 }
 
 before(async () => {
-  if (!skip) ({ page, address: base } = viewer = await openViewer(find));
+  if (skip) return;
+  ({ page, address: base } = viewer = await openViewer(find));
+  page.setDefaultNavigationTimeout(120000);
 });
 
 after(async () => {

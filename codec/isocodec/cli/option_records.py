@@ -152,7 +152,7 @@ class Grouped(click.Command):
         super().format_help_text(ctx, formatter)
 
     def make_parser(self, ctx: click.Context) -> Any:
-        """A parser that refuses an option given twice, unless it is repeatable: the first would be dropped silently."""
+        """A parser that says so if an option that is not repeatable is given twice: only the last one counts."""
         parser = super().make_parser(ctx)
         parse = parser.parse_args
 
@@ -161,7 +161,7 @@ class Grouped(click.Command):
             for each in {id(one): one for one in found[2]}.values():
                 repeats = sum(one is each for one in found[2]) > 1
                 if repeats and isinstance(each, click.Option) and not (each.multiple or each.is_flag):
-                    raise click.UsageError(f"{each.opts[0]} may be given only once", ctx)
+                    click.echo(f"isocodec: warning: {each.opts[0]} is given twice; the last one counts", err=True)
             return found
 
         parser.parse_args = parsed  # type: ignore[method-assign,assignment]
