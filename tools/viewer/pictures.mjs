@@ -3,7 +3,7 @@ import { join } from "node:path";
 import { openViewer, root, samples } from "./browser.mjs";
 
 const made = samples();
-const { page, address, close } = await openViewer((name) => made[name], { width: 800, height: 560 });
+const { page, address, close } = await openViewer((name) => made[name], { width: 960, height: 600 });
 page.setDefaultNavigationTimeout(120000);
 for (const [picture, file] of [["map", "map.iso"], ["one", "map.iso&isovalue=480.5"], ["waves", "waves.iso"], ["surface", "head.iso"],
   ["mesh", "mesh.iso"], ["points", "tin.iso"], ["tiles", "tiles.iso"]]) {

@@ -152,7 +152,7 @@ class Grouped(click.Command):
         super().format_help_text(ctx, formatter)
 
     def make_parser(self, ctx: click.Context) -> Any:
-        """A parser that says so if an option that is not repeatable is given twice: only the last one counts."""
+        """Warn if an option that is not repeatable is given twice: only the last one counts."""
         parser = super().make_parser(ctx)
         parse = parser.parse_args
 
@@ -164,7 +164,7 @@ class Grouped(click.Command):
                     click.echo(f"isocodec: warning: {each.opts[0]} is given twice; the last one counts", err=True)
             return found
 
-        parser.parse_args = parsed  # type: ignore[method-assign,assignment]
+        parser.parse_args = parsed  # type: ignore[method-assign]
         return parser
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

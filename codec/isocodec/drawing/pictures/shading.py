@@ -79,7 +79,7 @@ def shade(
 def _nearest(
     solid: Solid, view: View, centre: NDArray[np.float64], scale: float, side: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Depth of the nearest point of a surface at each pixel, -inf without one, and the normal there, (side**2, 3)."""
+    """Find at each pixel the depth of the nearest point of a surface, -inf without one, and its normal, (side**2, 3)."""
     points, cells = solid.points, solid.cells
     # A margin of half a pixel, so that points on the border fall inside.
     screen = (points @ view.screen - centre) * ((side - 1) / scale) + side / 2
