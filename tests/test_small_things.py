@@ -74,3 +74,13 @@ def test_every_extra_is_in_the_table() -> None:
                         .split("\n[")[0], re.MULTILINE)
     assert len(extras) > 15
     assert [extra for extra in extras if extra != "all" and f"| `{extra}` |" not in table] == []
+
+
+@pytest.mark.parametrize(("unit", "written"), [(None, "units of x"), ("mm", "mm"), ("mm um", "mm")])
+def test_a_scale_bar_has_a_unit(tmp_path: Path, unit: str | None, written: str) -> None:
+    y, x = np.mgrid[0:40, 0:50]
+    notes = {"placement": "0 3 0 3 0 0", **({"coordinate_unit": unit} if unit else {})}
+    data = isocodec.encode((x + 2 * y).astype(np.int16), [30.5, 60.5], metadata=notes)
+    (tmp_path / "a.iso").write_bytes(data)
+    assert run("plot", tmp_path / "a.iso", "--map", "-o", tmp_path / "a.svg").exit_code == 0
+    assert re.search(rf">\d+ {written}<", (tmp_path / "a.svg").read_text())

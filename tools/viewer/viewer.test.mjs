@@ -486,7 +486,8 @@ test("a surface in tiles in world coordinates, and a file that has none", { skip
   await page.waitForFunction((d) => Number(document.documentElement.dataset.drawings) > d, Number(drawings));
   await until("done");
   const world = await pixels();
-  assert.ok(world.count > 500 && world.sum !== samples.sum);
+  // axes of different length, another way round: seen from the same side, with the steps of the data in both
+  assert.ok(world.count > 500 && Math.abs(world.count / samples.count - 1) < 0.1, `${world.count} ${samples.count}`);
   assert.equal((await state()).cells, cells);
   await open("tiled_space_exact.iso");
   await until("done");

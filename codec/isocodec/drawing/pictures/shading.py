@@ -101,7 +101,7 @@ def _nearest(
 
 
 def vertex_normals(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Unit normals of vertices, (P, 3): the mean of those of their triangles by area; 0 where there are none."""
+    """Unit normals of vertices, (P, 3): the mean of those of their triangles by area; 0 of a vertex without any."""
     a, b, c = (points[cells[:, k]] for k in range(3))
     across = np.cross(b - a, c - a)
     normal = np.stack(
