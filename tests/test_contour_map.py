@@ -383,9 +383,9 @@ def test_missing_libraries(plane: Path, monkeypatch: pytest.MonkeyPatch) -> None
     notes = ("--metadata", UTM, "--metadata", "crs=EPSG:32631")
     monkeypatch.setitem(sys.modules, "pyproj", None)
     line = fails(7, "plot", "--map", plane, "-o", plane.with_suffix(".png"), *notes)
-    assert line.endswith("a map in EPSG:32631 needs pyproj: pip install 'isocodec[geo]'")
+    assert line.endswith("a map in EPSG:32631 needs pyproj: pip install '.[geo]' in a checkout of isocodec")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    assert "'isocodec[plot]'" in fails(7, "plot", "--map", plane, "-o", plane.with_suffix(".png"))
+    assert "'.[plot]'" in fails(7, "plot", "--map", plane, "-o", plane.with_suffix(".png"))
 
 
 def test_a_system_that_is_none(plane: Path) -> None:

@@ -48,8 +48,8 @@ def test_each_step_is_what_its_bytes_decode_to(curve: Path, curve_data: bytes, d
     first = next(n for n in range(1, layers + 1) if len(isocodec.decode(curve_data, layers=n).cells))
     for step, number in zip(drawn, (first, first + round((layers - first) / 2), layers), strict=True):
         alone = isocodec.decode(curve_data, layers=number)
-        assert np.array_equal(step.contour.points, alone.points)
-        assert step.total == len(curve_data) and step.mesh is None and step.within is None
+        assert np.array_equal(step.contours[0].points, alone.points)
+        assert step.total == len(curve_data) and not step.meshes and step.within is None
     assert [step.bytes for step in drawn] == sorted({step.bytes for step in drawn})
     assert drawn[-1].bytes <= len(curve_data)
 
@@ -74,10 +74,10 @@ def test_the_last_step_of_a_part_of_a_file(tmp_path: Path, drawn: list[Step], me
     assert [step.within for step in drawn] == [4, 1, None]
     *_, before, received = drawn
     assert received.bytes == received.total == size == before.total > before.bytes
-    assert same(received.contour, isocodec.decode(data, max_bytes=size))
-    assert not np.array_equal(received.contour.points, before.contour.points)
-    assert np.array_equal(before.contour.points, isocodec.decode(data, layers=promised[1]).points)
-    assert (received.mesh is not None) == mesh
+    assert same(received.contours[0], isocodec.decode(data, max_bytes=size))
+    assert not np.array_equal(received.contours[0].points, before.contours[0].points)
+    assert np.array_equal(before.contours[0].points, isocodec.decode(data, layers=promised[1]).points)
+    assert bool(received.meshes) == mesh
 
 
 def test_a_part_that_ends_with_a_layer_has_no_step_more(tmp_path: Path, drawn: list[Step]) -> None:
@@ -86,7 +86,7 @@ def test_a_part_that_ends_with_a_layer_has_no_step_more(tmp_path: Path, drawn: l
     part.write_bytes(data[:-2])
     result = run("plot", part, "-o", tmp_path / "a.png", "--partial")
     assert result.exit_code == 0 and len(drawn) == 2
-    assert same(drawn[-1].contour, isocodec.decode(data[:-2], max_bytes=len(data)))
+    assert same(drawn[-1].contours[0], isocodec.decode(data[:-2], max_bytes=len(data)))
 
 
 # ---- Words for truncated files --------------------------------------------------------------------------------------

@@ -482,4 +482,4 @@ def test_isoconform_works_without_hypothesis(importable):
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 2
-    assert "pip install 'isocodec[dev]'" in done.stderr
+    assert "pip install '.[dev]'" in done.stderr

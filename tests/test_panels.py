@@ -80,7 +80,7 @@ def test_no_panel_of_a_surface_is_empty(tmp_path: Path, monkeypatch: pytest.Monk
     met = [layer for layer in range(1, count + 1) if len(isocodec.decode(data, layers=layer).cells)]
     steps = drawn_of(data, tmp_path, monkeypatch, "--steps", 4)
     assert met[0] > 1 and len(steps) == min(4, len(met))
-    sizes = [len(step.contour.cells) for step in steps]
+    sizes = [len(step.contours[0].cells) for step in steps]
     assert min(sizes) > 0
     assert sizes[0] == len(isocodec.decode(data, layers=met[0]).cells)
     assert sizes[-1] == len(isocodec.decode(data).cells)
@@ -89,4 +89,4 @@ def test_no_panel_of_a_surface_is_empty(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_nothing_but_an_empty_curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (step,) = drawn_of(isocodec.encode(np.eye(20), 5), tmp_path, monkeypatch)
-    assert not len(step.contour.cells)
+    assert not len(step.contours[0].cells)

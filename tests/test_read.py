@@ -407,4 +407,4 @@ def test_reading_names_the_missing_extra(
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtraError) as caught:
         read_field(tmp_path / name)
-    assert caught.value.remedy == f"pip install 'isocodec[{extra}]'"
+    assert caught.value.remedy == f"pip install '.[{extra}]' in a checkout of isocodec"

@@ -19,7 +19,7 @@ from PIL import Image
 from files import same
 from isocodec.drawing.contour import Contour
 from isocodec.drawing.pictures.picture import Step, contour_picture, steps_picture
-from isocodec.drawing.pictures.shading import shade
+from isocodec.drawing.pictures.shading import Solid, shade
 from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.errors import MissingExtraError, OptionError
 from isocodec.io.writers.things import Thing
@@ -142,7 +142,7 @@ def test_writing_names_the_missing_extra(
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtraError, match="needs") as caught:
         rendered(contour, suffix)
-    assert caught.value.remedy == f"pip install 'isocodec[{extra}]'"
+    assert caught.value.remedy == f"pip install '.[{extra}]' in a checkout of isocodec"
 
 
 def test_plain_formats_need_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,7 +173,7 @@ def test_shading_fills_the_silhouette() -> None:
     # A unit square, facing axis 0, in two triangles; its image is a parallelogram without holes.
     points = np.array([(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0)])
     # Off the middle, so that no edge lies just between two columns of pixels.
-    whole = shade(points @ WORLD, np.array([(0, 1, 2), (0, 2, 3)]), USUAL, np.array([0.013, 0.007]), 4.0, 100)
+    whole = shade([Solid(points @ WORLD, np.array([(0, 1, 2), (0, 2, 3)]))], USUAL, np.array([0.013, 0.007]), 4.0, 100)
     # Viewed along (-0.42, -0.75, -0.55) / 1.0203 it shrinks to 0.412 of its area: 625 pixels of area 1.
     assert whole[..., 3].sum() == pytest.approx(625 * 0.412, rel=0.08)
     opaque = whole[..., 3] > 0
@@ -187,9 +187,9 @@ def test_shading_hides_what_lies_behind() -> None:
     behind = front * 1.0 - np.array([-0.42, -0.75, -0.55])
     behind[2, 0] += 0.4  # tilted, so that its shade is another
     both = np.concatenate([front, behind])
-    alone = shade(front @ WORLD, np.array([(0, 1, 2)]), USUAL, np.zeros(2), 4.0, 60)
+    alone = shade([Solid(front @ WORLD, np.array([(0, 1, 2)]))], USUAL, np.zeros(2), 4.0, 60)
     for cells in ([(0, 1, 2), (3, 4, 5)], [(3, 4, 5), (0, 1, 2)]):
-        seen = shade(both @ WORLD, np.array(cells), USUAL, np.zeros(2), 4.0, 60)
+        seen = shade([Solid(both @ WORLD, np.array(cells))], USUAL, np.zeros(2), 4.0, 60)
         inner = alone[..., 3] == 1.0
         assert inner.any()
         assert np.array_equal(seen[inner], alone[inner])
@@ -197,7 +197,7 @@ def test_shading_hides_what_lies_behind() -> None:
 
 @pytest.mark.parametrize(("contour", "empty"), [(CURVE, NO_CURVE), (SURFACE, NO_SURFACE)])
 def test_steps_side_by_side(contour: Contour, empty: Contour) -> None:
-    steps = [Step(empty, 10, 100), Step(contour, 50, 100), Step(contour, 100, 100)]
+    steps = [Step([empty], 10, 100), Step([contour], 50, 100), Step([contour], 100, 100)]
     one = Image.open(io.BytesIO(steps_picture(steps[:1])))
     three = Image.open(io.BytesIO(steps_picture(steps)))
     assert three.width == 3 * one.width
@@ -209,7 +209,7 @@ def test_steps_side_by_side(contour: Contour, empty: Contour) -> None:
 
 @pytest.mark.parametrize(("suffix", "magic"), [(".pdf", b"%PDF"), (".svg", b"<?xml"), (".png", b"\x89PNG")])
 def test_picture_formats(suffix: str, magic: bytes) -> None:
-    assert steps_picture([Step(CURVE, 1, 1)], suffix).startswith(magic)
+    assert steps_picture([Step([CURVE], 1, 1)], suffix).startswith(magic)
 
 
 # ---- Whole or not at all --------------------------------------------------------------------------------------------

@@ -303,7 +303,7 @@ def test_missing_libraries_are_named_before_the_work(tmp_path: Path, monkeypatch
                 with pytest.raises(MissingExtraError) as caught:
                     find(f"a{output.suffixes[0]}", replace(thing_of(THINGS["curve"]()), kind=output.kind,
                                                            n=output.dimensions[0]))
-            assert caught.value.remedy == f"pip install 'isocodec[{output.extra}]'"
+            assert caught.value.remedy == f"pip install '.[{output.extra}]' in a checkout of isocodec"
 
 
 @pytest.mark.parametrize("what", [3, "text", b"bytes", [], [CURVES[0], 3], np.zeros((2, 2))])

@@ -281,10 +281,10 @@ def smoothing(item: Item) -> bytes:
     layers = inspect(data, symbols=True).layers
     signs = sum(layer.kind != "offsets" for layer in layers)
     steps = [
-        Step(isocodec.decode(data, layers=signs, smooth=smooth), layers[signs].offset or 0, len(data))
+        Step([isocodec.decode(data, layers=signs, smooth=smooth)], layers[signs].offset or 0, len(data))
         for smooth in (False, True)
     ]
-    return steps_picture([*steps, Step(isocodec.decode(data), len(data), len(data))])
+    return steps_picture([*steps, Step([isocodec.decode(data)], len(data), len(data))])
 
 
 def main() -> None:

@@ -44,7 +44,7 @@ def optional(module: str, *, extra: str, purpose: str) -> Any:
         raise MissingExtraError(
             f"{purpose} needs {library}{reason}",
             code="missing-extra",
-            remedy=f"pip install 'isocodec[{extra}]'",
+            remedy=remedy_of(extra),
         ) from exc
 
 
@@ -81,3 +81,8 @@ def without(module: str, heavy: tuple[str, ...], *, extra: str, purpose: str) ->
             python = str(getattr(each, "__file__", "")).endswith(".py")
             if name.partition(".")[0] == module and python and not name.endswith(".errors"):
                 del sys.modules[name]
+
+
+def remedy_of(extra: str) -> str:
+    """The command that installs an extra: the package is on no index."""
+    return f"pip install '.[{extra}]' in a checkout of isocodec"

@@ -206,7 +206,7 @@ def _fuzz_encoder(options: argparse.Namespace) -> int:
     try:
         from .properties import try_encoder
     except ImportError as missing:
-        raise ValueError("fuzzing the encoder needs hypothesis: pip install 'isocodec[dev]'") from missing
+        raise ValueError("fuzzing the encoder needs hypothesis: pip install '.[dev]'") from missing
     fields = try_encoder(options.minutes, options.seed)
     print(f"{fields} fields, encoded and decoded: no finding")
     return 0

@@ -122,7 +122,7 @@ def _header(random: Random, file: Torn) -> bytes:
             fields = replace(fields, prefix=bytes(prefix))
         case 1:
             fields = fields.flagged(clear=PROFILE, add=random.randrange(4))
-        case 2 | 3:
+        case 2 | 3 if fields.sides:
             sides = list(fields.sides)
             sides[random.randrange(len(sides))] = random.choice(NUMBERS)
             fields = replace(fields, sides=tuple(sides))

@@ -27,7 +27,7 @@ from .syntax import any_file
 try:
     from hypothesis import strategies as st
 except ImportError:
-    raise ImportError("isoconform.strategies needs hypothesis: pip install 'isocodec[dev]'") from None
+    raise ImportError("isoconform.strategies needs hypothesis: pip install '.[dev]'") from None
 
 ISOVALUES = (0, 0.5, -0.5, 1, 2, -1.5, 0.1, 7)
 EXTREMES = {"uint8": (0, 255), "int8": (-128, 127), "int16": (-32768, 32767), "int64": (-(2**50), 2**50)}

@@ -33,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
         prog="python tools/bench", formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Ours and what a user would pick instead, on a folder of arrays (.npy, or `values` in .npz),\n"
         "each at the `isovalues` of its sidecar NAME.json (integers: floor + 0.5), or in the middle of its range.",
-        epilog=f"classes:\n{keys}\n\nPeers: pip install 'isocodec[bench]', and jbigkit's shared library (Debian: "
+        epilog=f"classes:\n{keys}\n\nPeers: pip install '.[bench]', and jbigkit's shared library (Debian: "
         "libjbig0).",
     )
     out.add_argument("folder", type=Path, help="folder of arrays, searched to the bottom")

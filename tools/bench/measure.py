@@ -73,7 +73,7 @@ def need(name: str) -> ModuleType:
     """A library that is known to be there."""
     found = library(name)
     if found is None:
-        raise ModuleNotFoundError(f"{name} is not installed; pip install 'isocodec[bench]'")
+        raise ModuleNotFoundError(f"{name} is not installed; pip install '.[bench]'")
     return found
 
 

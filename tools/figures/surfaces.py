@@ -29,9 +29,9 @@ def surfaces(folder: Path, out: Path) -> None:
         plan = PLAN.format(coarse=COARSE, fine=FINE)
         data = isocodec.encode(isocodec.Field(item.values, placement=placement), item.isovalue, layers=plan)
         steps = [
-            Step(stage.decoder.contour(), stage.bytes, len(data), stage.decoder.grid.mesh() if number < 2 else None)
+            Step([stage.decoder.contour()], stage.bytes, len(data), [stage.decoder.grid.mesh()] if number < 2 else [])
             for number, stage in enumerate(stages(data, [1, 2, 3, 4]))
         ]
         (out / f"{name}.png").write_bytes(steps_picture(steps, ".png", view))
         whole = isocodec.decode(data)
-        (out / f"{name}-whole.png").write_bytes(steps_picture([Step(whole, len(data), len(data))], ".png", view))
+        (out / f"{name}-whole.png").write_bytes(steps_picture([Step([whole], len(data), len(data))], ".png", view))

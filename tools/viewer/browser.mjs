@@ -1,9 +1,8 @@
 // A browser with the viewer in it, for its tests and pictures: served from build/viewer, files from memory or from folders.
 import { execFileSync } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { existsSync, mkdirSync, readdirSync, readFileSync, statSync } from "node:fs";
 import { createServer } from "node:http";
 import { createRequire } from "node:module";
-import { tmpdir } from "node:os";
 import { delimiter, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
@@ -15,16 +14,17 @@ export const chromium = process.env.CHROMIUM ?? ["chromium", "chromium-browser",
 
 const TYPES = { html: "text/html", js: "text/javascript" };
 
-/** The files of `samples.py` by name; none if it cannot run. */
+/** The files of `samples.py` by name, made once in build/samples; none if it cannot run. */
 export function samples() {
-  const folder = mkdtempSync(join(tmpdir(), "isocodec-viewer-"));
+  const folder = join(root, "build/samples"), script = join(root, "tools/viewer/samples.py"), stamp = join(folder, "terrain.iso");
   try {
-    execFileSync(python, [join(root, "tools/viewer/samples.py"), folder], { stdio: ["ignore", "ignore", "inherit"] });
-    return Object.fromEntries(["terrain", "hills", "gyroid", "handles", "waves"].map((name) => [`${name}.iso`, readFileSync(join(folder, `${name}.iso`))]));
+    mkdirSync(folder, { recursive: true });
+    // the last one that it writes
+    if (!existsSync(stamp) || statSync(stamp).mtimeMs < statSync(script).mtimeMs)
+      execFileSync(python, [script, folder], { stdio: ["ignore", "ignore", "inherit"] });
+    return Object.fromEntries(readdirSync(folder).map((name) => [name, readFileSync(join(folder, name))]));
   } catch {
     return {};
-  } finally {
-    rmSync(folder, { recursive: true });
   }
 }
 

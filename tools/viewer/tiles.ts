@@ -7,9 +7,9 @@ import { fetchTables } from "../../codec/js/src/stream.js";
 import { openTiles, type TiledFile, type TilesHead } from "../../codec/js/src/tiles/file.js";
 import { place, placement } from "../../codec/js/src/world.js";
 
-/** What is seen of a file: an isovalue, a window, how much of it a pixel is; in samples, or in coordinates of the world. */
+/** What is seen of a file: all isovalues or one, a window, how much of it a pixel is; in samples, or in coordinates of the world. */
 export interface Look {
-  isovalue: number;
+  isovalue: number | undefined;
   window: [number, number][];
   pixel: number;
   world: boolean;
@@ -45,7 +45,7 @@ let file: TiledFile | undefined, id = 0, shown = false;
 let where: number[][] | undefined;
 let work = new AbortController();
 
-function send({ isovalue, world }: Look, layer: number, drawn: Drawing, final: boolean): void {
+function send(isovalue: number, { world }: Look, layer: number, drawn: Drawing, final: boolean): void {
   const { requests, received } = file!, drawing = world ? place(drawn, where!) : drawn;
   shown = true;
   scope.postMessage({ type: "drawing", id, isovalue, drawing, world, layer, requests, received, final }, [drawing.points.buffer, drawing.cells.buffer]);
@@ -70,21 +70,25 @@ function inSamples({ window, pixel, world }: Look): { window: Look["window"]; pi
 const wider = (window: Look["window"]): [number, number][] =>
   window.map(([from, to]) => [from - MARGIN * (to - from), to + MARGIN * (to - from)]);
 
+/** Numbers of the isovalues that are asked for. */
+const wanted = ({ isovalue }: Look): number[] => (isovalue === undefined ? file!.head.isovalues.map((_, i) => i) : [isovalue]);
+
 async function curves(asked: Look, signal: AbortSignal): Promise<void> {
-  const { isovalue } = asked, { window, pixel } = inSamples(asked), layer = file!.stage({ within: 2 * pixel }), box = wider(window);
+  const { window, pixel } = inSamples(asked), fine = file!.stage({ within: 2 * pixel }), box = wider(window), isovalues = wanted(asked);
   // something is shown at once
-  if (!shown && layer > 0) send(asked, 0, await file!.window(box, { isovalue, layer: 0, signal }), false);
-  send(asked, layer, await file!.window(box, { isovalue, layer, signal }), true);
+  for (const layer of !shown && fine > 0 ? [0, fine] : [fine]) for (const isovalue of isovalues)
+    send(isovalue, asked, layer, await file!.window(box, { isovalue, layer, signal }), layer === fine && isovalue === isovalues[isovalues.length - 1]);
 }
 
 async function surface(asked: Look, signal: AbortSignal): Promise<void> {
-  const { stages } = file!.head, { isovalue } = asked;
+  const { stages } = file!.head, isovalues = wanted(asked);
   for (let layer = 0, final = false; !final; layer++) {
-    const drawing = await file!.all({ isovalue, layer, signal }), next = stages[layer + 1];
+    const drawings: Drawing[] = [];
+    for (const isovalue of isovalues) drawings.push(await file!.all({ isovalue, layer, signal }));
+    const next = stages[layer + 1], triangles = drawings.reduce((sum, { cells }) => sum + cells.length / 3, 0);
     // cubes of half the width are crossed four times as often
-    const expected = next ? (drawing.cells.length / 3) * (stages[layer]!.cube / next.cube) ** 2 : Infinity;
-    final = expected > TRIANGLES;
-    send(asked, layer, drawing, final);
+    final = !next || triangles * (stages[layer]!.cube / next.cube) ** 2 > TRIANGLES;
+    drawings.forEach((drawing, i) => send(isovalues[i]!, asked, layer, drawing, final && i === isovalues.length - 1));
   }
 }
 

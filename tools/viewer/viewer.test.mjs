@@ -12,7 +12,7 @@ const skip = chromium ? false : "no Chromium";
 const vectors = join(root, "conformance/vectors");
 const made = skip ? {} : samples(), unmade = skip || (made["terrain.iso"] ? false : "no files: the reference encoder does not run");
 const PLACED = { placement: "10 0 500000 0 10 5200000", crs: "EPSG:2056" };
-let viewer, page, address;
+let viewer, page, base;
 /** Hills in tiles of 128 samples, and the ranges that it was asked for. */
 const large = unmade ? undefined : readFileSync(tile("large", [1300, 1400], ["--isovalue", "5200.5", "--isovalue", "7000", "--precision", "exact",
   "--tile", "128", "--metadata", "placement=0 10 2500000 -20 0 1200000"]));
@@ -29,11 +29,12 @@ function find(name) {
       release = () => answer.end(data.subarray(part));
     };
   }
-  if (name === "large.iso") return (answer, { headers: { range } }) => {
+  if (name === "large.iso" || name === "tiles.iso") return (answer, { headers: { range } }) => {
+    const all = made[name] ?? large;
     ranges.push(range);
-    const [from, last] = range ? range.slice(6).split("-").map(Number) : [0, large.length - 1], to = Math.min(last + 1, large.length);
-    answer.writeHead(range ? 206 : 200, { "content-length": to - from, ...(range && { "content-range": `bytes ${from}-${to - 1}/${large.length}` }) });
-    answer.end(large.subarray(from, to));
+    const [from, last] = range ? range.slice(6).split("-").map(Number) : [0, all.length - 1], to = Math.min(last + 1, all.length);
+    answer.writeHead(range ? 206 : 200, { "content-length": to - from, ...(range && { "content-range": `bytes ${from}-${to - 1}/${all.length}` }) });
+    answer.end(all.subarray(from, to));
   };
   if (name === "solid.iso") return readFileSync(tile("solid", [50, 60, 70], ["--isovalue", "9000.5", "--metadata",
     "placement=0 0 -2 7 0 3 0 8 4 0 0 9"]));
@@ -47,7 +48,9 @@ function find(name) {
 }
 
 before(async () => {
-  if (!skip) ({ page, address } = viewer = await openViewer(find));
+  if (skip) return;
+  ({ page, address: base } = viewer = await openViewer(find));
+  page.setDefaultNavigationTimeout(120000);
 });
 
 after(async () => {
@@ -55,14 +58,20 @@ after(async () => {
   rmSync(scratch, { recursive: true });
 });
 
-const open = (file, more = "") => page.goto(`${address}?theme=light&file=${file}${more}`, { waitUntil: "commit" });
+const open = async (file, more = "", size = { width: 640, height: 480 }) => {
+  await page.setViewportSize(size);
+  await page.goto(`${base}?theme=light&file=${file}${more}`, { waitUntil: "commit" });
+};
 const state = () => page.evaluate(() => ({ ...document.documentElement.dataset }));
 const until = async (wanted) => {
   const there = (w) => document.documentElement.dataset.state === w;
-  await page.waitForFunction(there, wanted, { timeout: 15000 }).catch(async () => {
+  await page.waitForFunction(there, wanted, { timeout: 90000 }).catch(async () => {
     assert.fail(`${JSON.stringify(await state())} ${await page.textContent("#error")}`);
   });
 };
+const shown = (name, value) => page.waitForFunction(([n, v]) => document.documentElement.dataset[n] === v, [name, String(value)],
+  { timeout: 90000 });
+const finished = () => page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 120000 });
 const frame = () => page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
 
 /** How many pixels are not the background's, and a sum that tells pictures apart. */
@@ -95,14 +104,14 @@ async function drawn() {
 }
 
 for (const [name, rate] of [["plane_values_8_bit", 60], ["space_offsets_32", 80]]) {
-  test(`${name} sharpens while ${rate} bytes come a second`, { skip, timeout: 60000 }, async () => {
+  test(`${name} sharpens while ${rate} bytes come a second`, { skip, timeout: 300000 }, async () => {
     await open(`${name}.iso`, `&rate=${rate}`);
-    await page.waitForFunction(() => Number(document.documentElement.dataset.cells) > 0, undefined, { timeout: 20000 });
+    await page.waitForFunction(() => Number(document.documentElement.dataset.cells) > 0, undefined, { timeout: 90000 });
     const early = await state(), first = await pixels();
     assert.equal(early.state, "open");
     assert.ok(first.count > 20, `${first.count} pixels`);
     await until("done");
-    await page.waitForFunction(() => document.documentElement.dataset.final === "true");
+    await finished();
     assert.notEqual((await pixels()).sum, first.sum);
     // how many cells an early curve has depends on when a slow machine looks
     const size = readFileSync(join(vectors, `${name}.iso`)).length;
@@ -111,10 +120,10 @@ for (const [name, rate] of [["plane_values_8_bit", 60], ["space_offsets_32", 80]
   });
 }
 
-test("a surface: turning, moving, zooming by keys and pointer", { skip, timeout: 60000 }, async () => {
+test("a surface: turning, moving, zooming by keys and pointer", { skip, timeout: 300000 }, async () => {
   await open("space_reduced_topology_refined.iso");
   await until("done");
-  await page.waitForFunction(() => document.documentElement.dataset.final === "true");
+  await finished();
   const pictures = [await pixels()];
   assert.ok(pictures[0].count > 2000, `${pictures[0].count} pixels`);
   for (const key of ["ArrowLeft", "Shift+ArrowUp", "+"]) {
@@ -133,29 +142,161 @@ test("a surface: turning, moving, zooming by keys and pointer", { skip, timeout:
   assert.ok((await pixels()).back < 60);
 });
 
-test("several isovalues; the main profile fetches its tables", { skip, timeout: 60000 }, async () => {
+test("several isovalues; the main profile fetches its tables", { skip, timeout: 300000 }, async () => {
   await open("plane_main_isovalues.iso");
   await until("done");
-  await page.waitForFunction(() => document.documentElement.dataset.final === "true");
-  const one = await pixels(), drawings = (await state()).drawings;
+  await finished();
+  const all = await pixels(), { drawings, cells } = await state();
   await page.keyboard.press("]");
   await page.waitForFunction((d) => document.documentElement.dataset.drawings !== d, drawings);
-  assert.notEqual((await pixels()).sum, one.sum);
+  assert.notEqual((await pixels()).sum, all.sum);
+  assert.ok(Number((await state()).cells) < Number(cells));
+  await page.keyboard.press("a");
+  await shown("cells", cells);
+  assert.equal((await pixels()).sum, all.sum);
 });
 
-test("a damaged file says what is wrong and keeps what it had", { skip, timeout: 60000 }, async () => {
+/** Colours of the legend by isovalue, and how many pixels of the canvas have just that colour. */
+async function counted() {
+  await frame();
+  return page.evaluate(() => {
+    const canvas = document.getElementById("view"), gl = canvas.getContext("webgl2"), data = new Uint8Array(4 * canvas.width * canvas.height);
+    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+    const counts = new Map();
+    for (let i = 0; i < data.length; i += 4) {
+      const key = `rgb(${data[i]}, ${data[i + 1]}, ${data[i + 2]})`;
+      counts.set(key, (counts.get(key) ?? 0) + 1);
+    }
+    return [...document.querySelectorAll("#isovalues button")].map((row) => {
+      const colour = getComputedStyle(row.querySelector("i")).backgroundColor;
+      return { isovalue: Number(row.title.split(/[ :]/)[0]), colour, count: counts.get(colour) ?? 0 };
+    });
+  });
+}
+
+/** The file of a name, or one of `samples.py`, is open and all of it shown. */
+async function opened(name, more, size) {
+  await open(name, more, size);
+  await until("done");
+  await finished();
+}
+
+for (const [name, more, isovalues] of [["map", "", 42], ["tiles", "", 42], ["waves", "", 5], ["waves", "&frame=2", 5], ["mesh", "", 6]])
+  for (const dark of [false, true])
+    test(`${name}${more} on ${dark ? "black" : "white"}: the colour of every isovalue is there, and one alone by choice`, { skip: unmade, timeout: 300000 }, async () => {
+      // so large that the smallest summits of a map are seen
+      await opened(`${name}.iso`, more, { width: 1000, height: 900 });
+      if (dark) await page.keyboard.press("t");
+      const all = await counted();
+      assert.equal(all.length, isovalues);
+      assert.equal(new Set(all.map(({ colour }) => colour)).size, isovalues);
+      assert.deepEqual(all.map(({ isovalue }) => isovalue), all.map(({ isovalue }) => isovalue).sort((p, q) => q - p));
+      for (const { isovalue, count } of all) assert.ok(count > 0, `${isovalue}: ${count} pixels`);
+      const { drawings } = await state(), chosen = all[isovalues >> 1];
+      await page.click(`#isovalues button:nth-child(${(isovalues >> 1) + 1})`);
+      await page.waitForFunction((d) => document.documentElement.dataset.drawings !== d, drawings);
+      await until("done");
+      const alone = await counted();
+      assert.deepEqual(alone.filter(({ count }) => count > 0).map(({ isovalue }) => isovalue), [chosen.isovalue]);
+      await page.click(`#isovalues button:nth-child(${(isovalues >> 1) + 1})`);
+      await page.waitForFunction((n) => [...document.querySelectorAll("#isovalues .other")].length === n, 0);
+      await until("done");
+      await page.waitForFunction((c) => Number(document.documentElement.dataset.cells) > c, Number((await state()).cells) - 1);
+    });
+
+test("pointing at a curve names its value, in every place where its colour is", { skip: unmade, timeout: 300000 }, async () => {
+  await opened("waves.iso");
+  const all = await counted(), named = new Map();
+  for (const { colour, isovalue } of all) {
+    const places = await page.evaluate((wanted) => {
+      const canvas = document.getElementById("view"), gl = canvas.getContext("webgl2"), data = new Uint8Array(4 * canvas.width * canvas.height), found = [];
+      gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+      for (let i = 0; i < data.length; i += 4) if (`rgb(${data[i]}, ${data[i + 1]}, ${data[i + 2]})` === wanted)
+        found.push([(i >> 2) % canvas.width, canvas.height - 1 - Math.floor((i >> 2) / canvas.width)]);
+      return found;
+    }, colour);
+    const free = places.filter(([x, y]) => x < 500 && y > 100 && y < 420), [x, y] = free[free.length >> 1];
+    await page.mouse.move(x, y);
+    named.set(isovalue, [Number((await state()).pointed), await page.textContent("#value")]);
+    assert.equal(await page.locator("#isovalues .marked").getAttribute("title"), `${isovalue}: show it alone, or all again`);
+    await page.mouse.move(5, 300);
+  }
+  for (const [isovalue, [pointed, text]] of named) assert.deepEqual([pointed, text], [isovalue, String(isovalue)]);
+  assert.equal((await state()).pointed, undefined);
+});
+
+const address = () => page.evaluate(() => Object.fromEntries(new URLSearchParams(location.search)));
+
+test("the address holds the view: file, isovalue, frame, place, zoom", { skip: unmade, timeout: 300000 }, async () => {
+  await opened("waves.iso");
+  await page.keyboard.press(",");
+  await shown("frame", 6);
+  await page.keyboard.press("]");
+  for (const key of ["+", "+", "ArrowLeft", "Shift+ArrowLeft"]) await page.keyboard.press(key);
+  await page.waitForFunction(() => new URLSearchParams(location.search).get("zoom") === "1.5625" && location.search.includes("turn"));
+  await page.mouse.move(5, 300);
+  const kept = await address(), link = page.url(), picture = await pixels();
+  assert.deepEqual([kept.file, kept.isovalue, kept.frame, kept.theme], ["waves.iso", "-150", "6", "light"]);
+  assert.equal(kept.at.split(",").length, 2);
+  await page.goto(link);
+  await until("done");
+  await finished();
+  assert.deepEqual(await pixels(), picture);
+  assert.equal(await page.inputValue("#isovalue"), "0");
+  await page.waitForTimeout(400);
+  assert.deepEqual(await address(), kept);
+  await opened("head.iso");
+  await page.keyboard.press("ArrowLeft");
+  await page.keyboard.press("Shift+ArrowUp");
+  await page.waitForFunction(() => location.search.includes("turn") && !location.search.includes("at=-100.8,-100.8,-69&"));
+  const solid = await pixels();
+  await page.goto(page.url());
+  await until("done");
+  await finished();
+  // turns are rounded
+  assert.ok(Math.abs((await pixels()).count / solid.count - 1) < 1e-3);
+});
+
+test("a head stands upright, is seen from its front and has the steps of its data", { skip: unmade, timeout: 300000 }, async () => {
+  await opened("head.iso", "&isovalue=500.5");
+  const { turn } = await page.evaluate(() => Object.fromEntries(new URLSearchParams(location.search)));
+  const world = await pixels();
+  await page.keyboard.press("w");
+  await page.waitForFunction(() => !document.getElementById("world").checked);
+  await page.waitForTimeout(500);
+  const samples = await pixels();
+  assert.ok(Math.abs(samples.count / world.count - 1) < 0.01, `${samples.count} ${world.count}`);
+  assert.equal(turn, undefined);
+  await page.waitForFunction(() => location.search.includes("turn=3.7743"));
+});
+
+test("the promise is what the file states", { skip: unmade, timeout: 300000 }, async () => {
+  for (const [name, text] of [["map.iso", "within 0.1 cells"], ["tiles.iso", "all values exactly"], ["tin.iso", "none"], ["head.iso", "within 0.2 cells"]]) {
+    await opened(name);
+    assert.equal(await page.textContent("#promise"), text, name);
+  }
+});
+
+test("surfaces are shaded by normals of their vertices: shades of a sphere vary from pixel to pixel by little", { skip: unmade, timeout: 300000 }, async () => {
+  await opened("handles.iso");
+  const shades = await page.evaluate(() => {
+    const canvas = document.getElementById("view"), gl = canvas.getContext("webgl2"), data = new Uint8Array(4 * canvas.width * canvas.height);
+    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+    return new Set(Array.from({ length: data.length / 4 }, (_, i) => data[4 * i])).size;
+  });
+  assert.ok(shades > 60, `${shades} shades`);
+});
+
+test("a damaged file says what is wrong and keeps what it had", { skip, timeout: 300000 }, async () => {
   await open("damaged-plane_values_8_bit.iso");
   await until("malformed");
   assert.match(await page.textContent("#error"), /clause/);
 });
 
-const shown = (name, value) => page.waitForFunction(([n, v]) => document.documentElement.dataset[n] === v, [name, String(value)],
-  { timeout: 20000 });
-
-test("any frame of a series, by keys and by the slider", { skip: unmade, timeout: 60000 }, async () => {
+test("any frame of a series, by keys and by the slider", { skip: unmade, timeout: 300000 }, async () => {
   await open("waves.iso");
   await until("done");
-  await page.waitForFunction(() => document.documentElement.dataset.final === "true");
+  await finished();
   const last = Number(await page.getAttribute("#frame", "max")), pictures = [];
   assert.equal(last, 7);
   assert.ok(await page.isVisible("#frame"));
@@ -181,28 +322,33 @@ test("any frame of a series, by keys and by the slider", { skip: unmade, timeout
   assert.equal((await pixels()).sum, pictures[0]);
 });
 
-test("world coordinates: of a placement, and of a mapped grid", { skip, timeout: 60000 }, async () => {
+test("world coordinates at first: of a placement, and of a mapped grid; samples by choice", { skip, timeout: 300000 }, async () => {
   for (const [name, low, high] of [["placed-plane_values_8_bit", 490000, 510000], ["plane_mapped_nodes", 1500, 3000]]) {
     await open(`${name}.iso`);
     await until("done");
-    await page.waitForFunction(() => document.documentElement.dataset.final === "true");
-    const samples = await pixels(), drawings = (await state()).drawings;
-    await page.keyboard.press("w");
-    await page.waitForFunction((d) => document.documentElement.dataset.drawings !== d, drawings);
-    const placed = await pixels();
+    await finished();
+    const placed = await pixels(), drawings = (await state()).drawings;
     assert.ok(placed.count > 50);
-    assert.notEqual(placed.sum, samples.sum);
     await page.mouse.move(320, 240);
     const [, x] = /x (-?[\d.]+)/.exec(await page.textContent("#where"));
     assert.ok(Number(x) > low && Number(x) < high, `${name}: ${x}`);
+    await page.keyboard.press("w");
+    await page.waitForFunction((d) => document.documentElement.dataset.drawings !== d, drawings);
+    await page.mouse.move(322, 240);
+    const [, column] = /x (-?[\d.]+)/.exec(await page.textContent("#where"));
+    assert.ok(Number(column) > 0 && Number(column) < 100, `${name}: ${column}`);
+    await open(`${name}.iso`, "&world=0");
+    await until("done");
+    await finished();
+    assert.ok(!(await page.isChecked("#world")));
   }
 });
 
-test("the first curve is there before 5 % of a file of 1 MB", { skip: unmade, timeout: 60000 }, async (t) => {
+test("the first curve is there before 5 % of a file of 1 MB", { skip: unmade, timeout: 300000 }, async (t) => {
   const size = made["terrain.iso"].length;
   assert.ok(size > 1e6, `${size} bytes`);
   await open("held-terrain.iso");
-  await page.waitForFunction(() => Number(document.documentElement.dataset.cells) > 0, undefined, { timeout: 40000 });
+  await page.waitForFunction(() => Number(document.documentElement.dataset.cells) > 0, undefined, { timeout: 120000 });
   const early = await state();
   assert.equal(early.state, "open");
   assert.ok(Number(early.bytes) < 0.05 * size);
@@ -220,7 +366,7 @@ test("compiled kernels draw what the page's own passes draw", {
   for (const more of ["", "&kernels=off"]) {
     fetched.length = 0;
     await open("hills.iso", more);
-    await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 25000 });
+    await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 90000 });
     pictures.push([await pixels(), (await state()).cells]);
     assert.deepEqual(fetched.filter((name) => name.startsWith("kernels.")).sort(), more ? [] : ["kernels.js", "kernels.wasm"]);
   }
@@ -229,9 +375,9 @@ test("compiled kernels draw what the page's own passes draw", {
   assert.deepEqual(pictures[0], pictures[1]);
 });
 
-test("a surface of 300,000 triangles turns", { skip: unmade, timeout: 60000 }, async (t) => {
+test("a surface of 300,000 triangles turns", { skip: unmade, timeout: 300000 }, async (t) => {
   await open("gyroid.iso");
-  await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 40000 });
+  await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 120000 });
   const cells = Number((await state()).cells);
   assert.ok(cells > 3e5, `${cells} triangles`);
   const times = [];
@@ -251,19 +397,19 @@ test("a surface of 300,000 triangles turns", { skip: unmade, timeout: 60000 }, a
   assert.ok((await pixels()).count > 2000);
 });
 
-test("a surface of points and the curves of a mesh in the file", { skip, timeout: 60000 }, async () => {
+test("a surface of points and the curves of a mesh in the file", { skip, timeout: 300000 }, async () => {
   for (const name of ["tin_terrain", "mesh_plane_coded", "mesh_surface_coded"]) {
     await open(`${name}.iso`);
     await until("done");
-    await page.waitForFunction(() => document.documentElement.dataset.final === "true");
+    await finished();
     assert.ok((await pixels()).count > 20, name);
   }
 });
 
-test("a file in tiles: coarse at first, then what is seen, at the resolution of the screen", { skip: unmade, timeout: 60000 }, async (t) => {
+test("a file in tiles: coarse at first, then what is seen, at the resolution of the screen", { skip: unmade, timeout: 300000 }, async (t) => {
   ranges = [];
-  await open("large.iso");
-  await page.waitForFunction(() => Number(document.documentElement.dataset.cells) > 0, undefined, { timeout: 20000 });
+  await open("large.iso", "&world=0");
+  await page.waitForFunction(() => Number(document.documentElement.dataset.cells) > 0, undefined, { timeout: 90000 });
   const early = await state();
   assert.equal(early.layer, "0");
   assert.ok(Number(early.requests) <= 3, `${early.requests} requests`);
@@ -290,9 +436,9 @@ test("a file in tiles: coarse at first, then what is seen, at the resolution of 
   t.diagnostic(`${large.length} bytes: overview ${overview.requests} requests and ${overview.bytes} bytes, window ${near.requests} and ${near.bytes}`);
 });
 
-test("world coordinates of a file in tiles: a field whose rows are twice as far apart", { skip: unmade, timeout: 90000 }, async () => {
+test("world coordinates of a file in tiles: a field whose rows are twice as far apart", { skip: unmade, timeout: 300000 }, async () => {
   // the page as wide as in the test before, so that a pixel is as many samples
-  await open("large.iso");
+  await open("large.iso", "&world=0");
   await until("done");
   const before = await state();
   assert.ok(await page.isEnabled("#world"));
@@ -332,22 +478,23 @@ test("world coordinates of a file in tiles: a field whose rows are twice as far 
   assert.ok((await at(320, 240)).every((z, a) => Math.abs(z - [699.5, -649.5][a]) < 8));
 });
 
-test("a surface in tiles in world coordinates, and a file that has none", { skip: unmade, timeout: 60000 }, async () => {
-  await open("solid.iso");
+test("a surface in tiles in world coordinates, and a file that has none", { skip: unmade, timeout: 300000 }, async () => {
+  await open("solid.iso", "&world=0");
   await until("done");
   const samples = await pixels(), { drawings, cells } = await state();
   await page.keyboard.press("w");
   await page.waitForFunction((d) => Number(document.documentElement.dataset.drawings) > d, Number(drawings));
   await until("done");
   const world = await pixels();
-  assert.ok(world.count > 500 && world.sum !== samples.sum);
+  // axes of different length, another way round: seen from the same side, with the steps of the data in both
+  assert.ok(world.count > 500 && Math.abs(world.count / samples.count - 1) < 0.1, `${world.count} ${samples.count}`);
   assert.equal((await state()).cells, cells);
   await open("tiled_space_exact.iso");
   await until("done");
   assert.ok(!(await page.isEnabled("#world")));
 });
 
-test("surfaces in tiles, files that are opened, damaged ones", { skip, timeout: 60000 }, async () => {
+test("surfaces in tiles, files that are opened, damaged ones", { skip, timeout: 300000 }, async () => {
   await open("tiled_space_exact.iso");
   await until("done");
   assert.equal((await state()).layer, "3");

@@ -2,8 +2,10 @@
 import type { IsoEvent } from "../../codec/js/src/decoder.js";
 import type { Drawing } from "../../codec/js/src/draw.js";
 import type { Promises } from "../../codec/js/src/metadata.js";
-import type { Answer, PlainEvent, Request } from "../../codec/js/src/worker.js";
+import type { Answer, Drawn, PlainEvent, Request } from "../../codec/js/src/worker.js";
 import { placement } from "../../codec/js/src/world.js";
+import { type Colour, colour, places } from "./colours.js";
+import { promiseOf } from "./promise.js";
 import { Scene } from "./scene.js";
 import type { TilesAnswer, TilesRequest } from "./tiles.js";
 
@@ -24,17 +26,26 @@ interface File {
   promises: Promises[];
   /** Layers of the present frame, whose first isovalue begins it. */
   frame: number;
-  drawing: Drawing | undefined;
+  kind: "grid" | "mesh" | "surface" | "tiles";
+  /** The number of the isovalue that is shown alone; all are, unless one is. */
+  alone: number | undefined;
+  drawings: Map<number, Drawing>;
   box: Float64Array | undefined;
   /** Of a file in tiles the box in samples and, if it says where it lies, in the world. */
   boxes: [samples: Float64Array, world: Float64Array | undefined] | undefined;
   /** Whether all of it has been shown, in world coordinates or others. */
   fitted: boolean;
+  /** How much larger heights of a surface of points are drawn. */
+  raised: number;
   world: boolean;
   /** The frame that was chosen; the last one there is, unless one was. */
   chosen: number | undefined;
-  /** Where it is, if it is no file of this computer. */
+  /** Where it is, if it is no file of this computer; as it was given, and in full. */
+  given: string | undefined;
   url: string | undefined;
+  /** The view that the address asks for, until it is shown. */
+  wanted: URLSearchParams | undefined;
+  sought: string | null;
 }
 
 const start = (...text: string[]): Worker => new Worker(URL.createObjectURL(new Blob(text, { type: "text/javascript" })), { type: "module" });
@@ -43,7 +54,7 @@ const worker = start(...["main", "kernels"].map((name) => `self.${name}=${JSON.s
 const tell = (request: Request, transfer: Transferable[] = []): void => worker.postMessage(request, transfer);
 const scene = new Scene(canvas, (x, y) => {
   by("where").textContent = file?.n === 2 ? `x ${x.toFixed(2)}  y ${y.toFixed(2)}` : "";
-});
+}, pointed);
 let file: File | undefined;
 let count = 0;
 let seen = 0;
@@ -54,12 +65,17 @@ let looked = "";
 let timer = 0;
 const parameters = new URLSearchParams(location.search);
 const rate = Number(parameters.get("rate")) || undefined;
+/** What the page looks like, which is not of a view. */
+const MANNER = ["rate", "theme", "kernels"].flatMap((name) => parameters.has(name) ? [[name, parameters.get(name)!]] : []);
 /** Whether large files are decoded with compiled kernels. */
 const compiled = parameters.get("kernels") !== "off";
 
-function begin(name: string, source: { url: string } | { bytes: Uint8Array }): void {
-  file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0,
-    drawing: undefined, box: undefined, boxes: undefined, fitted: false, world: false, chosen: undefined, url: "url" in source ? source.url : undefined };
+function begin(name: string, source: { url: string; given: string } | { bytes: Uint8Array }, wanted?: URLSearchParams): void {
+  const frame = wanted?.get("frame"), { url, given } = "url" in source ? source : { url: undefined, given: undefined };
+  file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0, kind: "grid", alone: undefined,
+    drawings: new Map(), box: undefined, boxes: undefined, fitted: false, raised: 1, world: false, chosen: frame ? Number(frame) : undefined,
+    given, url, wanted, sought: wanted?.get("isovalue") ?? null };
+  scene.clear();
   tiles?.terminate();
   tiles = undefined;
   looked = "";
@@ -68,37 +84,92 @@ function begin(name: string, source: { url: string } | { bytes: Uint8Array }): v
   by("error").textContent = by("size").textContent = "";
   by("layer").textContent = by("promise").textContent = "–";
   by<HTMLProgressElement>("progress").removeAttribute("value");
-  choice.replaceChildren();
+  choice.replaceChildren(new Option("all", ""));
   choice.disabled = world.disabled = true;
+  by("legend").hidden = true;
   world.checked = false;
   by("series").hidden = true;
   Object.assign(root.dataset, { state: "open", bytes: "0", cells: "0", layers: "0" });
   const common = { type: "open" as const, id: file.id, tables, ...(compiled ? { kernels } : {}), ...(rate ? { bytesPerSecond: rate } : {}) };
   if ("bytes" in source) tell({ ...common, bytes: source.bytes }, [source.bytes.buffer]);
   else tell({ ...common, url: source.url });
+  if (file.chosen !== undefined) ask();
 }
 
 const openFile = async (chosen: globalThis.File | null | undefined): Promise<void> => {
   if (chosen) begin(chosen.name, { bytes: new Uint8Array(await chosen.arrayBuffer()) });
 };
-const openUrl = (url: string): void => begin(url.split("/").pop() ?? url, { url: new URL(url, location.href).href });
+const openUrl = (given: string, wanted?: URLSearchParams): void =>
+  begin(given.split("/").pop() ?? given, { url: new URL(given, location.href).href, given }, wanted);
 
-/** Points with axis 1 to the right and axis 0 downwards, as rows and columns are written; others as they are. */
-function upright(points: Float64Array): Float64Array {
-  if (!file || file.n !== 2 || !file.shape.length || file.world) return points;
-  return points.map((_, i) => (i & 1 ? -points[i - 1]! : points[i + 1]!));
+/** Axes of a volume that does not say where it lies, as rows x, y, z: slices from the top, rows from the front. */
+const UNPLACED = [[0, 0, -1], [0, -1, 0], [-1, 0, 0]];
+/** The sides that are seen at first: of a volume its front, from above; of other surfaces the south. */
+const SIDES = { volume: [Math.PI + 0.6327, -1.1467], other: [0.6, -1.0] } as const;
+
+/** Rows x, y, z from samples of a volume to what is seen of it, with the steps of its placement. */
+function standing(): number[][] {
+  const rows = placement(file!.metadata, 3);
+  if (!rows) return UNPLACED;
+  const steps = [0, 1, 2].map((a) => Math.hypot(...rows.map((row) => row[a]!))), least = Math.min(...steps);
+  return rows.map((row) => steps.map((step, a) => (row[a]! / step) * Math.min(step / least, 100)));
 }
 
-function show(): void {
-  if (!file?.drawing) return;
-  const { drawing, box } = file;
-  if (!file.fitted && drawing.cells.length) {
-    scene.fit(drawing.d, upright(box!));
-    file.fitted = true;
+/** Points as they are seen, `d` numbers each: in samples axis 1 of a plane to the right and axis 0 downwards. */
+function upright(points: Float64Array, d: number): Float64Array {
+  if (!file) return points;
+  if (file.kind === "surface") {
+    const { raised, metadata, drawings } = file, rows = drawings.get(0)?.sampled ? (placement(metadata, 2) ?? [[0, 1, 0], [-1, 0, 0]]) : [[1, 0, 0], [0, 1, 0]];
+    return points.map((z, i) => {
+      const row = rows[i % 3], at = i - (i % 3);
+      return row ? row[0]! * points[at]! + row[1]! * points[at + 1]! + row[2]! : z * raised;
+    });
   }
-  scene.set({ ...drawing, points: upright(drawing.points) });
-  scene.request();
+  if (!file.shape.length || file.world) return points;
+  if (d === 2) return points.map((_, i) => (i & 1 ? -points[i - 1]! : points[i + 1]!));
+  const rows = standing();
+  return points.map((_, i) => rows[i % 3]!.reduce((sum, by, a) => sum + by * points[i - (i % 3) + a]!, 0));
 }
+
+/** How much shorter a degree of longitude is than one of latitude in the middle of a box, where coordinates are degrees. */
+function shrinking(box: Float64Array): number {
+  const { world: inWorld, metadata: { crs, coordinate_unit: unit } } = file!, ys = box.filter((_, i) => i & 1);
+  const middle = (Math.min(...ys) + Math.max(...ys)) / 2;
+  return inWorld && (/^EPSG:(4326|4258|4269)$/.test(crs ?? "") || unit?.startsWith("degree")) && Math.abs(middle) < 85 ? Math.cos((middle * Math.PI) / 180) : 1;
+}
+
+/** By how much heights of a surface of points have to be multiplied to be seen: a number that is easily said. */
+function raising(box: Float64Array): number {
+  const [width, depth, height] = [0, 1, 2].map((a) => Math.abs(box[3 + a]! - box[a]!)) as [number, number, number];
+  const share = height / Math.max(width, depth);
+  if (!(share > 0) || (share >= 0.05 && share <= 0.6)) return 1;
+  return Number((0.25 / share).toPrecision(1));
+}
+
+/** Put drawings on the canvas: all anew, if how they are seen has changed. */
+function show(some: readonly Drawn[]): void {
+  if (!file) return;
+  const drawn = [...file.drawings.values()].find(({ cells }) => cells.length);
+  if (!file.fitted && drawn) {
+    file.raised = 1;
+    if (file.kind === "surface") file.raised = raising(upright(file.box!, 3));
+    by("raised").textContent = file.raised === 1 ? "" : file.raised < 0.01 ? "heights not to scale" : `heights × ${file.raised}`;
+    scene.fit(drawn.d, upright(file.box!, drawn.d), [...SIDES[file.shape.length === 3 ? "volume" : "other"]],
+      drawn.d === 2 ? shrinking(file.box!) : 1);
+    file.fitted = true;
+    some = [...file.drawings].map(([isovalue, drawing]) => ({ isovalue, drawing }));
+  }
+  for (const { isovalue, drawing } of some) scene.set(isovalue, { ...drawing, points: upright(drawing.points, drawing.d) });
+  if (drawn && file.wanted && file.world === world.checked) {
+    const at = file.wanted.get("at")?.split(",").map(Number) ?? [], turn = file.wanted.get("turn")?.split(",").map(Number) ?? scene.pose.turn;
+    const zoom = Number(file.wanted.get("zoom") ?? 1);
+    if (at.length === drawn.d && [...at, zoom, ...turn].every(Number.isFinite)) scene.pose = { at, zoom, turn: [turn[0] ?? 0, turn[1] ?? 0] };
+    file.wanted = undefined;
+  }
+}
+
+/** How large something drawn is. */
+const sizes = (): number => [...file!.drawings.values()].reduce((sum, { cells, n }) => sum + cells.length / n, 0);
 
 /** Ask for what is chosen. */
 function ask(): void {
@@ -106,16 +177,23 @@ function ask(): void {
   if (tiles) {
     if (file.world !== world.checked) turn();
     look();
-  } else tell({ type: "show", id: file.id, isovalue: Math.max(0, choice.selectedIndex), frame: file.chosen, world: world.checked });
+  } else tell({ type: "show", id: file.id, isovalue: file.alone, frame: file.chosen, world: world.checked });
+}
+
+/** Show a file that says where it lies in these coordinates, unless the address says otherwise. */
+function placed(): void {
+  world.disabled = false;
+  if (parameters.get("world") === "0") return;
+  world.checked = true;
+  ask();
 }
 
 function promised(): void {
-  if (!file || tiles) return;
-  const i = choice.selectedIndex < 0 ? 0 : choice.selectedIndex, layers = file.layers[i] ?? 0;
-  const kept = file.promises[i]?.distances.filter((each) => each.layer <= layers).pop();
-  by("layer").textContent = String(layers);
-  by("promise").textContent = kept ? `within ${kept.distance} samples${file.promises[i]!.topology ? ", topology" : ""}`
-    : file.promises[i]?.topology && layers ? "topology" : "–";
+  if (!file) return;
+  const { alone, layers, promises, isovalues, kind, metadata } = file;
+  const numbers = isovalues.map((_, i) => i).filter((i) => alone === undefined || i === alone);
+  if (kind !== "tiles") by("layer").textContent = String(numbers.reduce((sum, i) => sum + (layers[i] ?? 0), 0));
+  by("promise").textContent = promiseOf(kind, metadata, numbers.map((i) => ({ promises: promises[i], layers: layers[i] ?? 0 }))) ?? "none";
 }
 
 function happened(event: PlainEvent | IsoEvent): void {
@@ -123,6 +201,7 @@ function happened(event: PlainEvent | IsoEvent): void {
   if (event.type === "header") {
     file.shape = event.header.shape;
     file.n = event.header.n;
+    if (event.header.explicit) file.kind = "mesh";
     by("size").textContent = event.header.explicit ? "mesh" : `${file.shape.join(" × ")}, ${event.header.profile}`;
     choose(event.header.isovalue);
   } else if (event.type === "isovalue") choose(event.isovalue);
@@ -130,13 +209,19 @@ function happened(event: PlainEvent | IsoEvent): void {
   else if (event.type === "promises") file.promises[event.isovalue] = event.promises;
   else if (event.type === "metadata") {
     Object.assign(file.metadata, event.metadata);
-    if (file.shape.length && placement(file.metadata, file.n)) world.disabled = false;
-  } else if (event.type === "coordinates") world.disabled = false;
+    if (file.shape.length && placement(file.metadata, file.n)) placed();
+  } else if (event.type === "coordinates") placed();
+  else if (event.type === "domain" && event.kind === "surface") {
+    file.kind = "surface";
+    by("size").textContent = "surface of points";
+    legend();
+  }
   else if (event.type === "frame" && event.frame > file.frame) {
     file.frame = event.frame;
     file.layers = [];
     slider.max = String(event.frame);
     by("series").hidden = false;
+    legend();
   } else if (event.type === "end") root.dataset["state"] = "done";
   else if (event.type === "error") {
     const error = event as PlainEvent & { type: "error" };
@@ -146,9 +231,62 @@ function happened(event: PlainEvent | IsoEvent): void {
 }
 
 function choose(isovalue: number): void {
-  file!.isovalues.push(isovalue);
-  choice.add(new Option(String(isovalue)));
-  choice.disabled = choice.length < 2;
+  const number = file!.isovalues.push(isovalue) - 1;
+  choice.add(new Option(String(isovalue), String(number)));
+  choice.disabled = number < 1;
+  legend();
+  if (file!.sought === String(isovalue)) {
+    file!.sought = null;
+    pick(number);
+  }
+}
+
+/** Colours of the isovalues that there are; one alone of a file that has no other has that of the page. */
+function colours(): Colour[] {
+  const dark = root.dataset["theme"] === "dark", { isovalues, n } = file ?? { isovalues: [], n: 2 };
+  if (isovalues.length > 1) return places(isovalues).map((place) => colour(place, dark, n === 3));
+  return n === 3 || file?.kind === "surface" ? [dark ? [0.62, 0.78, 0.9] : [0.5, 0.66, 0.8]] : [dark ? [0.42, 0.72, 0.94] : [0.086, 0.408, 0.659]];
+}
+
+const css = (parts: Colour): string => `rgb(${parts.map((x) => Math.round(255 * x)).join(" ")})`;
+
+/** List the isovalues with their colours, the highest first; of many the list is a scale of which some are named. */
+function legend(): void {
+  if (!file) return;
+  const { isovalues, metadata } = file, all = colours(), list = by("isovalues"), several = isovalues.length > 1;
+  scene.theme(root.dataset["theme"] === "dark", (isovalue) => all[isovalue] ?? all[0]!);
+  by("legend").hidden = !several;
+  if (!several) return;
+  const unit = metadata["unit"] ? ` ${metadata["unit"]}` : "", room = Math.max(120, canvas.clientHeight - 150);
+  const high = Math.max(3, Math.min(18, Math.floor(room / isovalues.length))), step = Math.ceil(15 / high);
+  const down = isovalues.map((_, i) => i).sort((i, j) => isovalues[j]! - isovalues[i]!), named = (place: number): boolean =>
+    place === 0 || place === down.length - 1 || ((down.length - 1 - place) % step === 0 && place >= step);
+  by("unit").textContent = metadata["unit"] ? `(${metadata["unit"]})` : "";
+  by("legend").style.top = `${canvas.parentElement!.querySelector("header")!.offsetHeight + 8}px`;
+  list.replaceChildren(...down.map((i, place) => {
+    const row = document.createElement("button"), swatch = document.createElement("i"), text = document.createElement("span");
+    row.dataset["isovalue"] = String(i);
+    row.title = `${isovalues[i]}${unit}: show it alone, or all again`;
+    row.style.height = `${high}px`;
+    swatch.style.background = css(all[i]!);
+    if (named(place)) text.textContent = String(isovalues[i]);
+    row.classList.toggle("other", file!.alone !== undefined && file!.alone !== i);
+    row.append(swatch, text);
+    row.onclick = () => pick(file!.alone === i ? undefined : i);
+    return row;
+  }));
+}
+
+/** Name the isovalue that is pointed at, beside the pointer and in the legend. */
+function pointed(isovalue: number | undefined, x: number, y: number): void {
+  const label = by("value"), value = isovalue === undefined ? undefined : file?.isovalues[isovalue];
+  label.hidden = value === undefined;
+  for (const row of by("isovalues").children) row.classList.toggle("marked", (row as HTMLElement).dataset["isovalue"] === String(isovalue));
+  if (value === undefined) delete root.dataset["pointed"];
+  else root.dataset["pointed"] = String(value);
+  if (value === undefined) return;
+  label.textContent = [value, file!.metadata["unit"]].filter((part) => part !== undefined).join(" ");
+  label.style.transform = `translate(${x + 12 + label.offsetWidth > canvas.clientWidth ? x - 12 - label.offsetWidth : x + 12}px, ${y + 14}px)`;
 }
 
 function failed(kind: string, message: string): void {
@@ -170,18 +308,21 @@ function openTiles(bytes: Uint8Array | undefined): void {
 function turn(): void {
   if (!file?.boxes) return;
   const { n, boxes } = file;
-  Object.assign(file, { world: world.checked, box: boxes[Number(world.checked)], drawing: undefined, fitted: n === 2 });
-  scene.set({ n, d: n, points: new Float64Array(0), cells: new Uint32Array(0) });
-  scene.fit(n, upright(file.box!));
+  Object.assign(file, { world: world.checked, box: boxes[Number(world.checked)], fitted: n === 2 });
+  file.drawings.clear();
+  scene.clear();
+  // so that what is asked for is of this plane
+  if (n === 2) scene.set(0, { n, d: n, points: new Float64Array(0), cells: new Uint32Array(0) });
+  scene.fit(n, upright(file.box!, n), n === 2 ? [0, 0] : [...SIDES.volume], n === 2 ? shrinking(file.box!) : 1);
 }
 
 /** Ask for what is seen of a file in tiles, unless that was asked for last. */
 function look(): void {
   if (!file?.shape.length || !tiles) return;
-  const { x, y, pixel } = scene.window(), isovalue = Math.max(0, choice.selectedIndex);
+  const { x, y, pixel } = scene.window(), isovalue = file.alone;
   // axis 0 of the samples runs downwards, axis 1 to the right; of a surface all is asked for
   const window: [number, number][] = file.n !== 2 ? [] : file.world ? [x, y] : [[-y[1], -y[0]], x];
-  const asked = JSON.stringify([isovalue, window, file.n === 2 ? pixel : 0, file.world]);
+  const asked = JSON.stringify([isovalue ?? null, window, file.n === 2 ? pixel : 0, file.world]);
   if (asked === looked) return;
   looked = asked;
   root.dataset["state"] = "open";
@@ -194,29 +335,50 @@ function tilesAnswer(answer: TilesAnswer): void {
   if (answer.type === "opened") {
     const { n, shape, profile, isovalues, tiles: counts } = answer.head;
     const box = Float64Array.from([...shape.map(() => 0), ...shape.map((s) => s - 1)]);
-    Object.assign(file, { n, shape, box, boxes: [box, answer.corners] });
+    Object.assign(file, { n, shape, box, boxes: [box, answer.corners], kind: "tiles", metadata: answer.head.metadata });
     world.disabled = !answer.corners;
+    world.checked = answer.corners !== undefined && parameters.get("world") !== "0";
     by("size").textContent = `${shape.join(" × ")}, ${profile}, ${counts.join(" × ")} tiles`;
+    turn();
     isovalues.forEach(choose);
-    scene.fit(n, upright(file.box!));
-    file.fitted = n === 2;
+    promised();
     return look();
   }
   if (answer.world !== file.world) return;
-  const { drawing, layer, requests, received, final } = answer;
-  file.drawing = drawing;
+  const { drawing, isovalue, layer, requests, received, final } = answer;
+  if (file.alone !== undefined && file.alone !== isovalue) return;
+  file.drawings.set(isovalue, drawing);
   by("bytes").textContent = `${received.toLocaleString()} in ${requests} ${requests === 1 ? "request" : "requests"}`;
   by("layer").textContent = String(layer + 1);
   by<HTMLProgressElement>("progress").value = final ? 1 : 0.5;
-  show();
-  Object.assign(root.dataset, { bytes: received, requests, layer, cells: drawing.cells.length / drawing.n, final, drawings: ++seen });
+  show([{ isovalue, drawing }]);
+  Object.assign(root.dataset, { bytes: received, requests, layer, cells: sizes(), final, drawings: ++seen });
   if (final) root.dataset["state"] = "done";
 }
 
 scene.viewed = () => {
   clearTimeout(timer);
-  if (tiles) timer = setTimeout(look, 150) as unknown as number;
+  timer = setTimeout(() => {
+    look();
+    remember();
+  }, 150) as unknown as number;
 };
+
+/** Keep the view in the address: the file, what of it is chosen, from where and how near it is seen. */
+function remember(): void {
+  if (!file || file.wanted || file.sought !== null || !file.drawings.size) return;
+  const { given, alone, chosen, isovalues } = file, { at, zoom, turn } = scene.pose, short = (x: number): string => String(Number(x.toPrecision(9)));
+  const view = new URLSearchParams([...MANNER, ...(given === undefined ? [] : [["file", given]])]);
+  if (alone !== undefined) view.set("isovalue", String(isovalues[alone]));
+  if (chosen !== undefined) view.set("frame", String(chosen));
+  if (!world.disabled) view.set("world", String(Number(world.checked)));
+  view.set("at", at.map(short).join(","));
+  view.set("zoom", short(zoom));
+  if (turn.some((angle) => angle)) view.set("turn", turn.map((angle) => angle.toFixed(4)).join(","));
+  // what separates numbers needs no escape
+  const text = `?${String(view).replaceAll("%2C", ",").replaceAll("%2F", "/")}`;
+  if (text !== location.search) history.replaceState(null, "", text);
+}
 
 worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
   if (!file || answer.id !== file.id) return;
@@ -231,22 +393,41 @@ worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
   const total = Number(by("progress").dataset["total"]) || 0;
   by("bytes").textContent = answer.bytes.toLocaleString() + (total ? ` of ${total.toLocaleString()}` : "");
   by<HTMLProgressElement>("progress").value = answer.final ? 1 : total ? answer.bytes / total : 0.5;
-  file.drawing = answer.drawing;
+  requestAnimationFrame(() => tell({ type: "next", id: answer.id }));
+  // coordinates that were asked for when this was on its way
+  if (answer.world !== world.checked && !answer.final) return;
+  if (answer.fresh) {
+    file.drawings.clear();
+    scene.clear();
+  }
+  for (const { isovalue, drawing } of answer.drawings) file.drawings.set(isovalue, drawing);
   file.box = answer.box;
   if (answer.world !== file.world) file.fitted = false;
   file.world = answer.world;
   slider.value = by("shown").textContent = String(answer.frame);
-  show();
-  Object.assign(root.dataset, { bytes: answer.bytes, frame: answer.frame, cells: answer.drawing.cells.length / answer.drawing.n,
-    layers: answer.layers, final: answer.final, drawings: ++seen });
-  requestAnimationFrame(() => tell({ type: "next", id: answer.id }));
+  show(answer.drawings);
+  Object.assign(root.dataset, { bytes: answer.bytes, frame: answer.frame, cells: sizes(), layers: answer.layers, final: answer.final, drawings: ++seen });
 };
 
-function pick(i: number): void {
-  if (!file || i < 0 || i >= choice.length) return;
-  choice.selectedIndex = i;
+/** Show an isovalue alone, or all. */
+function pick(number: number | undefined): void {
+  if (!file || number === file.alone || (number !== undefined && !(number in file.isovalues))) return;
+  file.alone = number;
+  choice.value = number === undefined ? "" : String(number);
+  if (tiles) {
+    for (const [isovalue] of file.drawings) if (number !== undefined && isovalue !== number) file.drawings.delete(isovalue);
+    scene.clear();
+    show([...file.drawings].map(([isovalue, drawing]) => ({ isovalue, drawing })));
+  }
+  legend();
   promised();
   ask();
+}
+
+/** Show the isovalue after or before the one that is shown, in the order of the file; all come before the first. */
+function pickNext(by: 1 | -1): void {
+  const next = (file?.alone ?? -1) + by;
+  if (file && next < file.isovalues.length) pick(next < 0 ? undefined : next);
 }
 
 function pickFrame(t: number): void {
@@ -257,14 +438,15 @@ function pickFrame(t: number): void {
 
 function theme(name: string): void {
   root.dataset["theme"] = name;
-  scene.theme(name === "dark");
+  const all = colours();
+  scene.theme(name === "dark", (isovalue) => all[isovalue] ?? all[0]!);
+  legend();
 }
 
 function showAll(): void {
   if (file) file.fitted = false;
-  show();
+  show([]);
 }
-
 
 by("open").onclick = () => by<HTMLInputElement>("file").click();
 by<HTMLInputElement>("file").onchange = (event) => void openFile((event.target as HTMLInputElement).files?.[0]);
@@ -272,11 +454,12 @@ by("fetch").onsubmit = (event) => {
   event.preventDefault();
   openUrl(by<HTMLInputElement>("url").value);
 };
-choice.onchange = () => pick(choice.selectedIndex);
+choice.onchange = () => pick(choice.value === "" ? undefined : Number(choice.value));
 world.onchange = ask;
 slider.oninput = () => pickFrame(Number(slider.value));
 by("all").onclick = showAll;
 by("theme").onclick = () => theme(root.dataset["theme"] === "dark" ? "light" : "dark");
+addEventListener("resize", legend);
 addEventListener("dragover", (event) => {
   event.preventDefault();
   canvas.classList.add("drop");
@@ -299,8 +482,9 @@ addEventListener("keydown", (event) => {
   else if (key === "+" || key === "=") scene.zoom(1.25);
   else if (key === "-") scene.zoom(0.8);
   else if (key === "0" || key === "home") showAll();
-  else if (key === "[") pick(choice.selectedIndex - 1);
-  else if (key === "]") pick(choice.selectedIndex + 1);
+  else if (key === "[") pickNext(-1);
+  else if (key === "]") pickNext(1);
+  else if (key === "a") pick(undefined);
   else if (key === ",") pickFrame(Number(slider.value) - 1);
   else if (key === ".") pickFrame(Number(slider.value) + 1);
   else if (key === "t") by("theme").click();
@@ -314,4 +498,4 @@ addEventListener("keydown", (event) => {
 
 theme(parameters.get("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 const given = parameters.get("file");
-if (given) openUrl(given);
+if (given) openUrl(given, parameters);

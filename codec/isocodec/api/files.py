@@ -270,7 +270,7 @@ class WholeFile:
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """Find which samples are valid; see `IsoFile.valid`."""
         if self.kind == "surface":
-            tin = self.surface(None)
+            tin = self.surface(max_bytes)
             return np.ones(len(tin.values), np.bool_) if tin.shape is None else ~np.isnan(tin.raster())
         if self.info.domain is not None:
             return np.ones(self.info.domain.vertices, np.bool_)

@@ -97,7 +97,7 @@ def formats() -> dict[str, str]:
     }
     table = "\n".join(f"{name:16} {suffixes}" for name, suffixes in rows.items())
     many = suffixes_of("contour", several=True)
-    single = ", ".join(suffix for suffix in suffixes_of("contour") if suffix not in many)
+    single = ", ".join(dict.fromkeys(suffix for suffix in suffixes_of("contour") if suffix not in many))
     return {
         "curves": rows["Curves"], "spatial": rows["Surfaces"], "formats": table, "pictures": listed("picture"),
         "surfaces": listed("tin"), "single": single,

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..drawing.contour import Contour
 from ..drawing.pictures.map_picture import DARK, LIGHT, map_picture
 from ..drawing.pictures.map_picture import MapLook as Drawing
 from ..drawing.pictures.picture import Step, check_picture, steps_picture
@@ -93,7 +95,7 @@ class Steps:
     count : int
         Largest number of panels.
     isovalue : float, optional
-        If not given, the first of the file; for a surface, the middle of its values.
+        Draw this one alone; all if not given, and of a surface of points evenly spaced ones.
     frame : int, optional
     smooth : bool
         As of `IsoFile.contour`.
@@ -127,12 +129,9 @@ def steps_of(file: IsoFile, path: str | os.PathLike[str], steps: Steps, progress
         raise OptionError("--view applies to surfaces only", code="view", remedy="leave it out")
     remarks: list[str] = []
     if file.kind in ("tiles", "surface"):
-        drawn, isovalue = _by_layers(file, steps, progress)
+        drawn, isovalues = _by_layers(file, steps, progress)
     else:
-        drawn, isovalue = _as_decoded(file, steps, progress, remarks)
-    if steps.isovalue is None and (others := [repr(value) for value in file.isovalues if value != isovalue]):
-        remarks.append(f"only isovalue {isovalue!r} is drawn; choose another with --isovalue: {' or '.join(others[:5])}"
-                       + ", .." * (len(others) > 5))
+        drawn, isovalues = _as_decoded(file, steps, progress, remarks)
     if steps.frame is None and file.frames > 1:
         remarks.append(
             f"only frame 0 of {file.frames} is drawn; choose another with --frame, from 1 to {file.frames - 1}"
@@ -141,19 +140,22 @@ def steps_of(file: IsoFile, path: str | os.PathLike[str], steps: Steps, progress
     suffix = check_picture(Path(path))
     count = len(drawn)
     return Plotted(
-        lambda: steps_picture(drawn, suffix, seen),
-        {"steps": [step.bytes for step in drawn], "isovalue": float(isovalue)},
+        lambda: steps_picture(drawn, suffix, seen, isovalues),
+        {"steps": [step.bytes for step in drawn], "isovalues": [float(value) for value in isovalues]},
         f"{count} step{'s' * (count != 1)} of {file.size:,} bytes", remarks,
     )
 
 
-def _by_layers(file: IsoFile, steps: Steps, progress: Any) -> tuple[list[Step], float]:
+def _by_layers(file: IsoFile, steps: Steps, progress: Any) -> tuple[list[Step], list[float]]:
     """Steps of a file that is decoded anew for each step: tiled files and surfaces."""
-    isovalue = steps.isovalue
-    if isovalue is None:
-        isovalue = file.isovalues[0] if file.isovalues else _middle(file)
-    number = file.isovalues.index(isovalue) if isovalue in file.isovalues else 0
-    sizes = [layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number] or [file.size]
+    isovalues: list[float] = [*file.isovalues]
+    if steps.isovalue is not None:
+        isovalues = [steps.isovalue]
+    elif not isovalues:
+        isovalues = _isovalues_on(file.surface().values, None)
+    numbers = [file.isovalues.index(one) for one in isovalues if one in file.isovalues] or [0]
+    each = [[layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number] for number in numbers]
+    sizes = [sum(layers) for layers in zip_longest(*each, fillvalue=0)] or [file.size]
     overhead = max(file.size - sum(sizes), 0)
     drawn: list[Step] = []
     panels = Panels([""] * len(sizes), steps.count)
@@ -161,49 +163,57 @@ def _by_layers(file: IsoFile, steps: Steps, progress: Any) -> tuple[list[Step], 
     if steps.smooth:
         view["smooth"] = True
     for layer in range(1, len(sizes) + 1):
-        contour = file.contour(isovalue, layers=layer, **view)
-        if panels.draws(layer, lambda contour=contour: len(contour.cells) > 0):  # type: ignore[misc]
-            mesh = file.mesh(isovalue, layers=layer) if steps.mesh else None
-            under = None if mesh is None else (mesh.points, mesh.cells)
-            _add(drawn, Step(contour, overhead + sum(sizes[:layer]), file.size, under), file.limits)
+        contours = [file.contour(isovalue, layers=layer, **view) for isovalue in isovalues]
+        if panels.draws(layer, lambda contours=contours: any(len(one.cells) for one in contours)):  # type: ignore[misc]
+            meshes = [file.mesh(isovalue, layers=layer) for isovalue in isovalues] if steps.mesh else []
+            under = [(mesh.points, mesh.cells) for mesh in meshes]
+            _add(drawn, Step(contours, overhead + sum(sizes[:layer]), file.size, under), file.limits)
             if progress is not None:
                 progress(len(drawn), len(panels.chosen))
-    return drawn, isovalue
+    return drawn, isovalues
 
 
-def _middle(file: IsoFile) -> float:
-    values = file.surface().values
-    return float((values.min() + values.max()) / 2)
-
-
-def _as_decoded(file: IsoFile, steps: Steps, progress: Any, remarks: list[str]) -> tuple[list[Step], float]:
+def _as_decoded(
+    file: IsoFile, steps: Steps, progress: Any, remarks: list[str]
+) -> tuple[list[Step], list[float]]:
     """Steps of a file that is decoded once, drawn while it is decoded."""
-    info, total = file.info, file.size
-    number, wanted = info.number_of(steps.isovalue), steps.frame or 0
-    layers = [layer for layer in info.layers if (layer.frame, layer.isovalue) == (wanted, number)]
-    decoder = Decoder(file.limits, only=info.chain(number), frame=wanted, mesh=file.mesh_given)
-    panels = Panels([layer.kind for layer in layers], steps.count, [i for i, one in enumerate(layers, 1) if one.within])
+    info, total, wanted = file.info, file.size, steps.frame or 0
+    alone = None if steps.isovalue is None else info.number_of(steps.isovalue)
+    numbers = range(len(info.isovalues)) if alone is None else [alone]
+    layers = [layer for layer in info.layers if layer.frame == wanted and layer.isovalue in numbers]
+    only = None if alone is None else info.chain(alone)
+    decoder = Decoder(file.limits, only=only, frame=wanted, mesh=file.mesh_given)
+    panels = Panels([layer.kind for layer in layers], steps.count, [i for i, one in enumerate(layers, 1) if one.within],
+                    [layer.isovalue for layer in layers])
     drawn: list[Step] = []
 
+    def begun() -> Sequence[int]:
+        """Numbers of the isovalues of the frame of which anything has come."""
+        at, last = decoder.present
+        return [number for number in numbers if at > wanted or number <= last]
+
+    def contours() -> list[Contour]:
+        return [decoder.contour(n, smooth=True) if steps.smooth else decoder.contour(n) for n in begun()]
+
     def draw(offset: int, within: float | None) -> None:
-        mesh = decoder.contents.mesh(number, False) if steps.mesh else None  # type: ignore[union-attr]
-        contour = decoder.contour(number, smooth=steps.smooth) if steps.smooth else decoder.contour(number)
-        under = None if mesh is None else (mesh.points, mesh.cells)
-        _add(drawn, Step(contour, offset, total, under, within), file.limits, decoder)
+        meshes = [decoder.contents.mesh(n, False) for n in begun()] if steps.mesh else []  # type: ignore[union-attr]
+        under = [(mesh.points, mesh.cells) for mesh in meshes if mesh is not None]
+        _add(drawn, Step(contours(), offset, total, under, within), file.limits, decoder)
         if progress is not None:
             progress(len(drawn), max(len(panels.chosen), len(drawn)))
 
     own = 0
     decoder.feed(file.data)
     for event in decoder:
-        if isinstance(event, LayerComplete | MeshLayerComplete) and decoder.present == (wanted, number):
+        frame, number = decoder.present
+        if isinstance(event, LayerComplete | MeshLayerComplete) and frame == wanted and number in numbers:
             own += 1
-            if panels.draws(own, lambda: len(decoder.contour(number).cells) > 0):
+            if panels.draws(own, lambda: any(len(one.cells) for one in contours())):
                 draw(event.offset, layers[own - 1].within or None)
     try:
         decoder.close()
     except TruncatedError as exc:
-        if not (steps.partial and number < len(decoder.isovalues) and (own or _begun(decoder))):
+        if not (steps.partial and numbers[0] < len(decoder.isovalues) and (own or _begun(decoder))):
             raise
         remarks.append(f"{exc.message}; drawn as far as possible")
     if decoder.frame < wanted:
@@ -211,7 +221,7 @@ def _as_decoded(file: IsoFile, steps: Steps, progress: Any, remarks: list[str]) 
                           remedy=f"its frames are 0 to {file.frames - 1}")
     if own < len(layers) or not drawn:
         draw(total, None)  # the file ends within a layer
-    return drawn, info.isovalues[number]
+    return drawn, [info.isovalues[number] for number in numbers]
 
 
 def _begun(decoder: Decoder) -> bool:
@@ -223,12 +233,14 @@ def _begun(decoder: Decoder) -> bool:
 def _add(drawn: list[Step], step: Step, limits: Limits | None, decoder: Decoder | None = None) -> None:
     """Add a step, if the memory limit allows it and the picture."""
     drawn.append(step)
-    cost = PICTURE[len(step.contour.shape) or 2]
-    sizes = [(len(one.contour.points), len(one.contour.cells)) for one in drawn]
-    arrays = [a for one in drawn for a in (one.contour.points, one.contour.cells, *(one.mesh or ()))]
+    cost = PICTURE[len(step.contours[0].shape) or 2]
+    sizes = [(len(one.points), len(one.cells)) for each in drawn for one in each.contours]
+    arrays = [a for each in drawn for one in each.contours for a in (one.points, one.cells)]
     held = sum(array.nbytes for array in arrays)
-    # three sides for each cell or simplex
-    held += sum(MESH * max(len(one.mesh[1]), len(one.contour.cells)) for one in drawn if one.mesh is not None)
+    for each in drawn:
+        for one, mesh in zip(each.contours, each.meshes, strict=False):
+            # three sides for each cell or simplex
+            held += sum(array.nbytes for array in mesh) + MESH * max(len(mesh[1]), len(one.cells))
     held += sum(cost.after(*size) for size in sizes) + max(cost.peak(*size) for size in sizes)
     if decoder is None:
         Budget((limits or Limits()).memory).check(held)
@@ -247,6 +259,8 @@ class Panels:
         Largest number of panels.
     promised : sequence of int
         Numbers, from 1, of the layers that complete a promise.
+    isovalues : sequence of int
+        Numbers of the isovalues of the layers; they are of one if not given.
 
     Attributes
     ----------
@@ -254,21 +268,46 @@ class Panels:
         Numbers of the layers after which to draw, as far as they are already known.
     """
 
-    def __init__(self, kinds: Sequence[str], steps: int, promised: Sequence[int] = ()) -> None:
+    def __init__(
+        self, kinds: Sequence[str], steps: int, promised: Sequence[int] = (), isovalues: Sequence[int] = ()
+    ) -> None:
         self._kinds, self._steps, self._promised = [*kinds], steps, promised
+        self._runs = runs_of(isovalues)
         self._seen = False
         self.chosen: list[int] = []
 
     def draws(self, layer: int, seen: Callable[[], bool]) -> bool:
         """Whether to draw after this layer (always after the last); ``seen`` checks if any of the curve is visible."""
         if not self._seen:
-            before = layer - 1
-            promised = [number - before for number in self._promised if number > before]
-            self.chosen = [before + number for number in shown(self._kinds[before:], self._steps, promised)]
+            self.chosen = self._from(layer) if len(self._runs) < 2 else self._over()
         if layer not in self.chosen:
             return False
         self._seen = self._seen or layer >= len(self._kinds) or seen()
         return self._seen
+
+    def _from(self, layer: int) -> list[int]:
+        """Layers of one isovalue, starting with this one."""
+        before = layer - 1
+        promised = [number - before for number in self._promised if number > before]
+        return [before + number for number in shown(self._kinds[before:], self._steps, promised)]
+
+    def _over(self) -> list[int]:
+        """Layers spread over several isovalues: ends of these, or some layers of each if there are fewer than steps."""
+        runs, count = self._runs, len(self._runs)
+        if count >= self._steps:
+            return [runs[-(-count * k // self._steps) - 1][-1] for k in range(1, self._steps + 1)]
+        each = self._steps // count
+        chosen = []
+        for run in runs:
+            before = run[0] - 1
+            promised = [number - before for number in self._promised if number in run]
+            chosen += [before + number for number in shown(self._kinds[before : run[-1]], each, promised)]
+        return chosen
+
+
+def runs_of(isovalues: Sequence[int]) -> list[list[int]]:
+    """Numbers, from 1, of layers of the same isovalue, in the order of the file."""
+    return [[number for number, _ in run] for _, run in groupby(enumerate(isovalues, 1), lambda pair: pair[1])]
 
 
 def shown(kinds: list[str], steps: int, promised: Sequence[int] = ()) -> list[int]:

@@ -160,7 +160,8 @@ def _promise(error: float | str | None, tolerance: float | str | None, contours:
     """The note of a promise, with the distance as it was asked for."""
     given = error if error is not None else tolerance
     text = given.replace(" ", "") if isinstance(given, str) else f"{given:.12g}"
-    return text + (AT + " ".join(f"{float(value):.17g}" for value in contours) if contours is not None else "")
+    values = [repr(float(value)).removesuffix(".0") for value in contours or ()]
+    return text + (AT + " ".join(values) if contours is not None else "")
 
 
 def _numbers(

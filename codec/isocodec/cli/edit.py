@@ -64,12 +64,9 @@ def edit_command(options: EditArguments) -> None:
     file, only the bytes of that window are read, from disk or from a URL.
 
     To crop, merge or re-encode curves, the mesh of IN.iso must reach every sample (the full grid). It may not do so if
-    the file was made with encode --layers CRITERION, or with a (last) distance of 0.1 or more. The distances that
-    OUT.iso guarantees are relative to the curves of IN.iso; add the distance of those curves from the field's.
-
-    To encode curves again, merge them or cut a window out, IN.iso must hold the full grid. Files made with a criterion,
-    or with a (last) tolerance of 0.1 or more, may not. With --precision, OUT.iso promises that distance on top of what
-    IN.iso promises, and nothing where that promises nothing; a window promises nothing.
+    the file was made with encode --layers CRITERION, or with a (last) distance of 0.1 or more. With --precision,
+    OUT.iso promises that distance on top of what IN.iso promises, and nothing where that promises nothing; a window
+    promises nothing.
     """
     from ..api.export import counted as inspected
     from ..api.isofile import open

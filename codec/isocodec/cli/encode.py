@@ -228,6 +228,13 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         return self.to is not None or is_converted(self.output)
 
     @property
+    def surface_layers(self) -> int:
+        """Number of layers of a surface."""
+        if not (self.layers or "1").isdecimal() or int(self.layers or 1) < 1:
+            raise click.UsageError(f"--layers {self.layers}: of a surface, give the number of layers")
+        return int(self.layers or 1)
+
+    @property
     def plan(self) -> Path | None:
         """The file that lists the layers."""
         return None if self.layers is None or CRITERION.fullmatch(self.layers) else Path(self.layers)
@@ -353,7 +360,7 @@ def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
         warn(options.source, remark)
     with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
         if options.surface:
-            tin = options.thinned(given, options.isovalues, int(options.layers or 1), None, progress)
+            tin = options.thinned(given, options.isovalues, options.surface_layers, None, progress)
             data = encode(tin, **keywords)
         else:
             with own_warnings(options.source):

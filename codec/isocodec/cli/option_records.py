@@ -152,6 +152,22 @@ class Grouped(click.Command):
         self.help = self.text()
         super().format_help_text(ctx, formatter)
 
+    def make_parser(self, ctx: click.Context) -> Any:
+        """Warn if an option that is not repeatable is given twice: only the last one counts."""
+        parser = super().make_parser(ctx)
+        parse = parser.parse_args
+
+        def parsed(args: list[str]) -> Any:
+            found = parse(args=args)
+            for each in {id(one): one for one in found[2]}.values():
+                repeats = sum(one is each for one in found[2]) > 1
+                if repeats and isinstance(each, click.Option) and not (each.multiple or each.is_flag):
+                    click.echo(f"isocodec: warning: {each.opts[0]} is given twice; the last one counts", err=True)
+            return found
+
+        parser.parse_args = parsed  # type: ignore[method-assign]
+        return parser
+
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """One block for each heading; `--help` goes to the last."""
         blocks: dict[str, list[tuple[str, str]]] = {}

@@ -39,7 +39,7 @@ class PlotArguments(Writing, Viewing, Reading):
 
     source: str = argument("INPUT")
     isovalue: Any = option("--isovalue", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="V",
-                           help="Isovalue to draw; repeatable with --map.  [default: the first; on a map, all]")
+                           help="Isovalue to draw alone; repeatable with --map.  [default: all]")
     steps: int = option("--steps", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="N",
                         help="Number of steps.")
     draw_mesh: bool = option("--draw-mesh", heading=DRAWING, is_flag=True,
@@ -95,9 +95,10 @@ class PlotArguments(Writing, Viewing, Reading):
 def plot_command(options: PlotArguments) -> None:
     """Draw prefixes of INPUT, an .iso file, from its first layer to all of it ({pictures}).
 
-    The steps are those of encode --precision 4,1,.., if the file was made with them; otherwise, or if those outnumber
-    --steps, the steps are spread evenly over the layers, starting with the first one that shows any of the curve. If
-    the file ends in the middle of a layer, the last step shows as much of that layer as there is.
+    All isovalues are drawn, coloured by value, and the steps are spread over them. The steps of one isovalue are those
+    of encode --precision 4,1,.., if the file was made with them; otherwise, or if those outnumber --steps, they are
+    spread evenly over the layers, starting with the first one that shows any of the curve. If the file ends in the
+    middle of a layer, the last step shows as much of that layer as there is.
 
     With --map, INPUT may also be any field with two axes that encode reads. Its lines are those of encode --precision
     0.005, drawn over a shaded relief. The map shows world coordinates, the reference system and a scale bar, as far as

@@ -35,11 +35,8 @@ def verify_command(options: VerifyArguments) -> None:
     """Decode IN.iso and measure its distance from the contour of FIELD, in both directions.
 
     Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or if the distance exceeds --within or,
-    without it, the promise (guaranteed distance) that IN.iso records (see info). A tiled file records no promise; the
-    curve joined from all tiles is measured.
-
-    Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or what is promised does not hold: by
-    IN.iso (see info), or --within. Where nothing is promised, the distances are measured and not judged.
+    without it, what IN.iso promises (see info). Where nothing is promised, the distances are measured and not judged.
+    Of a tiled file the curve joined from all tiles is measured.
     """
     file = opened(options.source, options.limits)
     field = options.read(options.field)

@@ -88,7 +88,7 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
         precision = in_cells(precision, field.placement, notes, options.metadata, field.shape, gone)
     if field.labels is not None:
         options = _of_labels(field, replace(options, precision=precision))
-        notes[LABELS] = " ".join(f"{isovalue_of(label):.17g}" for label in field.labels)
+        notes[LABELS] = " ".join(repr(isovalue_of(label)).removesuffix(".0") for label in field.labels)
     return replace(options, precision=precision, metadata=notes)
 
 

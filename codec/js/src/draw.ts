@@ -18,6 +18,8 @@ export interface Drawing {
   cells: Uint32Array<ArrayBuffer>;
   /** Whether the mesh is the full grid. */
   full: boolean;
+  /** Of a surface of points, whether the first two coordinates of these are indices of samples. */
+  sampled?: boolean;
   /** Pairs of points, behind the end of a periodic axis and at its beginning, that are one point of a mapped grid (9.9(4)). */
   seam?: Uint32Array;
   /** If they were asked for, the ends of the edges that points lie on, `2*n` numbers each; -1 of points that lie on none. */

@@ -27,9 +27,12 @@ export type Request =
   | ({ type: "show"; id: number } & View)
   | { type: "next"; id: number };
 
-/** What is to be drawn: of a series the last frame there is, unless one is told; in world coordinates, if the file has some. */
+/**
+ * What is to be drawn: all isovalues, or one by its number; of a series the last frame there is, unless one is chosen; in world
+ * coordinates, if the file has some.
+ */
 export interface View {
-  isovalue: number;
+  isovalue: number | undefined;
   frame: number | undefined;
   world: boolean;
 }
@@ -37,15 +40,24 @@ export interface View {
 /** What the worker answers. */
 export type Answer =
   | { type: "events"; id: number; events: PlainEvent[]; header: Header | undefined; total: number | undefined }
-  | { type: "drawing"; id: number; isovalue: number; frame: number; frames: number; bytes: number; layers: number;
-      final: boolean; drawing: Drawing;
+  | { type: "drawing"; id: number; frame: number; frames: number; bytes: number; layers: number; final: boolean;
+      /** Those that have changed, by the number of their isovalue. */
+      drawings: Drawn[];
+      /** Whether what was drawn before goes: it was of another view. */
+      fresh: boolean;
       /** Whether points are in world coordinates. */
       world: boolean;
-      /** Points of the whole domain, `d` numbers each, that show where it lies. */
+      /** Points of the whole domain, as many numbers each as those of the drawings, that show where it lies. */
       box: Float64Array }
   /** The file is in tiles, which `isocodec/tiles` reads; its bytes, if they came with the request. */
   | { type: "tiles"; id: number; bytes: Uint8Array | undefined }
   | { type: "failed"; id: number; message: string };
+
+/** The drawing of an isovalue. */
+export interface Drawn {
+  isovalue: number;
+  drawing: Drawing;
+}
 
 /** Events as they can be sent: an error as its words. */
 export type PlainEvent = Exclude<IsoEvent, { type: "error" }> |
@@ -61,7 +73,11 @@ const LARGE = 1 << 18;
 
 class Job {
   decoder: Decoder;
-  private view: View = { isovalue: 0, frame: undefined, world: false };
+  private view: View = { isovalue: undefined, frame: undefined, world: false };
+  /** The view that was drawn last; of each of its isovalues how much of the file it was drawn from; where its points lie. */
+  private shown = "";
+  private readonly drawn: number[] = [];
+  private reach: Reach | undefined;
   private ready = true;
   private stale = false;
   private done = false;
@@ -160,20 +176,54 @@ class Job {
     const { decoder, view } = this;
     if (!this.ready || !this.stale || !(decoder.contours.length || decoder.domain)) return;
     const frames = decoder.frames.length, frame = Math.min(view.frame ?? Infinity, frames - 1), { where } = this;
-    const isovalue = Math.max(0, Math.min(view.isovalue, decoder.frames[frame]!.length - 1)), drawn = draw(decoder, isovalue, frame);
-    const drawing = where ? place(drawn, where) : drawn, box = boxOf(decoder, drawing, where);
+    const shown = JSON.stringify([view.isovalue, frame, where !== undefined]), fresh = shown !== this.shown;
+    if (fresh) {
+      this.shown = shown;
+      this.drawn.length = 0;
+      this.reach = undefined;
+    }
+    const drawings = this.changed(frame, where), box = boxOf(decoder, where, this.reach);
     this.ready = this.stale = false;
     scope.postMessage({
-      type: "drawing", id: this.id, isovalue, frame, frames, bytes: this.bytes, layers: decoder.layers, final: this.done,
-      world: where !== undefined, drawing, box,
-    }, [drawing.points.buffer, drawing.cells.buffer, box.buffer]);
+      type: "drawing", id: this.id, frame, frames, bytes: this.bytes, layers: decoder.layers, final: this.done, drawings, fresh,
+      world: where !== undefined, box,
+    }, [...drawings.flatMap(({ drawing: { points, cells } }) => [points.buffer, cells.buffer]), box.buffer]);
+  }
+
+  /** Drawings of the isovalues that are wanted and have changed since they were drawn; a surface of points has no isovalue. */
+  private changed(frame: number, where: Where | undefined): Drawn[] {
+    const { decoder, view, drawn } = this, count = Math.max(1, decoder.frames[frame]!.length), last = frame === decoder.frames.length - 1;
+    const alone = view.isovalue === undefined ? undefined : Math.max(0, Math.min(view.isovalue, count - 1)), found: Drawn[] = [];
+    for (let isovalue = alone ?? 0; isovalue <= (alone ?? count - 1); isovalue++) {
+      // an isovalue is complete as soon as another begins
+      const from = this.done || !last || isovalue < count - 1 ? Infinity : this.bytes;
+      if (drawn[isovalue] === from) continue;
+      drawn[isovalue] = from;
+      const flat = draw(decoder, isovalue, frame), drawing = where ? place(flat, where) : flat;
+      if (decoder.header!.explicit) this.reach = reached(this.reach, drawing);
+      found.push({ isovalue, drawing });
+    }
+    return found;
   }
 }
 
-/** Points of the grid, at its corners and some between; of an explicit domain those of the drawing. */
-function boxOf({ header }: Decoder, drawing: Drawing, where: Where | undefined): Float64Array<ArrayBuffer> {
-  const { n } = drawing, shape = header!.shape, steps = where ? 8 : 1, points: number[] = [];
-  if (header!.explicit) return Float64Array.from(drawing.points);
+/** Least and largest coordinates of points. */
+type Reach = [low: number[], high: number[]];
+
+function reached(reach: Reach | undefined, { d, points }: Drawing): Reach | undefined {
+  if (!points.length) return reach;
+  const [low, high] = reach ?? [Array.from<number>({ length: d }).fill(Infinity), Array.from<number>({ length: d }).fill(-Infinity)];
+  points.forEach((x, i) => {
+    low[i % d] = Math.min(low[i % d]!, x);
+    high[i % d] = Math.max(high[i % d]!, x);
+  });
+  return [low, high];
+}
+
+/** Points of the grid, at its corners and some between; of an explicit domain the ends of what is drawn. */
+function boxOf({ header }: Decoder, where: Where | undefined, reach: Reach | undefined): Float64Array<ArrayBuffer> {
+  const { n, shape } = header!, steps = where ? 8 : 1, points: number[] = [];
+  if (header!.explicit) return Float64Array.from(reach?.flat() ?? []);
   for (let i = 0; i < (steps + 1) ** n; i++)
     for (let a = 0, rest = i; a < n; a++, rest = Math.floor(rest / (steps + 1)))
       points.push(((shape[a]! - 1) * (rest % (steps + 1))) / steps);

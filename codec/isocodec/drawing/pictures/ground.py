@@ -72,7 +72,8 @@ def ground_of(contour: Curve) -> Ground:
     if placement is None or not placement.placed:
         return Ground()
     text = short_name(placement.crs or "")
-    bare = Ground(text or "reference system not stated", ("x", "y"), True, unit="")
+    unit = (placement.unit or "").split(" ")[0] or "units of x"
+    bare = Ground(text or "reference system not stated", ("x", "y"), True, unit=unit)
     if not is_named(placement):
         return bare
     pyproj = optional("pyproj", extra="geo", purpose=f"a map in {text}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import IsoError, MissingExtraError
 from ..curve import Curve
+from .colours import places_of
 from .picture import contour_picture
 
 MOST_POINTS = 50_000
@@ -55,10 +56,11 @@ def _paths(contours: Sequence[Curve]) -> str:
     scale = _SIDE / size.max()
     width, height = np.maximum(np.rint(size * scale), 1).astype(int)
     paths = []
+    places = places_of([contour.isovalue for contour in contours])
     for number, contour in enumerate(contours):
         turned = [line[:, ::-1] if shape else line * (1, -1) for line in contour.lines]
         text = "".join("M" + " ".join(f"{x:.4g},{y:.4g}" for x, y in (line - low) * scale) for line in turned)
-        colour = f"hsl({270 - 210 * number // max(len(contours) - 1, 1)},60%,45%)"
+        colour = f"hsl({270 - 210 * places[number]:.0f},60%,45%)"
         title = f"<title>{contour.isovalue:g}</title>"
         paths.append(f'<path d="{text}" fill="none" stroke="{colour}">{title}</path>')
     box = f'width="{width}" height="{height}" viewBox="0 0 {width} {height}"'

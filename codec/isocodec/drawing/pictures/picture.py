@@ -16,17 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import OptionError
+from ...errors import OptionError, one_line
 from ...extras import optional
+from ...field.sampled import UNIT
 from ..curve import Curve
-from .shading import shade
+from .colours import colours_of
+from .shading import SURFACE, Solid, shade
 from .view import USUAL, View, proportions, upright
 
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 _DPI = 150
 _INK = (0.10, 0.25, 0.45)
-_INKS = "viridis"
 _NAMED = 12
 """Largest number of isovalues that a legend lists."""
 # Panels in one row; further ones go to the next row.
@@ -35,16 +36,16 @@ _COLUMNS = 6
 
 @dataclass(frozen=True)
 class Step:
-    """A prefix of a file: its contour, its size, and the size of the whole file.
+    """A prefix of a file: contours of the isovalues it holds, its size, and the size of the whole file.
 
-    ``mesh``, if it is to be drawn, holds the vertices of the crossed simplices, and the simplices as rows of indices;
-    ``within`` is the distance that the file guarantees.
+    ``meshes``, if they are to be drawn, hold for each contour the vertices of the crossed simplices, and the simplices
+    as rows of indices; ``within`` is the distance that the file guarantees.
     """
 
-    contour: Curve
+    contours: Sequence[Curve]
     bytes: int
     total: int
-    mesh: tuple[np.ndarray, np.ndarray] | None = None
+    meshes: Sequence[tuple[np.ndarray, np.ndarray]] = ()
     within: float | None = None
 
 
@@ -63,56 +64,77 @@ def contour_picture(contours: Collection[Curve], suffix: str = ".png", view: Vie
     each = iter(contours)
     first = next(each)
     count = len(contours)
-    if count > 1 and len(first.shape) == 2:
-        return _file(_curves_figure(chain([first], each)), suffix)
+    if count > 1 and (len(first.shape) == 2 or _flat(first)):
+        return _file(_curves_figure(chain([first], each), count), suffix)
     width, height = _panel_size(first, 6.0)
     columns = math.ceil(math.sqrt(count))
     rows = -(-count // columns)
     figure = _figure((width, height * rows / columns))
     for number, contour in enumerate(chain([first], each), start=1):
         axes = figure.add_subplot(rows, columns, number)
-        _draw(axes, contour, 6 * _DPI // columns, view)
+        _draw(axes, [contour], [_INK], 6 * _DPI // columns, view)
         axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
         del contour
     return _file(figure, suffix)
 
 
-def _curves_figure(contours: Iterable[Curve]) -> Any:
+def _curves_figure(contours: Iterable[Curve], count: int) -> Any:
     """Draw curves of several isovalues in one picture, each in a colour."""
-    cm = optional("matplotlib.cm", extra="plot", purpose="drawing a picture")
     isovalues: list[float] = []
     figure: Any = None
     axes: Any = None
+    unit = ""
     for contour in contours:
         if figure is None:
             width, height = _panel_size(contour, 6.0)
             figure = _figure((width + 1.0, height))  # room for what names the colours
             axes = figure.add_subplot()
-        _draw_curve(axes, contour)
+            unit = _unit(contour)
+        _draw_curve(axes, contour, _INK, count)
         isovalues.append(contour.isovalue)
         del contour
-    lines = list(axes.collections)
-    colours = cm.ScalarMappable(cmap=_INKS)
-    low, high = min(isovalues), max(isovalues)
-    colours.set_clim(low, high + (high - low) / 8)  # without the palest, on white
-    for line, isovalue in zip(lines, isovalues, strict=True):
-        line.set_color(colours.to_rgba(isovalue))
-    if len(lines) > _NAMED:
-        bar = figure.colorbar(colours, ax=axes, label="isovalue").ax
-        bar.set_ylim(low, high)
-        bar.tick_params(labelsize=7)
-        return figure
-    down = sorted(range(len(lines)), key=lambda i: -isovalues[i])
-    names = [f"{isovalues[i]:g}" for i in down]
-    figure.legend([lines[i] for i in down], names, loc="outside right upper", fontsize=7, title="isovalue",
-                  title_fontsize=7)
+    colours = colours_of(isovalues)
+    for line, colour in zip(axes.collections, colours, strict=True):
+        line.set_color(colour)
+    _name_colours(figure, [axes], isovalues, colours, unit)
     return figure
 
 
-def steps_picture(steps: Sequence[Step], suffix: str = ".png", view: View = USUAL) -> bytes:
+def _unit(contour: Curve) -> str:
+    unit = contour.metadata.get(UNIT, "")
+    return f" ({one_line(unit, 20)})" if unit else ""
+
+
+def _name_colours(figure: Any, axes: list[Any], isovalues: Sequence[float], colours: NDArray[np.float64],
+                  unit: str) -> None:
+    """Name the colours of isovalues beside the axes: each, or if there are many, some on a scale of all."""
+    order = np.argsort(isovalues, kind="stable")
+    names = [f"{isovalues[i]:.10g}" for i in order]
+    if len(isovalues) <= _NAMED:
+        lines = optional("matplotlib.lines", extra="plot", purpose="drawing a picture")
+        handles = [lines.Line2D([], [], color=colours[i], linewidth=2) for i in order[::-1]]
+        figure.legend(handles, names[::-1], loc="outside right upper", fontsize=7, title=f"isovalue{unit}",
+                      title_fontsize=7)
+        return
+    cm = optional("matplotlib.cm", extra="plot", purpose="drawing a picture")
+    colors = optional("matplotlib.colors", extra="plot", purpose="drawing a picture")
+    # a field of the scale for each isovalue, named in its middle
+    norm = colors.BoundaryNorm(np.arange(len(order) + 1), len(order))
+    scale = cm.ScalarMappable(norm, colors.ListedColormap(colours[order]))
+    shown = range(0, len(order), -(-len(order) // 20))
+    bar = figure.colorbar(scale, ax=axes, ticks=[i + 0.5 for i in shown], spacing="uniform", pad=0.01, fraction=0.05)
+    bar.set_label(f"isovalue{unit}", fontsize=7)
+    bar.ax.set_yticklabels([names[i] for i in shown])
+    bar.ax.tick_params(labelsize=7, length=2)
+    bar.ax.minorticks_off()
+
+
+def steps_picture(
+    steps: Sequence[Step], suffix: str = ".png", view: View = USUAL, isovalues: Sequence[float] = ()
+) -> bytes:
     """Make a picture of several prefixes side by side, each titled with its size and its share of the file.
 
-    ``view`` applies to surfaces.
+    ``view`` applies to surfaces; ``isovalues`` are all that the file holds, which decide on colours.
 
     Raises
     ------
@@ -124,18 +146,26 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png", view: View = USUA
     columns = min(len(steps), _COLUMNS)
     rows = -(-len(steps) // columns)
     side = 2.6
-    width, height = _panel_size(steps[0].contour, side)
-    title = 0.45
-    figure = _figure((columns * width, rows * (height + title)))
+    width, height = _panel_size(steps[-1].contours[0], side)
+    several = len(isovalues) > 1
+    figure = _figure((columns * width + 0.9 * several, rows * max(height + 0.45, 2.5 * (len(isovalues) > _NAMED))))
+    inks = colours_of(isovalues, solid=len(steps[-1].contours[0].shape) == 3) if several else np.array([_INK])
+    panels = []
     for number, step in enumerate(steps, start=1):
         axes = figure.add_subplot(rows, columns, number)
-        if step.mesh is not None:
-            _draw_mesh(axes, step.contour, *step.mesh, view)
-        _draw(axes, step.contour, round(side * _DPI), view)
+        for contour, mesh in zip(step.contours, step.meshes, strict=False):
+            _draw_mesh(axes, contour, *mesh, view)
+        own = [inks[isovalues.index(one.isovalue) if several else 0] for one in step.contours]
+        _draw(axes, step.contours, own, round(side * _DPI), view, several)
         axes.set_xticks([])
         axes.set_yticks([])
-        promise = "" if step.within is None else f", within {step.within:g}"
-        axes.set_title(f"{step.bytes:,} bytes{promise}\n{step.bytes / step.total:.1%} of the file", fontsize=7)
+        more = "" if step.within is None else f", within {step.within:g}"
+        held = len(step.contours)
+        more += f", {held} isovalue{'s' * (held > 1)}" * several
+        axes.set_title(f"{step.bytes:,} bytes{more}\n{step.bytes / step.total:.1%} of the file", fontsize=7)
+        panels.append(axes)
+    if several:
+        _name_colours(figure, panels, isovalues, inks, _unit(steps[-1].contours[0]))
     return _file(figure, suffix)
 
 
@@ -197,11 +227,16 @@ def _flat(contour: Curve) -> bool:
     return not contour.shape and contour.points.shape[1] == 2
 
 
-def _draw(axes: Any, contour: Curve, pixels: int, view: View) -> None:
+def _draw(
+    axes: Any, contours: Sequence[Curve], inks: Sequence[Any], pixels: int, view: View, several: bool = False
+) -> None:
+    """Draw contours of one field, each in its ink; surfaces in theirs only if there are several."""
+    contour = contours[0]
     if _flat(contour) or len(contour.shape) == 2:
-        _draw_curve(axes, contour)
+        for one, ink in zip(contours, inks, strict=True):
+            _draw_curve(axes, one, ink, len(contours))
     elif len(contour.shape) == 3:
-        _draw_surface(axes, contour, pixels, view)
+        _draw_surfaces(axes, contours, inks if several else [SURFACE], pixels, view)
     else:
         what = f"a field with {len(contour.shape)} axes" if contour.shape else "a curve or surface on a mesh in space"
         raise OptionError(f"{what} cannot be drawn", code="dimension", remedy="decode it to PLY or STL")
@@ -229,11 +264,13 @@ def _draw_mesh(
     )
 
 
-def _draw_curve(axes: Any, contour: Curve) -> None:
+def _draw_curve(axes: Any, contour: Curve, ink: Any, count: int = 1) -> None:
+    """Draw a curve, one of ``count``."""
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     turned = 1 if _flat(contour) else -1
     lines = [np.asarray(line)[:, ::turned] for line in contour.lines]
-    axes.add_collection(collections.LineCollection(lines, colors=[_INK], linewidths=0.7, capstyle="round"))
+    width = 0.45 if count > _NAMED else 0.7
+    axes.add_collection(collections.LineCollection(lines, colors=[ink], linewidths=width, capstyle="round"))
     if _flat(contour):
         axes.autoscale()
         axes.set_aspect("equal")
@@ -248,14 +285,20 @@ def _draw_curve(axes: Any, contour: Curve) -> None:
     axes.tick_params(labelsize=7)
 
 
-def _draw_surface(axes: Any, contour: Curve, pixels: int, view: View) -> None:
-    """Draw the surface as a separate image, since matplotlib sorts whole triangles, which is visible in folds."""
-    world = upright(contour)
-    flat = _box(contour) @ world.T @ view.screen
+def _draw_surfaces(axes: Any, contours: Sequence[Curve], inks: Sequence[Any], pixels: int, view: View) -> None:
+    """Draw surfaces as a separate image, since matplotlib sorts whole triangles, which is visible in folds.
+
+    The innermost one is opaque, those around it are seen through.
+    """
+    world = upright(contours[0])
+    flat = _box(contours[0]) @ world.T @ view.screen
     low, high = flat.min(axis=0), flat.max(axis=0)
     scale = float((high - low).max()) or 1.0
     centre = (low + high) / 2
-    image = shade(contour.points @ world.T, contour.cells, view, centre, scale, pixels)
+    sizes = {i: np.ptp(one.points, axis=0).sum() for i, one in enumerate(contours) if len(one.cells)}
+    order = sorted(sizes, key=lambda i: sizes[i])
+    solids = [Solid(contours[i].points @ world.T, contours[i].cells, np.asarray(inks[i])) for i in order]
+    image = shade(solids, view, centre, scale, pixels)
     half = scale / 2
     for a, b in zip(*_box_edges(), strict=True):
         line = flat[[a, b]] - centre

@@ -30,6 +30,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ...errors import InputError, IsoError, LimitError, MissingExtraError, one_line
+from ...extras import remedy_of
 from ...field.placement import Placement
 from ...field.sampled import Field
 from ...limits import TIMEOUT, patience
@@ -70,7 +71,7 @@ class ReadingProcess:
         if find_spec(library.partition(".")[0]) is None:
             raise MissingExtraError(
                 f"reading {source.path.suffix} needs {library}", code="missing-extra",
-                remedy=f"pip install 'isocodec[{extra}]'",
+                remedy=remedy_of(extra),
             )
         self._library, self._size, self._late = library, _size_of(source.path), False
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115  # closed in __exit__

@@ -217,7 +217,7 @@ export class Surface {
   }
 
   /** Points with their values, three numbers each, and triangles (10.9.6). */
-  draw(): Pick<Drawing, "points" | "cells"> {
+  draw(): Pick<Drawing, "points" | "cells" | "sampled"> {
     const { points: { x, y }, number, there, head } = this, ids = new Map<number, number>();
     const at = new Float64Array(3 * there.length), scattered = head?.scattered;
     there.forEach((p, i) => {
@@ -225,6 +225,6 @@ export class Surface {
       const place = [x[p]!, y[p]!].map((q, a) => (scattered ? power(q + scattered[a + 1]!, scattered[0]) : q));
       at.set([...place, head!.offset + (head!.palette?.[number[p]!] ?? number[p]!) * head!.step], 3 * i);
     });
-    return { points: at, cells: Uint32Array.from(this.triangles?.corners ?? [], (p) => ids.get(p)!) };
+    return { points: at, sampled: !scattered, cells: Uint32Array.from(this.triangles?.corners ?? [], (p) => ids.get(p)!) };
   }
 }
