@@ -171,7 +171,7 @@ def samples(field: Field) -> tuple[np.ndarray, np.ndarray]:
     index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).astype(float)
     places = field.placement.place(index.reshape(-1, len(shape))).reshape(*shape, -1)
     order = (*reversed(range(len(shape))), len(shape))
-    return places.transpose(order).reshape(-1, len(shape)), field.values.T.ravel()
+    return places.transpose(order).reshape(-1, places.shape[-1]), field.values.T.ravel()
 
 
 @pytest.mark.parametrize("asked", ASKED)
@@ -194,7 +194,7 @@ def test_grids(grid: str, form: str, asked: str, flat: bool, tmp_path: Path) -> 
     found, numbers = samples(field)
     if grid == "image" and form == "xdmf":
         found = found - found[0]
-    assert np.allclose(found, places[:, :n], atol=1e-6) and np.allclose(numbers, values, rtol=2e-5)
+    assert np.allclose(found, places[:, : found.shape[1]], atol=1e-6) and np.allclose(numbers, values, rtol=2e-5)
 
 
 # ---- meshes ---------------------------------------------------------------------------------------------------------

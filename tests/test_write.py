@@ -114,7 +114,7 @@ def test_empty_contours_are_valid_files() -> None:
 
 @pytest.mark.parametrize(
     ("contour", "suffix", "fitting"),
-    [(CURVE, ".stl", ".npz, .png, .svg, .geojson, .gpkg"), (SURFACE, ".svg", ".npz, .png, .dxf, .vtp, .ply")],
+    [(CURVE, ".stl", ".npz, .png, .svg, .geojson, .gpkg"), (SURFACE, ".svg", ".npz, .png, .dxf, .vtp, .vtu, .ply")],
 )
 def test_formats_of_the_other_dimension(tmp_path: Path, contour: Contour, suffix: str, fitting: str) -> None:
     with pytest.raises(OptionError, match=f"cannot hold a (curve|surface).*one of {fitting}"):

@@ -61,6 +61,9 @@ _SINGLE = dict.fromkeys((
 ), "1")
 """Each thread takes memory, and files are read by one."""
 
+_HARMLESS = re.compile(r"XDMF Error in \S+ line \d+ \(Unknown Attribute Type None\)")
+"""Complaints of VTK about what VTK has written."""
+
 
 class ReadingProcess:
     """A process that reads one file with a library, which an extra of this package brings; a context manager."""
@@ -143,7 +146,7 @@ class ReadingProcess:
         text = self._complaints.read(_OUTPUT).decode("utf-8", "replace").strip()
         self._complaints.seek(0)
         self._complaints.truncate()
-        return text
+        return _HARMLESS.sub("", text).strip()
 
     def _ended(self) -> IsoError:
         """The error for the process' end."""
