@@ -197,6 +197,17 @@ def test_grids(grid: str, form: str, asked: str, flat: bool, tmp_path: Path) -> 
     assert np.allclose(found, places[:, : found.shape[1]], atol=1e-6) and np.allclose(numbers, values, rtol=2e-5)
 
 
+def test_a_collection_with_a_folder_of_its_name(tmp_path: Path) -> None:
+    """As PyVista and ParaView write it; a link in its place is not followed."""
+    data = image()
+    pv.MultiBlock({"one": data}).save(tmp_path / "b.vtm")
+    assert np.array_equal(isocodec.read(tmp_path / "b.vtm", key="p").values, isocodec.read(data, key="p").values)
+    (tmp_path / "b").rename(tmp_path / "c")
+    (tmp_path / "b").symlink_to("c")
+    with pytest.raises(InputError, match="links to another directory"):
+        isocodec.read(tmp_path / "b.vtm", key="p")
+
+
 # ---- meshes ---------------------------------------------------------------------------------------------------------
 
 

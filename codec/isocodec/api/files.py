@@ -473,8 +473,8 @@ def _reaching(drawn: Contour | Tessellation, window: Sequence[Sequence[float]]) 
     """Find the cells that reach into a window."""
     bounds = ends_of(window, drawn.points.shape[1])
     corners = drawn.points[drawn.cells]
-    inside: NDArray[np.bool_] = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
-    return inside.all(axis=1)
+    inside = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
+    return np.asarray(inside.all(axis=1))
 
 
 def frames_of(
