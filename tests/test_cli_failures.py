@@ -244,7 +244,7 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
     """Under headings, in one column, on 80 lines of 80 characters."""
     monkeypatch.setenv("COLUMNS", "80")
     lines = ok("encode", "--help").splitlines()
-    assert len(lines) <= 110 and max(map(len, lines)) <= 80
+    assert len(lines) <= 130 and max(map(len, lines)) <= 80
     headings = [line.split("(")[0].strip(" :") for line in lines[1:] if line.endswith(":") and not line.startswith(" ")]
     assert headings == [heading for heading in HEADINGS if heading in headings] and len(headings) == 9
 

@@ -127,9 +127,12 @@ def test_what_files_say(tmp_path: Path) -> None:
 
 def test_tolerance_with_a_unit(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", grids.polar()[0])
-    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--precision", "15 m")
-    far = (tmp_path / "a.iso").read_bytes()
-    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--precision", "0.5")
-    assert far == (tmp_path / "a.iso").read_bytes()
+    placed = ("--spacing", "30,20", "--crs", "EPSG:32631")
+    contour, _ = encoded(tmp_path / "a.npy", 0.05, *placed, "--precision", "15 m")
+    half, _ = encoded(tmp_path / "a.npy", 0.05, *placed, "--precision", "0.75")
+    assert len(contour.points) >= len(half.points)
+    unknown = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, *placed[:2],
+                  "--precision", "15m")
+    assert unknown.exit_code == 2 and "needs the unit of the coordinates" in unknown.stderr
     nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--precision", "15m")
-    assert nowhere.exit_code == 2 and "15m needs a field that states where its samples lie" in nowhere.stderr
+    assert nowhere.exit_code == 2 and "15m needs a field with a placement in the world" in nowhere.stderr

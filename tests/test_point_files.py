@@ -161,7 +161,7 @@ def test_vertices_that_no_cell_has() -> None:
     for stored in ("known", "coded", "whole"):
         mesh = Mesh(points, cells, values, stored=stored)
         file = isocodec.open(isocodec.encode(mesh, 0.5), mesh=(points, cells) if stored == "known" else None)
-        assert len(file.contour().cells) == 1 and file.verify(mesh)[0].kept
+        assert len(file.contour().cells) == 1 and file.verify(mesh, within=0.05)[0].kept
     with pytest.raises(InputError, match="missing"):
         isocodec.encode(Mesh(points, cells, values[::-1]), 0.5)
 

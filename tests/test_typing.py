@@ -89,7 +89,7 @@ isocodec.decode(data, layers="all")  # layers
 isocodec.decode(data, smooth=2.5)  # smooth
 isocodec.open(data).edited(layer=2)  # layer
 isocodec.open(data).contours(layer=2)  # layer
-isocodec.open(data).verify(field, within="a")  # within
+isocodec.open(data).verify(field, within=[3])  # within
 isocodec.verify(data, field)  # verify
 contour.areas(abov=True)  # abov
 isocodec.encod(field, 1.0)  # encod

@@ -171,7 +171,7 @@ def samples(field: Field) -> tuple[np.ndarray, np.ndarray]:
     index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).astype(float)
     places = field.placement.place(index.reshape(-1, len(shape))).reshape(*shape, -1)
     order = (*reversed(range(len(shape))), len(shape))
-    return places.transpose(order).reshape(-1, len(shape)), field.values.T.ravel()
+    return places.transpose(order).reshape(-1, places.shape[-1]), field.values.T.ravel()
 
 
 @pytest.mark.parametrize("asked", ASKED)
@@ -194,7 +194,18 @@ def test_grids(grid: str, form: str, asked: str, flat: bool, tmp_path: Path) -> 
     found, numbers = samples(field)
     if grid == "image" and form == "xdmf":
         found = found - found[0]
-    assert np.allclose(found, places[:, :n], atol=1e-6) and np.allclose(numbers, values, rtol=2e-5)
+    assert np.allclose(found, places[:, : found.shape[1]], atol=1e-6) and np.allclose(numbers, values, rtol=2e-5)
+
+
+def test_a_collection_with_a_folder_of_its_name(tmp_path: Path) -> None:
+    """As PyVista and ParaView write it; a link in its place is not followed."""
+    data = image()
+    pv.MultiBlock({"one": data}).save(tmp_path / "b.vtm")
+    assert np.array_equal(isocodec.read(tmp_path / "b.vtm", key="p").values, isocodec.read(data, key="p").values)
+    (tmp_path / "b").rename(tmp_path / "c")
+    (tmp_path / "b").symlink_to("c")
+    with pytest.raises(InputError, match="links to another directory"):
+        isocodec.read(tmp_path / "b.vtm", key="p")
 
 
 # ---- meshes ---------------------------------------------------------------------------------------------------------

@@ -119,7 +119,7 @@ def thin(
     what = what if isinstance(what, Mesh) else field_of(what)
     given, field, notes = _points_of(what, criterion is not None)
     notes = {**notes, **(metadata or {})}
-    if criterion is None and (error is not None or contours is not None):
+    if criterion is None and (error is not None or (contours is not None and tolerance is not None)):
         notes[PROMISE] = _promise(error, tolerance, contours)
     error, tolerance = _numbers(error, tolerance, what, notes)
     shape = None if field is None else (field.shape[0], field.shape[1])

@@ -173,7 +173,8 @@ def ground_of(
     if units[:2] == [DEGREE] * 2 and all(one in METRES for one in units[2:]):
         return GroundScale((np.pi / 180,) * 2 + tuple(METRES[str(one)] for one in units[2:]), UNSTATED)
     if not all(one in METRES for one in units):
-        remedy = "give a number without a unit, or state the unit in the note coordinate_unit: mm, or degree degree m"
+        remedy = ("give a number without a unit, or state the system with --crs, or the unit in the note "
+                  "coordinate_unit: mm, or degree degree m")
         why = "is unknown" if None in units else f"is {', '.join(str(one) for one in units)}"
         raise OptionError(f"a distance of {distance} needs the unit of the coordinates, which {why}", code="unit",
                           remedy=remedy)

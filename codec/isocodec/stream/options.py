@@ -151,8 +151,8 @@ class Precision:
     @property
     def rounded(self) -> bool:
         """Whether a distance is in the world, or not in whole thousandths of a cell, which chunks of promises have."""
-        distances = [self.tolerance, *(self.steps or ())]
-        return bool(self.world) or any(each and abs(each * 1000 - round(each * 1000)) > 1e-6 for each in distances)
+        distances = [each for each in (self.tolerance, *(self.steps or ())) if each and math.isfinite(each)]
+        return bool(self.world) or any(abs(each * 1000 - round(each * 1000)) > 1e-6 for each in distances)
 
     @property
     def default(self) -> bool:

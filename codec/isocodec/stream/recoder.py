@@ -171,8 +171,8 @@ def reaching(drawn: Contour | Tessellation, window: Window) -> NDArray[np.bool_]
     """Find the cells that reach into a window."""
     bounds = ends_of(window, drawn.points.shape[1])
     corners = drawn.points[drawn.cells]
-    inside: NDArray[np.bool_] = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
-    return inside.all(axis=1)
+    inside = (corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])
+    return np.asarray(inside.all(axis=1))
 
 
 def bounds_of(

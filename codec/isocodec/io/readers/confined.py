@@ -62,6 +62,11 @@ _SINGLE = dict.fromkeys((
 ), "1")
 """Each thread takes memory, and files are read by one."""
 
+_BUSY = 4
+"""Times as long that is waited by the clock as by the time of a processor."""
+_HARMLESS = re.compile(r"XDMF Error in \S+ line \d+ \(Unknown Attribute Type None\)")
+"""Complaints of VTK about what VTK has written."""
+
 
 class ReadingProcess:
     """A process that reads one file with a library, which an extra of this package brings; a context manager."""
@@ -108,7 +113,8 @@ class ReadingProcess:
         stated = min(stated, _PACKED * self._size)
         memory = _ROOM + min(most, _TEXT * self._size + _COPIES * stated)
         seconds = patience(max(self._size, stated))
-        timer = threading.Timer(seconds, self._too_late)
+        # seconds of a processor are limited where the system can; others that are busy may take more of the clock
+        timer = threading.Timer(seconds * (_BUSY if find_spec("resource") else 1), self._too_late)
         timer.start()
         try:
             assert self._process.stdin is not None
@@ -144,7 +150,7 @@ class ReadingProcess:
         text = self._complaints.read(_OUTPUT).decode("utf-8", "replace").strip()
         self._complaints.seek(0)
         self._complaints.truncate()
-        return text
+        return _HARMLESS.sub("", text).strip()
 
     def _ended(self) -> IsoError:
         """The error for the process' end."""

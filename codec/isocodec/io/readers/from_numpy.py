@@ -162,6 +162,8 @@ class _Archive:
                     return placed_grid([x, y], shape, pair[0] != "x")
                 if x.ndim == y.ndim == 1 and (len(y), len(x)) == shape:
                     return placed_grid(open_grid([y, x]), shape, pair[0] != "x")
+                shapes = f"its {pair[0]} {x.shape} and {pair[1]} {y.shape} are left out"
+                return Placement(remark=f"{shapes}: they do not fit samples {shape}, which lie along {pair[1]} first")
         return Placement()
 
 

@@ -351,7 +351,7 @@ def _series(files: list[tuple[Path, Any]], key: str | None) -> tuple[list[tuple[
         first = some[0][1]
         known = [str(first.get(name)) for name in ("SeriesNumber", "SeriesDescription") if first.get(name)]
         slices = sum(_frames(header) for _, header in some)
-        names[uid] = [uid, *known, f"{' '.join(known)} ({first.get('Modality', '?')}, {slices} slices, {uid})"]
+        names[uid] = [uid, *known, f"{' '.join([*known, ''])}({first.get('Modality', '?')}, {slices} slices, {uid})"]
     if len(series) > 1 or key in next(iter(names.values())):
         return series[named("series", names, key)], None
     return next(iter(series.values())), key

@@ -205,7 +205,8 @@ def _band_of(file: Any, choice: Choice) -> int:
         raise InputError(f"holds {file.count} bands: {listed}", code="colour", remedy="choose one with --band")
     (band,) = known
     bits = file.tags(band, ns="IMAGE_STRUCTURE").get("NBITS")
-    if choice.channel is None and colours[band - 1] == "palette" and bits != "1":
+    grey = bits == "1" or file.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE") == "YES"
+    if choice.channel is None and colours[band - 1] == "palette" and not grey:
         raise InputError("holds indices of a palette, not samples", code="palette",
                          remedy=f"--band {band} takes them all the same, for labels; or save it as grey")
     if "complex" in kinds[band - 1]:

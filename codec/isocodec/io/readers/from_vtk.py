@@ -291,7 +291,7 @@ def _check_xdmf(source: InputFile) -> set[str]:
                 if name not in held.found:
                     raise InputError(f"names the array {plain(name)}, which {plain(path.name)} does not hold itself",
                                      code="unreadable")
-                source.check_array(held.found[name].stored.shape, held.found[name].stored.dtype)
+                source.check_array(held.found[name].shape, held.found[name].dtype)
     return series
 
 

@@ -81,6 +81,7 @@ def answer_to(answers: Answers, memory: int, seconds: int, what: str, about: tup
     try:
         with warnings.catch_warnings(record=True) as caught, redirect_stdout(printed), redirect_stderr(printed):
             warnings.simplefilter("always")
+            warnings.filterwarnings("ignore", "pyproj unable")  # beside eccodes, which needs no systems of pyproj
             found = getattr(answers, what)(*about)
     except IsoError as exc:
         return exc

@@ -105,13 +105,15 @@ class InputFile:
             raise _cut_short(f"{stated:,} bytes, but {count:,} are packed")
 
     def beside(self, name: str) -> Path:
-        """Find the file that a header names: in the same directory, unless others are to be followed."""
+        """Find the file that a header names: in its directory, or in ``a`` beside ``a.vtm``; others if followed."""
         target = self.path.parent / name
         if not self.follow:
             # a backslash and a colon are paths elsewhere, and to some libraries a dash is standard input
-            if name in ("", ".", "..", "-") or any(c in name for c in "/\\:\0"):
+            folder, _, leaf = name.rpartition("/")
+            if folder not in ("", self.path.stem) or leaf in ("", ".", "..", "-") or any(c in leaf for c in "\\:\0"):
                 raise self.refused(name)
-            if os.path.dirname(os.path.realpath(target)) != os.path.realpath(self.path.parent):
+            there = os.path.normpath(os.path.join(os.path.realpath(self.path.parent), folder))
+            if os.path.dirname(os.path.realpath(target)) != there:
                 raise self.refused(name, "which links to another directory")
         if "\0" in name or not target.is_file():
             raise InputError(f"names '{plain(name)}', but there is no such file beside it", code="other-file")
