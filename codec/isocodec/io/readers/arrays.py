@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -28,8 +28,6 @@ class Arrays(NamedTuple):
         The one that is read if there are several.
     along : mapping of str to mapping of str to Variable
         Coordinates along axes that are no arrays of the file, by array.
-    aside : set of str
-        Arrays that are known to be coordinates.
     """
 
     found: Mapping[str, Any]
@@ -37,7 +35,6 @@ class Arrays(NamedTuple):
     netcdf: bool = False
     default: str | None = None
     along: Mapping[str, Mapping[str, Any]] = {}
-    aside: Set[str] = frozenset()
 
 
 def lazy(

@@ -208,8 +208,12 @@ def is_labelled(thing: Any) -> bool:
 
 def variable(dataset: Any, key: str | None) -> Any:
     """The array of a Dataset that a key names, or the only one of two axes or more; `InputError` for several."""
-    return _labelled(IN_MEMORY, Arrays({str(name): one for name, one in dataset.variables.items()},
-                                       aside={str(name) for name in dataset.coords}), key)
+    aside = {word for one in dataset.variables.values() for word in _words(one.attrs)}
+    aside |= {name for name, one in dataset.data_vars.items() if is_globe(name, one.attrs)}
+    fields = {str(name): one.shape for name, one in dataset.data_vars.items() if name not in aside}
+    array = dataset[choose(fields, key, [*map(str, dataset.variables)], option="key=")]
+    more = {name: dataset[name] for name in aside if name in dataset.data_vars and name != array.name}
+    return array.assign_coords({name: one for name, one in more.items() if set(one.dims) <= set(array.dims)})
 
 
 def _axis_of_frames(array: Any) -> int:
@@ -259,15 +263,15 @@ def _labelled(source: InputFile, arrays: Arrays, key: str | None) -> Any:
     found, every = arrays.found, {**arrays.found, **arrays.away}
     inside = {name: name.rpartition("/")[0] for name in found}
     aside = {_visible(word, inside[name], every) for name, one in found.items() for word in _words(one.attrs)}
-    aside |= {*arrays.aside, *(name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attrs))}
+    aside |= {name for name, one in found.items() if is_globe(name.rpartition("/")[2], one.attrs)}
     fields: dict[str, Any] = {name: tuple(one.shape) for name, one in found.items() if name not in aside}
     fields |= {name: "in another file" for name in arrays.away if name not in aside or key == name}
-    key = choose(fields, key, found, arrays.default, "key=" if source is IN_MEMORY else "--key")
+    key = choose(fields, key, found, arrays.default)
     if key in arrays.away:
         raise source.refused(arrays.away[key], "in which samples lie")
     main = found[key].copy(deep=False)
     main.encoding[_NETCDF] = arrays.netcdf
-    named = {*arrays.aside, *(_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref"))}
+    named = {_visible(word, inside[key], found) for word in (*_words(main.attrs), "spatial_ref")}
     coordinates = {}
     for name in sorted(found, key=len):
         one, short = found[name], name.rpartition("/")[2]
