@@ -106,10 +106,10 @@ class _Walk(Rows):
                     self.note(reader.at, f"tile {_spoken(index)}: segments of {', '.join(map(str, lengths))} bytes")
                 done += count
         for area in range(head.areas):
-            strand, stage = _owner(head, leaf, area)
-            for first, last in pairwise(strand.groups[stage].tolist()):
+            part, stage = _owner(head, leaf, area)
+            for first, last in pairwise(part.groups[stage].tolist()):
                 reader.bytes(CHECKSUM_BYTES)
-                ends = (members[strand.coded[at]] for at in (first, last - 1))
+                ends = (members[part.coded[at]] for at in (first, last - 1))
                 tiles = " to ".join(map(_spoken, ends))
                 self.note(reader.at, f"CRC-32 of a group: {_area(head, area)}, tiles {tiles} (12.5(3))")
 

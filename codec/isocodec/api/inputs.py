@@ -102,7 +102,7 @@ def windowed(source: Any, options: ReadOptions) -> Iterator[Field]:
         if place is not None and place.periodic:
             remarks.append(f"its ends along axis {place.periodic[0]} are not joined, as tiles are not")
             place = replace(place, periodic=(), periods=())
-        yield replace(field, placement=place, missing=options.missing, remarks=remarks)
+        yield replace(field, placement=place, missing=options.missing, remarks=tuple(remarks))
 
 
 @dataclass(frozen=True, kw_only=True)

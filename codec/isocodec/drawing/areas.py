@@ -160,7 +160,7 @@ def _rings(contour: Curve, above: bool) -> tuple[Points, Numbers]:
     closed = contour.points[np.fromiter(chain.from_iterable(rings), np.int64)][::step]
     lines = [contour.points[walk[::step]] for walk in contour.walks if walk[0] != walk[-1]]
     bounding = _along(lines, np.array(contour.shape, np.float64) - 1, contour.origin_above == above)
-    length = [len(ring) for ring in chain(rings[::step], bounding)]
+    length = [*map(len, rings[::step]), *map(len, bounding)]
     return np.concatenate([closed, *bounding]), np.cumsum([0, *length])
 
 

@@ -51,7 +51,8 @@ class Extract:
         self._file = file
         self.low, self.size = box_of(file.shape, box, file.limits)
         self.notes = moved_notes(file.metadata, self.low)
-        self._ranges = file.head.grid.touching(np.array(self.low), np.array(self.low) + self.size - 1)
+        low, size = np.array([self.low, self.size], np.int64)
+        self._ranges = file.head.grid.touching(low, low + size - 1)
         self._call = Shared(file.limits)
 
     def strands(self, numbers: Sequence[int]) -> bytes | None:

@@ -244,7 +244,8 @@ class Raster(Opened):
             check_frame(frame, 0)
         with about(self.label):
             self._band.nodata = nodata
-            found, place = self._band[:, :], self._band.place()
+            found: Any = self._band[:, :]
+            place = self._band.place()
             if self._orientation not in (None, 1):
                 found = upright(found, self._orientation)
         return Field(
