@@ -18,6 +18,7 @@ from typing import Any
 
 import h5py
 import laspy
+import meshio
 import nibabel
 import numpy as np
 import pytest
@@ -295,8 +296,10 @@ def test_a_stack_that_ends_early(tmp_path: Path) -> None:
 
 
 def test_time_and_memory_have_remedies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "a.msh").write_bytes(b'(1 "mesh')
-    monkeypatch.setenv("ISOCODEC_TIMEOUT", "0.5")
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    meshio.Mesh(points, [("triangle", [[0, 1, 2]])], {"z": points[:, 0]}).write(tmp_path / "a.msh")
+    monkeypatch.setenv("ISOCODEC_TIMEOUT", "0.0001")
+    monkeypatch.setattr("isocodec.limits.RATE", 1 << 60)
     with pytest.raises(InputError, match=r"longer than .* read it with meshio.*ISOCODEC_TIMEOUT"):
         isocodec.read(tmp_path / "a.msh")
     monkeypatch.setattr("isocodec.io.readers.confined._SMALL", 0)

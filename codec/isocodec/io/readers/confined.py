@@ -118,7 +118,7 @@ class ReadingProcess:
         timer.start()
         try:
             assert self._process.stdin is not None
-            send(self._process.stdin, (memory, math.ceil(seconds), what, about))
+            send(self._process.stdin, (memory, max(1, int(seconds) - 1), what, about))
             return self._answer()
         except BrokenPipeError:
             raise self._ended() from None
