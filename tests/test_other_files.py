@@ -105,6 +105,29 @@ def test_files_beside_a_detached_header_are_read(tmp_path: Path, name: str, head
     assert caught.value.code == "other-file"
 
 
+@pytest.mark.parametrize("header", ["v.nhdr", "...nhdr", "a.b.nhdr"])
+@pytest.mark.parametrize("folder", ["", "own", "other", "..", ".", "own/deeper", "link", "absolute"])
+def test_folders_that_a_header_may_name(tmp_path: Path, header: str, folder: str) -> None:
+    """Its own directory and the one that has its name, itself and no link; whatever its name looks like."""
+    home = tmp_path / "home"
+    home.mkdir()
+    own = Path(header).stem
+    name = {"own": own, "own/deeper": f"{own}/deeper", "link": own, "absolute": str(tmp_path)}.get(folder, folder)
+    right = folder == "" or (folder == "own" and own != "..")
+    there = home / name
+    if folder == "link" and own != "..":
+        (tmp_path / "elsewhere").mkdir()
+        there.symlink_to(tmp_path / "elsewhere")
+    there.mkdir(parents=True, exist_ok=True)
+    (there / "data.raw").write_bytes(CELLS.tobytes("F"))
+    (home / header).write_bytes(NRRD + f"data file: {name}{'/' if name else ''}data.raw\n".encode())
+    if right:
+        assert same(read_field(home / header), CELLS)
+    else:
+        with pytest.raises(InputError, match="names another file"):
+            read_field(home / header)
+
+
 @pytest.mark.parametrize("name", ["./data.raw", "in/../data.raw", "C:data.raw", "..\\data.raw", "."])
 def test_paths_are_no_names(tmp_path: Path, name: str) -> None:
     """Even those that lead back to the same directory, and those of other systems."""

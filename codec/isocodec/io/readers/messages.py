@@ -20,7 +20,7 @@ class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         error = module in ("builtins", "isocodec.errors") and name.endswith("Error")
         of_numpy = module.partition(".")[0] == "numpy" and name in _OF_NUMPY
-        if error or of_numpy or name in _RECORDS.get(module, ()):
+        if name.isidentifier() and (error or of_numpy or name in _RECORDS.get(module, ())):
             return super().find_class(module, name)
         raise pickle.UnpicklingError(f"{module}.{name}")
 
