@@ -255,7 +255,7 @@ def encode_command(options: EncodeArguments) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), another raster that GDAL reads
-    (.asc, .hgt, .img, .vrt, ..), NIfTI, NRRD, MetaImage, DICOM (a folder of slices, or a file), or a grid of VTK or XDMF;
+    (.asc, .hgt, .img, .vrt, ..), NIfTI, NRRD, MetaImage, DICOM (a folder of slices, or a file), or a grid of VTK, XDMF;
     - for standard input, or a URL. With --values it is a mesh of triangles or tetrahedra: .vtu, .vtp, .vtk, .msh, .ply,
     .xdmf, .obj, .stl (values: x, y or z), or .npz with points and cells; or it holds scattered points, which are joined
     to triangles: .csv, .xyz, .las, .laz, .gpkg.
