@@ -62,7 +62,7 @@ _SINGLE = dict.fromkeys((
 """Each thread takes memory, and files are read by one."""
 
 _BUSY = 4
-"""How many times longer a library may take by the clock than in processor time."""
+"""Time by the clock that a library may take, as a multiple of processor time."""
 _HARMLESS = re.compile(r"XDMF Error in \S+ line \d+ \(Unknown Attribute Type None\)")
 """Complaint of VTK's reader about what VTK's own writer has written."""
 
