@@ -27,7 +27,9 @@ class _Unpickler(pickle.Unpickler):
 
 def send(file: IO[bytes], message: Any) -> None:
     """Write a message."""
-    pickle.dump(message, file, 5)
+    pickler = pickle.Pickler(file, 5)
+    pickler.dispatch_table = {}  # nothing that a library has registered for all pickles of its process
+    pickler.dump(message)
     file.flush()
 
 
