@@ -22,7 +22,6 @@ from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
 from isocodec.format.events import LayerComplete
 from isocodec.grid.tube.capacity import at_rest, wider_state
-from isocodec.io.readers.detached import _numbered
 from isocodec.limits import LEVELS, Budget
 from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import encoder_of
@@ -195,11 +194,6 @@ def test_all_drawings_of_a_file_count_together():
 
 
 # --- inputs and outputs -----------------------------------------------------------------------------------------------
-
-
-def test_files_may_be_numbered_downwards():
-    assert _numbered("s%03d.raw 5 1 -1") == [f"s{number:03d}.raw" for number in (5, 4, 3, 2, 1)]
-    assert _numbered("s%d.raw 1 5 2") == ["s1.raw", "s3.raw", "s5.raw"]
 
 
 def test_degrees_are_not_named(tmp_path):

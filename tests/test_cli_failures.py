@@ -241,7 +241,7 @@ def test_help_lists_the_exit_codes() -> None:
 
 
 def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Under headings, in one column, on 80 lines of 80 characters."""
+    """Under headings, in one column, on 130 lines of 80 characters."""
     monkeypatch.setenv("COLUMNS", "80")
     lines = ok("encode", "--help").splitlines()
     assert len(lines) <= 130 and max(map(len, lines)) <= 80

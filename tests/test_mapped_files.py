@@ -121,16 +121,20 @@ def test_what_files_say(tmp_path: Path) -> None:
     place = read_place(netcdf(tmp_path / "a.nc", WAVES, units, True), 2, "f")
     assert place.matrix is not None and place.coordinates is None
     np.savez(tmp_path / "b.npz", values=WAVES, lon=EAST, lat=SOUTH[:5])
-    contour, _ = encoded(tmp_path / "b.npz", 0.9)
+    contour, said = encoded(tmp_path / "b.npz", 0.9)
     assert not on_nodes(contour) and contour.shape == (13, 36)
+    assert "its lon (36,) and lat (5,) are left out: they do not fit samples of shape (13, 36)" in said
+    np.savez(tmp_path / "b.npz", values=WAVES, x=EAST[:4], y=SOUTH, lon=EAST, lat=SOUTH)
+    contour, said = encoded(tmp_path / "b.npz", 0.9)
+    assert "left out" not in said and contour.placement is not None
 
 
 def test_tolerance_with_a_unit(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", grids.polar()[0])
     placed = ("--spacing", "30,20", "--crs", "EPSG:32631")
     contour, _ = encoded(tmp_path / "a.npy", 0.05, *placed, "--precision", "15 m")
-    half, _ = encoded(tmp_path / "a.npy", 0.05, *placed, "--precision", "0.75")
-    assert len(contour.points) >= len(half.points)
+    half, _ = encoded(tmp_path / "a.npy", 0.05, *placed, "--precision", "0.5")
+    assert np.array_equal(contour.points, half.points)
     unknown = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, *placed[:2],
                   "--precision", "15m")
     assert unknown.exit_code == 2 and "needs the unit of the coordinates" in unknown.stderr

@@ -167,6 +167,10 @@ def test_refusals(tmp_path: Path) -> None:
     assert ".npy, .png, .nii, .nii.gz" in fails(
         2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.svg",
     )
+    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz")
+    plane = nibabel.load(tmp_path / "m.nii.gz")
+    assert np.array_equal(np.squeeze(np.asarray(plane.dataobj)), HILLS > 100.5)
+    (tmp_path / "m.nii.gz").unlink()
     (tmp_path / "coarse.iso").write_bytes(isocodec.encode(HILLS, 100.5, precision=1))
     assert "tolerance below 0.1" in fails(
         2, "decode", "--what", "above", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy",

@@ -8,6 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import rasterio
 import tifffile
 
 import isocodec
@@ -40,9 +41,12 @@ def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float
     assert np.array_equal(missing_samples(read_field(path), read_nodata(path)), HOLE)
 
 
-@pytest.mark.parametrize("text", [None, ""])
-def test_a_geotiff_that_says_nothing(tmp_path: Path, text: str | None) -> None:
-    assert read_nodata(tiff(tmp_path / "dem.tif", HILLS, text)) is None
+@pytest.mark.parametrize("text", [None, "", "none", "1,5"])
+def test_a_geotiff_that_says_no_number(tmp_path: Path, text: str | None) -> None:
+    """GDAL takes as much of a text as is a number, and 0 where nothing is."""
+    path = tiff(tmp_path / "dem.tif", HILLS, text)
+    with rasterio.open(path) as file:
+        assert read_nodata(path) == file.nodata
     np.save(tmp_path / "dem.npy", HILLS)
     assert read_nodata(tmp_path / "dem.npy") is None
 

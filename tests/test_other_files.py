@@ -105,6 +105,44 @@ def test_files_beside_a_detached_header_are_read(tmp_path: Path, name: str, head
     assert caught.value.code == "other-file"
 
 
+@pytest.mark.parametrize("numbers", ["3 0 -1", "1 7 2", "9 3 -2", "7 10 1"])
+def test_files_are_read_in_the_order_of_their_numbers(tmp_path: Path, numbers: str) -> None:
+    first, last, step = map(int, numbers.split())
+    for number, cells in zip(range(first, last + step // abs(step), step), np.moveaxis(CELLS, 2, 0), strict=True):
+        (tmp_path / f"s{number:03d}").write_bytes(cells.tobytes("F"))
+    (tmp_path / "v.mhd").write_bytes(META + b"ElementDataFile = s%%03d %s\n" % numbers.encode())
+    (tmp_path / "v.nhdr").write_bytes(NRRD + b"data file: s%%03d %s 2\n" % numbers.encode())
+    assert same(read_field(tmp_path / "v.nhdr"), CELLS)
+    if step > 0:
+        assert same(read_field(tmp_path / "v.mhd"), CELLS)
+    else:
+        with pytest.raises(InputError, match="by a pattern that cannot be followed"):  # ITK would not read a sample
+            read_field(tmp_path / "v.mhd")
+
+
+@pytest.mark.parametrize("header", ["v.nhdr", "...nhdr", "a.b.nhdr"])
+@pytest.mark.parametrize("folder", ["", "own", "other", "..", ".", "own/deeper", "link", "absolute"])
+def test_folders_that_a_header_may_name(tmp_path: Path, header: str, folder: str) -> None:
+    """Its own directory and the one that has its name, itself and no link; whatever its name looks like."""
+    home = tmp_path / "home"
+    home.mkdir()
+    own = Path(header).stem
+    name = {"own": own, "own/deeper": f"{own}/deeper", "link": own, "absolute": str(tmp_path)}.get(folder, folder)
+    right = folder == "" or (folder == "own" and own != "..")
+    there = home / name
+    if folder == "link" and own != "..":
+        (tmp_path / "elsewhere").mkdir()
+        there.symlink_to(tmp_path / "elsewhere")
+    there.mkdir(parents=True, exist_ok=True)
+    (there / "data.raw").write_bytes(CELLS.tobytes("F"))
+    (home / header).write_bytes(NRRD + f"data file: {name}{'/' if name else ''}data.raw\n".encode())
+    if right:
+        assert same(read_field(home / header), CELLS)
+    else:
+        with pytest.raises(InputError, match="names another file"):
+            read_field(home / header)
+
+
 @pytest.mark.parametrize("name", ["./data.raw", "in/../data.raw", "C:data.raw", "..\\data.raw", "."])
 def test_paths_are_no_names(tmp_path: Path, name: str) -> None:
     """Even those that lead back to the same directory, and those of other systems."""

@@ -392,16 +392,14 @@ def test_times_of_meshes(tmp_path: Path) -> None:
 def test_blocks(tmp_path: Path) -> None:
     parts = pv.MultiBlock({"grid": image(), "mesh": tetrahedra(), "deep": pv.MultiBlock({"flat": rectilinear(True)})})
     parts.save(tmp_path / "a.vtm")
-    with pytest.raises(InputError, match="follow-paths"):
-        isocodec.read(tmp_path / "a.vtm", key="grid/p")
-    for source, options in ((parts, {}), (tmp_path / "a.vtm", {"follow": True})):
-        assert isocodec.read(source, key="grid/p", **options).values.shape == (5, 4, 3)
-        assert isocodec.read(source, key="grid/v:magnitude", **options).values.shape == (5, 4, 3)
-        assert isocodec.read(source, key="deep/flat/c", **options).values.shape == (4, 3)
-        mesh = isocodec.read(source, key="mesh/p", **options)
+    for source in (parts, tmp_path / "a.vtm"):
+        assert isocodec.read(source, key="grid/p").values.shape == (5, 4, 3)
+        assert isocodec.read(source, key="grid/v:magnitude").values.shape == (5, 4, 3)
+        assert isocodec.read(source, key="deep/flat/c").values.shape == (4, 3)
+        mesh = isocodec.read(source, key="mesh/p")
         assert isinstance(mesh, Mesh) and np.allclose(mesh.values, tetrahedra().point_data["p"])
         with pytest.raises(InputError, match="3 blocks: grid; mesh; deep/flat"):
-            isocodec.read(source, **options)
+            isocodec.read(source)
 
 
 def test_blanked_points_are_missing() -> None:

@@ -109,7 +109,7 @@ def _described(draft: Draft, output: Output, mesh: Mesh | None) -> Vector:
         if draft.clause != clause:
             raise AssertionError(f"{draft.name} needs more than the limits allow: {output.error}")
         expected = Expected(LIMIT, draft.beyond)
-    elif draft.beyond is not None and draft.beyond == clause:  # within the limits of this decoder
+    elif draft.beyond is not None and draft.beyond == clause:  # this decoder's limits let it go on
         expected = Expected(LIMIT, draft.beyond)
     else:
         if draft.clause != clause:

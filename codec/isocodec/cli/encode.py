@@ -294,10 +294,11 @@ def encode_command(options: EncodeArguments) -> None:
     written there, of any number of isovalues, and no .iso file is kept: encode dem.tif -o map.gpkg --interval 20. With
     --precision or --keep-topology they are those of such a file.
 
-    INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
-    (a folder of slices, or a file), or a grid of VTK or XDMF; - for standard input, or a URL. With --values it is a
-    mesh of triangles or tetrahedra: .vtu, .vtp, .vtk, .msh, .ply, .xdmf, .obj, .stl (values: x, y or z), or .npz with
-    points and cells; or it holds scattered points, which are joined to triangles: .csv, .xyz, .las, .laz, .gpkg.
+    INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), another raster that GDAL reads
+    (.asc, .hgt, .img, .vrt, ..), NIfTI, NRRD, MetaImage, DICOM (a folder of slices, or a file), or a grid of VTK, XDMF;
+    - for standard input, or a URL. With --values it is a mesh of triangles or tetrahedra: .vtu, .vtp, .vtk, .msh, .ply,
+    .xdmf, .obj, .stl (values: x, y or z), or .npz with points and cells; or it holds scattered points, which are joined
+    to triangles: .csv, .xyz, .las, .laz, .gpkg.
 
     With --tile, INPUT is read one tile at a time (.npy, GeoTIFF, Zarr, HDF5, NetCDF; other formats at once). Curves of
     neighbouring tiles meet without seams, and decode --window reads only a part of the file, also from a URL.

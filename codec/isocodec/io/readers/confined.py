@@ -4,8 +4,8 @@ A format is read so if its record names the library as ``confined``. The process
 memory and time by what the file holds and its header states, reads, and ends with what was opened.
 
 What it costs, on an idle core of 2020: 0.15 s to start Python with NumPy, beside the library itself (0.2 s for
-SimpleITK, 0.1 s for VTK and meshio), which this process then does not load; 3 ms for each MB of samples; and while
-these are handed over the memory that they take twice. Where there is no ``resource`` (Windows), or no ``/proc``
+SimpleITK, 0.1 s for meshio, 0.5 s for PyVista), which this process then does not load; 3 ms for each MB of samples; and
+while these are handed over the memory that they take twice. Where there is no ``resource`` (Windows), or no ``/proc``
 (macOS), time is limited, and memory is not.
 """
 
@@ -63,9 +63,9 @@ _SINGLE = dict.fromkeys((
 """Each thread takes memory, and files are read by one."""
 
 _BUSY = 4
-"""Times as long that is waited by the clock as by the time of a processor."""
+"""Time by the clock that a library may take, as a multiple of processor time."""
 _HARMLESS = re.compile(r"XDMF Error in \S+ line \d+ \(Unknown Attribute Type None\)")
-"""Complaints of VTK about what VTK has written."""
+"""Complaint of VTK's reader about what VTK's own writer has written."""
 
 
 class ReadingProcess:
@@ -113,7 +113,7 @@ class ReadingProcess:
         stated = min(stated, _PACKED * self._size)
         memory = _ROOM + min(most, _TEXT * self._size + _COPIES * stated)
         seconds = patience(max(self._size, stated))
-        # seconds of a processor are limited where the system can; others that are busy may take more of the clock
+        # where the system can limit processor time, that counts: on a busy machine the clock says little
         timer = threading.Timer(seconds * (_BUSY if find_spec("resource") else 1), self._too_late)
         timer.start()
         try:

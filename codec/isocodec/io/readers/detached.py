@@ -83,7 +83,7 @@ def meta_files(source: InputFile) -> Stored:
     if target.startswith("LIST") and cut:
         raise InputError(f"has a header of more than {_HEADER:,} bytes", code="unreadable")
     here = target in ("LOCAL", "Local", "local")
-    files = [source.path] if here else _files(source, target, rest.decode(*_NAMES))
+    files = [source.path] if here else _files(source, target, rest.decode(*_NAMES), upwards=True)
     packed = stated.get(b"CompressedDataSize", b"")
     if packed.isdigit():
         source.check_bytes(int(packed), sum(path.stat().st_size for path in files))
@@ -147,8 +147,11 @@ def _head(source: InputFile, end: re.Pattern[bytes]) -> tuple[bytes, bool, int]:
     return head.replace(b"\r\n", b"\n"), more, found.end() if found else 0
 
 
-def _files(source: InputFile, value: str, rest: str) -> list[Path]:
-    """Files that the field of a header names: one, some by numbers, or those of the lines that follow it."""
+def _files(source: InputFile, value: str, rest: str, upwards: bool = False) -> list[Path]:
+    """Files that the field of a header names: one, some by numbers, or those of the lines that follow it.
+
+    With ``upwards`` numbers have to grow: MetaIO reads nothing of others, and leaves the samples as memory was.
+    """
     names, count = [value], 1
     if value.startswith("LIST"):
         names = [line.strip() for line in rest.split("\n") if line.strip()]
@@ -156,7 +159,7 @@ def _files(source: InputFile, value: str, rest: str) -> list[Path]:
     elif "%" in value:
         found = _PATTERN.fullmatch(value)
         step = int((found[4] or "1").split()[0]) if found else 0
-        if not found or not step:
+        if not found or not step or (upwards and step < 0):
             raise InputError("names files by a pattern that cannot be followed", code="unreadable")
         numbers = range(int(found[2]), int(found[3]) + (1 if step > 0 else -1), step)
         names, count = [found[1] % number for number in numbers[:_FILES]], len(numbers)

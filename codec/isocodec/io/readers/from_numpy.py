@@ -155,6 +155,7 @@ class _Archive:
         """Placement by a matrix with a text ``crs``, or of a field of two axes by coordinates of the usual names."""
         if PLACEMENT in self.members:
             return placed(self.array(PLACEMENT), len(shape), self._text(CRS) if CRS in self.members else None)
+        remark = ""
         for pair in _PAIRS if len(shape) == 2 else ():
             if self.members.keys() >= set(pair):
                 x, y = (np.asarray(numbers(self.array(name)), np.float64) for name in pair)
@@ -162,9 +163,9 @@ class _Archive:
                     return placed_grid([x, y], shape, pair[0] != "x")
                 if x.ndim == y.ndim == 1 and (len(y), len(x)) == shape:
                     return placed_grid(open_grid([y, x]), shape, pair[0] != "x")
-                shapes = f"its {pair[0]} {x.shape} and {pair[1]} {y.shape} are left out"
-                return Placement(remark=f"{shapes}: they do not fit samples {shape}, which lie along {pair[1]} first")
-        return Placement()
+                remark = (f"its {pair[0]} {x.shape} and {pair[1]} {y.shape} are left out: they do not fit samples of "
+                          f"shape {shape}, whose first axis is {pair[1]}")
+        return Placement(remark=remark)
 
 
 def _holds_mesh(source: InputFile, key: str | None) -> bool:

@@ -182,8 +182,9 @@ class RasterWindows(Windows):
             if not flags & ({"all_valid"} if self.nodata is None else {"all_valid", "nodata"}):
                 gone |= self._file.read_masks(self.band, window=ends) == 0
             colours = [each.name for each in self._file.colorinterp]
-            if "alpha" in colours and "all_valid" in flags and colours[self.band - 1] != "alpha":
-                gone |= self._file.read(1 + colours.index("alpha"), window=ends) == 0  # GDAL takes it of bytes alone
+            # GDAL masks by alpha of bytes and of unsigned 16 bits alone
+            if "alpha" in colours and "alpha" not in flags and colours[self.band - 1] != "alpha":
+                gone |= self._file.read(1 + colours.index("alpha"), window=ends) == 0
         if self.scaling != (1, 0):
             values = values * np.float64(self.scaling[0]) + self.scaling[1]
         return np.ma.masked_array(values, gone)

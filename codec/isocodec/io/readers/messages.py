@@ -20,14 +20,16 @@ class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         error = module in ("builtins", "isocodec.errors") and name.endswith("Error")
         of_numpy = module.partition(".")[0] == "numpy" and name in _OF_NUMPY
-        if error or of_numpy or name in _RECORDS.get(module, ()):
+        if name.isidentifier() and (error or of_numpy or name in _RECORDS.get(module, ())):
             return super().find_class(module, name)
         raise pickle.UnpicklingError(f"{module}.{name}")
 
 
 def send(file: IO[bytes], message: Any) -> None:
     """Write a message."""
-    pickle.dump(message, file, 5)
+    pickler = pickle.Pickler(file, 5)
+    pickler.dispatch_table = {}  # nothing that a library has registered for all pickles of its process
+    pickler.dump(message)
     file.flush()
 
 

@@ -82,7 +82,8 @@ def answer_to(answers: Answers, memory: int, seconds: int, what: str, about: tup
     try:
         with warnings.catch_warnings(record=True) as caught, redirect_stdout(printed), redirect_stderr(printed):
             warnings.simplefilter("always")
-            warnings.filterwarnings("ignore", "pyproj unable")  # beside eccodes, which needs no systems of pyproj
+            # GRIB needs no data of PROJ, which pyproj misses once eccodes is loaded
+            warnings.filterwarnings("ignore", "pyproj unable")
             found = getattr(answers, what)(*about)
     except IsoError as exc:
         return exc

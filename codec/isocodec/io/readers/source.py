@@ -110,7 +110,8 @@ class InputFile:
         if not self.follow:
             # a backslash and a colon are paths elsewhere, and to some libraries a dash is standard input
             folder, _, leaf = name.rpartition("/")
-            if folder not in ("", self.path.stem) or leaf in ("", ".", "..", "-") or any(c in leaf for c in "\\:\0"):
+            elsewhere = folder not in ("", self.path.stem) or folder in (".", "..") or name.startswith("/")
+            if elsewhere or leaf in ("", ".", "..", "-") or any(c in leaf for c in "\\:\0"):
                 raise self.refused(name)
             there = os.path.normpath(os.path.join(os.path.realpath(self.path.parent), folder))
             if os.path.dirname(os.path.realpath(target)) != there:
