@@ -104,7 +104,7 @@ def test_commands_that_decode_have_the_limits() -> None:
 
 @pytest.mark.parametrize("name", DECODING)
 def test_the_limit_of_memory_holds_for_each_command(files: Path, tmp_path: Path, name: str) -> None:
-    words = [name, *([files / "hills.npy"] if name == "verify" else []), files / "grid.iso", "--limit-memory", 100]
+    words = [name, files / "grid.iso", *([files / "hills.npy"] if name == "verify" else []), "--limit-memory", 100]
     words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
     words += {"edit": ["--precision", "signs"], "info": ["--statistics"]}.get(name, [])
     result = run(*words)
@@ -132,7 +132,7 @@ def test_each_class_of_error_has_its_exit_code(
         raise raised
 
     monkeypatch.setattr("isocodec.api.isofile.open", end)
-    words = [name, *([files / "hills.npy"] if name == "verify" else []), files / "grid.iso"]
+    words = [name, files / "grid.iso", *([files / "hills.npy"] if name == "verify" else [])]
     words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
     words += (["--layers", 1] if name == "edit" else []) + ["--json"] * as_json
     result = run(*words)
@@ -147,7 +147,7 @@ def test_every_command_has_json(files: Path, tmp_path: Path) -> None:
     for words in (
         ["encode", files / "hills.npy", "-o", out, "--isovalue", 80.5],
         ["decode", out, "-o", tmp_path / "o.npz"], ["edit", out, "-o", tmp_path / "p.iso", "--layers", 2],
-        ["info", out], ["verify", files / "hills.npy", out], ["plot", out, "-o", tmp_path / "o.png"],
+        ["info", out], ["verify", out, files / "hills.npy"], ["plot", out, "-o", tmp_path / "o.png"],
         ["thin", files / "hills.npy", "-o", tmp_path / "t.ply", "--points", 30],
     ):
         result = run(*words, "--json")

@@ -183,8 +183,8 @@ def test_commands(tmp_path: Path) -> None:
     blob.save(tmp_path / "blob.vtp")
     ok("encode", tmp_path / "blob.vtp", "--values", "height", "--isovalue", 6.5, "--stored", "whole", "-o",
        tmp_path / "b.iso")
-    assert "--key" in fails(3, "verify", tmp_path / "blob.vtp", tmp_path / "b.iso")
-    ok("verify", tmp_path / "blob.vtp", tmp_path / "b.iso", "--key", "height")
+    assert "--key" in fails(3, "verify", tmp_path / "b.iso", tmp_path / "blob.vtp")
+    ok("verify", tmp_path / "b.iso", tmp_path / "blob.vtp", "--key", "height")
     empty = run("encode", tmp_path / "blob.vtp", "--values", "height", "--isovalue", 99, "--stored", "whole", "-o",
                 tmp_path / "b.iso")
     assert "outside the data" in empty.stderr

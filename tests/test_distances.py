@@ -224,16 +224,16 @@ def test_the_command_line(tmp_path: Path, hills: Path) -> None:
     unit = ("--spacing", "2,2", "--metadata", "coordinate_unit=mm")
     ok("encode", hills, "-o", path, "--isovalue", 80.5, "--precision", "8mm,1000um", *unit)
     assert "within 8mm (4 cells), 1000um (0.5 cells)" in ok("info", path)
-    assert "kept; promised within 1000um (0.5 cells): 0." in ok("verify", hills, path)
-    assert "um) file to field" in ok("verify", hills, path)
+    assert "kept; promised within 1000um (0.5 cells): 0." in ok("verify", path, hills)
+    assert "um) file to field" in ok("verify", path, hills)
     where = ("--metadata", "coordinate_unit=mm", "--metadata", "placement=0 2 0 -2 0 0")
     ok("encode", hills, "-o", path, "--isovalue", 80.5, "--precision", "1mm", "--tile", 32, *where)
-    assert "kept; promised within 1mm (0.5 cells)" in ok("verify", hills, path)
+    assert "kept; promised within 1mm (0.5 cells)" in ok("verify", path, hills)
     ok("encode", hills, "-o", path, "--isovalue", 80.5)
-    assert "no promise; measured 0.0" in ok("verify", hills, path)
+    assert "no promise; measured 0.0" in ok("verify", path, hills)
     for text, why in (("1mm", "placement"), ("15banana", "one of m, km")):
         assert why in fails(2, "encode", hills, "-o", path, "--isovalue", 80.5, "--precision", text)
-        assert why in fails(2, "verify", hills, path, "--within", text)
+        assert why in fails(2, "verify", path, hills, "--within", text)
         assert why in fails(2, "thin", hills, "-o", path, "--isovalue", 80.5, "--tolerance", text)
 
 

@@ -112,13 +112,13 @@ def test_command(tmp_path: Path, labels: list[int], more: list[str], options: di
     placement = [2, 3] if "--spacing" in more else None
     assert out.read_bytes() == isocodec.encode(isocodec.Field(ZONES, placement=placement, labels=labels), **options)
     if "precision" in options:
-        assert ok("verify", source, out)
+        assert ok("verify", out, source)
     else:
-        assert "0 wrong signs" in ok("verify", source, out)
+        assert "0 wrong signs" in ok("verify", out, source)
         ok("decode", "--what", "above", out, "-o", tmp_path / "m.npy", "--isovalue", labels[-1])
         assert np.array_equal(np.load(tmp_path / "m.npy"), labels[-1] == ZONES)
         np.save(source, ZONES[::-1])
-        assert run("verify", source, out).exit_code == 9
+        assert run("verify", out, source).exit_code == 9
 
 
 def test_command_refuses(tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_labels_in_scaled_integers(tmp_path: Path, labels: tuple[int, int], dtyp
     file = isocodec.open(tmp_path / "a.iso")
     assert file.isovalues == labels
     assert np.array_equal(file.labels(), values)
-    assert "0 wrong signs" in ok("verify", tmp_path / "a.nii.gz", tmp_path / "a.iso")
+    assert "0 wrong signs" in ok("verify", tmp_path / "a.iso", tmp_path / "a.nii.gz")
     ok(*encode, "--label", "all")
     assert np.array_equal(isocodec.open(tmp_path / "a.iso").labels(), values)
 

@@ -107,12 +107,12 @@ def check_commands(file: isocodec.IsoFile, one: Any, other: Any, promise: str | 
     (path / "b.iso").write_bytes(file.data)
     assert " ".join((promise or "nothing about distances").split()) in " ".join(ok("info", path / "b.iso").split())
     assert json.loads(ok("info", path / "b.iso", "--json"))["promise"] == promise
-    shown = ok("verify", path / "one.npy", path / "b.iso")
+    shown = ok("verify", path / "b.iso", path / "one.npy")
     assert ("kept; promised" in shown) is (promise is not None)
     assert ("no promise; measured" in shown) is (promise is None)
-    found = json.loads(ok("verify", path / "one.npy", path / "b.iso", "--json"))
+    found = json.loads(ok("verify", path / "b.iso", path / "one.npy", "--json"))
     assert found["kept"] is (None if promise is None else True)
-    result = run("verify", path / "other.npy", path / "b.iso")
+    result = run("verify", path / "b.iso", path / "other.npy")
     if promise is not None:
         assert result.exit_code == 9 and "NOT KEPT" in result.stdout
     assert "ok" not in result.stdout

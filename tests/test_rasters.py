@@ -252,7 +252,7 @@ def test_bands(tmp_path: Path) -> None:
         assert np.array_equal(field.values, expected) and field.values.dtype == (float if number == 2 else "int16")
         assert np.array_equal(isocodec.read(path, channel=number - 1).values, expected)
     ok("encode", path, "--band", 2, "-o", tmp_path / "a.iso", "--isovalue", 90.5)
-    ok("verify", "--band", 2, path, tmp_path / "a.iso")
+    ok("verify", "--band", 2, tmp_path / "a.iso", path)
     for wrong, reason in ((["--band", 5], "there is no band 5"), (["--band", 1, "--channel", 0], "give one of them")):
         assert reason in fails(2, "encode", path, "-o", tmp_path / "x.iso", "--isovalue", 1, *wrong)
     Image.fromarray(np.dstack([HEIGHTS, HEIGHTS + 1, HEIGHTS + 2]).astype("u1")).save(tmp_path / "c.png")
@@ -312,7 +312,7 @@ def test_boxes_of_commands(tmp_path: Path) -> None:
     box = "6.0045,45.98,6.02,45.9902"
     ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 60.5, "--bbox", box)
     ok("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 60.5, "--bbox", box, "--tile", 32)
-    ok("verify", path, tmp_path / "a.iso", "--bbox", box)
+    ok("verify", tmp_path / "a.iso", path, "--bbox", box)
     one, tiled = (isocodec.open(tmp_path / name) for name in ("a.iso", "b.iso"))
     assert one.shape == tiled.shape == (10, 16)
     placed = one.contour().placed

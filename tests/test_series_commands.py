@@ -72,12 +72,12 @@ def test_each_frame_is_verified_by_its_own(series: bytes) -> None:
     for number in range(4):
         (found,) = isocodec.open(series).verify(MOVING[number], frame=number, within=0.02)
         assert found.kept and found.wrong == 0
-        assert ": kept;" in ok("verify", "s.npy", "s.iso", "--frame", number)
+        assert ": kept;" in ok("verify", "s.iso", "s.npy", "--frame", number)
     (found,) = isocodec.open(series).verify(MOVING[2], frame=1)
     assert not found.kept and found.wrong == ((MOVING[1] > 7.5) != (MOVING[2] > 7.5)).sum()
     with pytest.raises(InputError, match="each frame"):
         isocodec.open(series).verify(MOVING)
-    assert "choose a frame" in fails(3, "verify", "s.npy", "s.iso")
+    assert "choose a frame" in fails(3, "verify", "s.iso", "s.npy")
     np.save("last.npy", MOVING[0])
     Path("plain.iso").write_bytes(isocodec.encode(MOVING[3], 7.5))
-    assert "0 wrong signs" in ok("verify", "s.npy", "plain.iso", "--frame", 3)
+    assert "0 wrong signs" in ok("verify", "plain.iso", "s.npy", "--frame", 3)

@@ -173,6 +173,8 @@ def test_intervals_that_fit_no_file(tmp_path: Path) -> None:
     assert "a file holds at most 64" in fails(3, "encode", path, "-o", out, "--interval", 0.25)
     np.save(path, HILLS + 1)
     assert "no multiple" in fails(3, "encode", path, "-o", out, "--interval", 1000)
+    np.save(path, np.full((9, 9), 7.5))
+    assert fails(3, "encode", path, "-o", out, "--interval", 2).endswith("the data are all 7.5: they have no contours")
     np.save(path, np.array([[0.0, np.inf], [1.0, 2.0]]))
     assert "infinite" in fails(3, "encode", path, "-o", out, "--interval", 1)
     np.save(path, np.full((3, 3), np.nan))
@@ -185,3 +187,10 @@ def test_one_warning_of_all_isovalues_that_are_samples(tmp_path: Path) -> None:
     result = run("encode", tmp_path / "hills.npy", "-o", tmp_path / "out.iso", "--interval", 20)
     assert result.exit_code == 0
     assert result.stderr.count("warning:") == 1 and "one of " in result.stderr
+
+
+def test_isovalues_outside_constant_data(tmp_path: Path) -> None:
+    np.save(tmp_path / "flat.npy", np.full((9, 9), 7.5))
+    for isovalue in (7.5, 8):
+        result = run("encode", tmp_path / "flat.npy", "-o", tmp_path / "out.iso", "--isovalue", isovalue)
+        assert f"the isovalue {isovalue} lies outside the data, which are all 7.5: the curve is empty" in result.stderr

@@ -69,15 +69,15 @@ def test_what_is_not_kept(tmp_path: Path) -> None:
 def test_command(tmp_path: Path, hills: Path) -> None:
     path = tmp_path / "a.iso"
     ok("encode", hills, "-o", path, "--isovalue", 80.5, "--precision", "2,0.5")
-    assert "kept; promised within 0.5 cells: 0." in ok("verify", hills, path)
-    record = json.loads(ok("verify", hills, path, "--json"))
+    assert "kept; promised within 0.5 cells: 0." in ok("verify", path, hills)
+    record = json.loads(ok("verify", path, hills, "--json"))
     assert record["kept"] and record["isovalues"][0]["promised"] == 0.5
-    result = run("verify", hills, path, "--within", 0.01)
+    result = run("verify", path, hills, "--within", 0.01)
     assert result.exit_code == 9 and "NOT KEPT" in result.stdout
     np.save(tmp_path / "labels.npy", (HILLS // 40).astype(np.uint8))
     ok("encode", tmp_path / "labels.npy", "-o", path, "--label", 2)
-    assert "0 wrong signs" in ok("verify", tmp_path / "labels.npy", path)
-    assert "no-such" in fails(3, "verify", tmp_path / "no-such.npy", path)
+    assert "0 wrong signs" in ok("verify", path, tmp_path / "labels.npy")
+    assert "no-such" in fails(3, "verify", path, tmp_path / "no-such.npy")
 
 
 @pytest.mark.parametrize("shape", [(70, 90), (40, 36, 38)])
@@ -95,9 +95,9 @@ def test_files_in_tiles(tmp_path: Path, shape: tuple[int, ...]) -> None:
     assert one.kept and one.wrong is None and 0 < max(one.there, one.back) <= tolerance + 0.002
     (less,) = isocodec.open(path).verify(field, within=one.there / 2)
     assert not less.kept
-    record = json.loads(ok("verify", tmp_path / "field.npy", path, "--within", tolerance, "--json"))
+    record = json.loads(ok("verify", path, tmp_path / "field.npy", "--within", tolerance, "--json"))
     assert record["kept"] and record["isovalues"][0]["there"] == one.there
-    assert run("verify", tmp_path / "field.npy", path, "--within", one.there / 2).exit_code == 9
+    assert run("verify", path, tmp_path / "field.npy", "--within", one.there / 2).exit_code == 9
     with pytest.raises(InputError, match="has shape"):
         isocodec.open(path).verify(field[1:])
 
@@ -137,7 +137,7 @@ def test_one_isovalue_that_is_not_kept_breaks_the_file(
         stack[frames] = other
         np.save(tmp_path / "other.npy", stack)
     told = () if frames is None else ("--frame", frames)
-    words = ["verify", tmp_path / "other.npy", tmp_path / "a.iso", *told]
+    words = ["verify", tmp_path / "a.iso", tmp_path / "other.npy", *told]
     text, machine = run(*words), run(*words, "--json")
     broken = [[80.5, 120.5][number] for number in wrong]
     assert text.exit_code == machine.exit_code == (9 if broken else 0), text.output + machine.output

@@ -195,5 +195,5 @@ def test_a_frame_is_held_against_its_volume(tmp_path: Path) -> None:
     saved(tmp_path / "v.nii", beating())
     ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames")
     for number in range(4):
-        said = ok("verify", tmp_path / "v.nii", tmp_path / "v.iso", "--frame", number, "--within", 0.05)
+        said = ok("verify", tmp_path / "v.iso", tmp_path / "v.nii", "--frame", number, "--within", 0.05)
         assert ": kept; promised within 0.05 cells: 0.04" in said

@@ -260,7 +260,8 @@ class Observed:
         low, high = min(one.low for one in there), max(one.high for one in there)
         for isovalue in file.isovalues:
             if not low <= isovalue < high:
-                out.append(f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
+                data = f"the data ({low:g} to {high:g})" if low < high else f"the data, which are all {low:g}"
+                out.append(f"the isovalue {isovalue:g} lies outside {data}: the curve is empty")
         return out if isinstance(self.what, Mesh) else [*out, *self._ties(file.isovalues, keywords)]
 
     def _ties(self, isovalues: Sequence[float], keywords: Mapping[str, Any]) -> list[str]:

@@ -21,8 +21,8 @@ CELLS = "cells"
 class VerifyArguments(Reading, Limited):
     """Options of ``verify``."""
 
-    field: str = argument("FIELD")
     source: str = argument("IN.iso")
+    field: str = argument("FIELD")
     within: str | None = option(
         "--within", heading=INPUT, metavar="D",
         help="Distance to check, in cells or in the world: 0.5, 10m; on a mesh in the unit of its points, for a "

@@ -87,6 +87,8 @@ def multiples(
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError("the data hold infinite values", code="interval", remedy="give the isovalues as numbers")
     offset = offset or 0
+    if low == high:
+        raise InputError(f"the data are all {low:g}: they have no contours", code="interval")
     first, end = math.floor((low - offset) / interval), math.ceil((high - offset) / interval) + 1
     step, start = Decimal(repr(interval)), Decimal(repr(offset))
     near = (float(k * step + start) for k in range(first, min(end, first + most + 3)))
