@@ -241,10 +241,10 @@ def test_help_lists_the_exit_codes() -> None:
 
 
 def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Under headings, in one column, on 130 lines of 80 characters."""
+    """Under headings, in one column, on 140 lines of 80 characters."""
     monkeypatch.setenv("COLUMNS", "80")
     lines = ok("encode", "--help").splitlines()
-    assert len(lines) <= 130 and max(map(len, lines)) <= 80
+    assert len(lines) <= 140 and max(map(len, lines)) <= 80
     headings = [line.split("(")[0].strip(" :") for line in lines[1:] if line.endswith(":") and not line.startswith(" ")]
     assert headings == [heading for heading in HEADINGS if heading in headings] and len(headings) == 9
 

@@ -184,7 +184,8 @@ EFFECTS: dict[str, Callable[[], Any]] = {
 EFFECTIVE = {
     "frame": 1, "layers": 1, "max_bytes": 0, "window": "4:20,4:20", "within": 16, "smooth": None, "along_holes": None,
     "through_holes": None, "capped": None, "whole": None, "isovalue": 120.5, "in_samples": None, "keep_crs": None,
-    "partial": None, "side": "below",
+    "partial": None, "side": "below", "layer": "mine", "attribute": "height", "index": 2, "raised": None,
+    "higher_on": "right", "decimals": 2,
 }
 """Values that change what is decoded of these; ``max_bytes`` is a quarter of the file."""
 OF_KIND = {
@@ -259,7 +260,7 @@ WORDS: dict[str, list[object]] = {
     "encode": ["hills.npy", "--isovalue", 80.5], "decode": ["grid.iso"], "edit": ["grid.iso", "--layers", 2],
     "plot": ["grid.iso"], "thin": ["hills.npy", "--points", 30],
 }
-FORMATS = {"decode": [".geojson", ".svg", ".npz"], "plot": [".png"], "thin": [".ply"]}
+FORMATS = {"encode": [".iso", ".geojson", ".svg", ".npz"], "decode": [".geojson", ".svg", ".npz"], "plot": [".png"], "thin": [".ply"]}
 
 
 @pytest.mark.parametrize("as_json", [False, True])

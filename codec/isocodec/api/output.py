@@ -75,11 +75,11 @@ def other_format(name: str) -> str | None:
     return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
 
 
-def is_converted(output: str | os.PathLike[str]) -> bool:
-    """Whether the suffix of a name is that of a format of other tools, which contours are converted to."""
+def is_converted(output: str | os.PathLike[str], to: str | None = None) -> bool:
+    """Whether the suffix of a name, or the one given apart, is that of a format of other tools."""
     from ..io.writers.registry import suffix_of
 
-    return suffix_of(output) is not None
+    return to != ".iso" if to is not None else suffix_of(output) is not None
 
 
 def formats() -> dict[str, str]:
@@ -87,7 +87,7 @@ def formats() -> dict[str, str]:
     from ..io.writers.registry import suffixes_of
 
     def listed(kind: Kind, n: int | None = None) -> str:
-        return ", ".join(dict.fromkeys(suffixes_of(kind, n)))
+        return ", ".join(suffixes_of(kind, n))
 
     rows = {
         "Curves": listed("contour", 2), "Surfaces": listed("contour", 3), "Areas and bands": listed("areas"),

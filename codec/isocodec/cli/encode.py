@@ -179,8 +179,7 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
 
     what: str | None = option(
         "--what", heading=OUTPUT, type=click.Choice(["curve", "areas", "bands"]), metavar="WHAT",
-        help="Unless OUT is .iso: curve (default; of a volume, a surface), areas (on one side), or bands (between "
-        "curves).",
+        help="Unless OUT is .iso: curve (default), areas (on one side), or bands (between curves).",
     )
 
     def check(self) -> None:
@@ -225,7 +224,7 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         """Whether contours are written in another format than .iso."""
         from ..api.output import is_converted
 
-        return self.to is not None or is_converted(self.output)
+        return is_converted(self.output, self.to)
 
     @property
     def surface_layers(self) -> int:
@@ -286,13 +285,14 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         )
 
 
-@command("encode", EncodeArguments, "Encode the isocontour of a picture, terrain, volume or mesh.")
+@command("encode", EncodeArguments, "Encode the isocontour of a picture, terrain, volume or mesh.", hidden=Converting)
 def encode_command(options: EncodeArguments) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
-    If OUT has the suffix of another format ({curves}, for surfaces {spatial}; see decode), contours of the samples are
-    written there, of any number of isovalues, and no .iso file is kept: encode dem.tif -o map.gpkg --interval 20. With
-    --precision or --keep-topology they are those of such a file.
+    If OUT has the suffix of another format, contours of the samples are written there (with --precision or
+    --keep-topology those of an .iso file), of any number of isovalues, and no .iso file is kept: encode dem.tif -o
+    map.gpkg --interval 20. See decode for its options --side, --along-holes, --to, --layer, --attribute, --index, --3d,
+    --higher-on, --keep-crs, --in-samples.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), another raster that GDAL reads
     (.asc, .hgt, .img, .vrt, ..), NIfTI, NRRD, MetaImage, DICOM (a folder of slices, or a file), or a grid of VTK, XDMF;

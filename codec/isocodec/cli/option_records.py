@@ -182,14 +182,20 @@ class Grouped(click.Command):
                 formatter.write_dl([(names.ljust(width), text) for names, text in blocks[heading]])
 
 
-def command(name: str, record: type[R], short_help: str) -> Callable[[Callable[[R], Any]], Grouped]:
-    """Make a command from a function that takes a record of options; the function's docstring is the help."""
+def command(
+    name: str, record: type[R], short_help: str, hidden: type | None = None
+) -> Callable[[Callable[[R], Any]], Grouped]:
+    """Make a command from a function that takes a record of options; the function's docstring is the help.
+
+    Options that the record has from ``hidden`` are described by the help of another command, and only named here.
+    """
 
     def made(function: Callable[[R], Any]) -> Grouped:
         own = vars(record).get("__annotations__", {})
         known = [each for each in fields(record) if each.metadata]  # type: ignore[arg-type]
         known.sort(key=lambda each: (each.name == "as_json", each.name != "output", each.name not in own))
-        params = [_parameter(each.name, each.metadata) for each in known]
+        apart = vars(hidden).get("__annotations__", {}) if hidden else {}
+        params = [_parameter(each.name, each.metadata, each.name in apart) for each in known]
         return Grouped(
             name, params=params, callback=lambda **given: function(record(**given)),
             help=cleandoc(function.__doc__ or ""), short_help=short_help,
@@ -198,11 +204,11 @@ def command(name: str, record: type[R], short_help: str) -> Callable[[Callable[[
     return made
 
 
-def _parameter(name: str, described: Any) -> click.Parameter:
+def _parameter(name: str, described: Any, hidden: bool) -> click.Parameter:
     attributes = dict(described["attributes"])
     if not described["names"]:
         return click.Argument([name], **attributes)
-    made = Heading([*described["names"], name], **attributes)
+    made = Heading([*described["names"], name], hidden=hidden, **attributes)
     made.heading = described["heading"]
     return made
 

@@ -39,10 +39,8 @@ _KINDS: dict[Kind, str] = {
 
 def suffixes_of(kind: Kind, n: int | None = None, *, several: bool = False, sampled: bool = True) -> list[str]:
     """Suffixes of the formats that can hold a kind of content (of a field with ``n`` axes), for help and messages."""
-    return [
-        suffix for output in OUTPUTS if output.kind == kind and output.fits(n, several, sampled)
-        for suffix in output.suffixes
-    ]
+    fitting = [output for output in OUTPUTS if output.kind == kind and output.fits(n, several, sampled)]
+    return list(dict.fromkeys(suffix for output in fitting for suffix in output.suffixes))
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str | None:
