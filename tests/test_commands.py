@@ -260,7 +260,8 @@ WORDS: dict[str, list[object]] = {
     "encode": ["hills.npy", "--isovalue", 80.5], "decode": ["grid.iso"], "edit": ["grid.iso", "--layers", 2],
     "plot": ["grid.iso"], "thin": ["hills.npy", "--points", 30],
 }
-FORMATS = {"encode": [".iso", ".geojson", ".svg", ".npz"], "decode": [".geojson", ".svg", ".npz"], "plot": [".png"], "thin": [".ply"]}
+_CURVES = [".geojson", ".svg", ".npz"]
+FORMATS = {"encode": [".iso", *_CURVES], "decode": _CURVES, "plot": [".png"], "thin": [".ply"]}
 
 
 @pytest.mark.parametrize("as_json", [False, True])

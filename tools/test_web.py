@@ -32,7 +32,7 @@ def left_out() -> str | None:
     stamp = PACKAGE / "node_modules" / ".installed"
     if stamp.exists() and stamp.stat().st_mtime >= (PACKAGE / "package.json").stat().st_mtime:
         return None
-    command = [npm, "install", "--no-audit", "--no-fund", "--no-package-lock", "--silent"]
+    command = [npm, "install", "--no-audit", "--no-fund", "--no-package-lock", "--ignore-scripts", "--silent"]
     try:
         done = subprocess.run(command, cwd=PACKAGE, timeout=300, check=False).returncode == 0
     except subprocess.TimeoutExpired:

@@ -377,7 +377,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
             return open(stream(source), mesh=known, limits=limits)
         except FormatError as error:
             if error.code == "signature" and (suffix := other_format(Path(source).name.lower())) is not None:
-                error.remedy = f"{suffix} files are encoded, not decoded; verify takes the field before the .iso file"
+                error.remedy = f"{suffix} files are encoded, not decoded; verify takes the .iso file first"
             raise
 
 
