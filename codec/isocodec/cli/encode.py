@@ -97,7 +97,8 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
                                   help="With --interval: V, V + S, V + 2 S, ..")
     labels: tuple[Any, ...] = option(
         "--label", heading=ISOVALUE, type=LabelType(), multiple=True, metavar="K",
-        help="Inside is value == K; all: of all values but 0. --precision signs by default. Repeatable.",
+        help="Inside is value == K; all: of all values but 0. Of a palette the values are its indices. --precision "
+        "signs by default. Repeatable.",
     )
     independent: bool = option("--independent", heading=ISOVALUE, is_flag=True,
                                help="Make each isovalue decodable without the others.")
@@ -265,7 +266,7 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         """Read the input, and add what options state about it."""
         from ..api.inputs import observed
 
-        given = {"frames": self.frames, "axis": self.frame_axis, "missing": self.missing}
+        given = {"frames": self.frames, "axis": self.frame_axis, "missing": self.missing, "labels": bool(self.labels)}
         more = {name: value for name, value in given.items() if value is not None}
         what = self.read(self.source, self.values, **more)
         with concerning(self.source):

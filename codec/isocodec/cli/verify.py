@@ -39,7 +39,7 @@ def verify_command(options: VerifyArguments) -> None:
     Of a tiled file the curve joined from all tiles is measured.
     """
     file = opened(options.source, options.limits)
-    field = options.read(options.field)
+    field = options.read(options.field, labels="labels" in file.metadata)
     with concerning(options.source):
         found = file.verify(field, frame=options.frame if file.frames > 1 else None, within=options.within)
     records = [{**asdict(one), "isovalue": None if math.isnan(one.isovalue) else one.isovalue} for one in found]

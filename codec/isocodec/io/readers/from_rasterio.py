@@ -207,9 +207,9 @@ def _band_of(file: Any, choice: Choice) -> int:
     (band,) = known
     bits = file.tags(band, ns="IMAGE_STRUCTURE").get("NBITS")
     grey = bits == "1" or file.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE") == "YES"
-    if choice.channel is None and colours[band - 1] == "palette" and not grey:
+    if choice.channel is None and not choice.labels and colours[band - 1] == "palette" and not grey:
         raise InputError("holds indices of a palette, not samples", code="palette",
-                         remedy=f"--band {band} takes them all the same, for labels; or save it as grey")
+                         remedy="--label (labels= in Python) takes them as labels; or save it as grey")
     if "complex" in kinds[band - 1]:
         raise InputError(f"holds complex numbers ({kinds[band - 1]}), not real numbers", code="dtype")
     return band

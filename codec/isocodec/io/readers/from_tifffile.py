@@ -78,8 +78,9 @@ class _Stack(Opened):
                     remedy="choose a page with --key, counted from 1",
                 )
             (self._stack,) = every
-            if every[0].keyframe.photometric == 3:
-                raise InputError("holds indices of a palette, not samples", code="palette", remedy="save it as grey")
+            if every[0].keyframe.photometric == 3 and not choice.labels:
+                raise InputError("holds indices of a palette, not samples", code="palette",
+                                 remedy="--label (labels= in Python) takes them as labels; or save it as grey")
             self._source.check_array(every[0].shape, every[0].dtype)
             axes = str(every[0].axes)
             try:

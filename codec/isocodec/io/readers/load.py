@@ -30,7 +30,7 @@ from .opened import IN_MEMORY, Choice, Opened
 from .reading import about, check_frame
 from .slices import FieldsInTurn
 
-_OF_MESHES = ("key", "samples", "frame", "follow", "average_cells", "classes")
+_OF_MESHES = ("key", "samples", "frame", "follow", "average_cells", "classes", "labels")
 """Options that apply to meshes and points."""
 
 
@@ -53,6 +53,7 @@ class ReadOptions:
     bbox: Box | None = None
     average_cells: bool = False
     classes: tuple[int, ...] = ()
+    labels: bool = False
 
     @property
     def choice(self) -> Choice:
@@ -63,7 +64,8 @@ class ReadOptions:
                 raise OptionError("a band is counted from 1, and the same as a channel", code="channel",
                                   remedy="give one of them")
             channel = self.band - 1
-        return Choice(self.key, channel, self.slice_tolerance, self.bbox, self.frame, self.average_cells, self.classes)
+        return Choice(self.key, channel, self.slice_tolerance, self.bbox, self.frame, self.average_cells, self.classes,
+                      self.labels)
 
 
 def read(
@@ -71,6 +73,7 @@ def read(
     frames: bool = False, axis: int | None = None, missing: str = HOLE, nodata: float | None = None,
     kind: str | None = None, samples: int | None = None, follow: bool = False, slice_tolerance: float | None = None,
     band: int | None = None, bbox: Box | None = None, average_cells: bool = False, classes: Sequence[int] = (),
+    labels: bool = False,
 ) -> Field | Frames | Mesh:
     """Read a sampled field, a series of them, or values on a mesh, with all that its source states.
 
@@ -116,6 +119,8 @@ def read(
         Of VTK, average values of cells at their points. Without, those of grids are samples at the centres of cells.
     classes : sequence of int
         Of LAS and LAZ, the classes of points that are taken; without them all but noise (7, 18).
+    labels : bool
+        Of a picture or raster with a palette, read its indices, as labels, instead of its colours.
 
     Returns
     -------
@@ -147,7 +152,7 @@ def read(
     found = load(
         source, ReadOptions(
             key, channel, frame, frames, axis, missing, nodata, kind, samples, follow, slice_tolerance, band, bbox,
-            average_cells, tuple(classes),
+            average_cells, tuple(classes), labels,
         )
     )
     for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):

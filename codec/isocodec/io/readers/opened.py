@@ -33,7 +33,7 @@ class Choice:
 
     Attributes
     ----------
-    key, channel, slice_tolerance, bbox, frame, average, classes
+    key, channel, slice_tolerance, bbox, frame, average, classes, labels
         As of `isocodec.read`, ``average`` being its ``average_cells``; ``frame`` of meshes only.
     """
 
@@ -44,6 +44,7 @@ class Choice:
     frame: int | None = None
     average: bool = False
     classes: tuple[int, ...] = ()
+    labels: bool = False
 
 
 class Opened:
