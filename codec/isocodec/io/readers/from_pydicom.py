@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
@@ -37,6 +38,8 @@ _SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
 _PADDING = ("PixelPadding", "FloatPixelPadding", "DoubleFloatPixelPadding")
 _SHOWING = {"LOCALIZER", "SCOUT"}
 _CINE = ("FrameTime", "FrameTimeVector", "CineRate")
+_FILMED = ("US", "IVUS", "XA", "RF", "ES")
+"""Modalities whose frames without positions follow in time."""
 _TIMES = (
     "TemporalPositionIndex", "TemporalPositionIdentifier", "NominalCardiacTriggerDelayTime", "TriggerTime",
     "EffectiveEchoTime", "EchoTime", "EchoNumbers", "DiffusionBValue", "InversionTime", "FrameReferenceTime",
@@ -249,14 +252,19 @@ def dicom_files(source: InputFile) -> Iterator[Path]:
         return
     root, seen = os.path.realpath(source.path), {os.path.realpath(source.path)}
     for folder, below, files in os.walk(root, followlinks=source.follow):
-        real = {name: os.path.realpath(os.path.join(folder, name)) for name in sorted(below)}
+        real = {name: os.path.realpath(os.path.join(folder, name)) for name in sorted(below, key=_counted)}
         below[:] = [name for name in real if real[name] not in seen]
         seen.update(real.values())
-        for path in (Path(folder, name) for name in sorted(files)):
+        for path in (Path(folder, name) for name in sorted(files, key=_counted)):
             if is_dicom(path) or path.suffix.lower() == ".dcm":
                 if not source.follow and not os.path.realpath(path).startswith(os.path.join(root, "")):
                     raise source.refused(path.name, "which links to another folder")
                 yield path
+
+
+def _counted(name: str) -> list[str | int]:
+    """Key of names whose numbers are counted: IM2 before IM10."""
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
 def is_dicom_series(path: Path) -> bool:
@@ -289,7 +297,7 @@ def _headers(source: InputFile, remarks: list[str]) -> list[tuple[Path, Any]]:
             others.append(name)
     named = ", ".join(sorted({*others})) or "no file of DICOM"
     if not found:
-        raise InputError(f"holds no samples ({named})", code="unreadable")
+        raise InputError(f"holds no samples ({named})", code="unreadable", remedy="give a file or folder of slices")
     if others:
         remarks.append(f"files without samples are left out: {len(others)} ({named})")
     return found
@@ -297,7 +305,11 @@ def _headers(source: InputFile, remarks: list[str]) -> list[tuple[Path, Any]]:
 
 def _packed(source: InputFile, path: Path, pydicom: Any) -> bool:
     """Whether a file is packed as a whole; if so, check that it does not unpack to more than the limit."""
-    if not is_dicom(path):
+    with path.open("rb") as file:
+        first = file.read(_LONG)
+    if first[128:132] != b"DICM":
+        if pydicom.uid.DeflatedExplicitVRLittleEndian.encode() in first:
+            raise InputError(f"is packed as a whole, without a preamble: {plain(path.name)}", code="unreadable")
         return False
     meta = pydicom.filereader.read_file_meta_info(path)
     if meta.get("TransferSyntaxUID") != pydicom.uid.DeflatedExplicitVRLittleEndian:
@@ -318,8 +330,9 @@ def _checked(source: InputFile, path: Path, header: Any, pydicom: Any) -> int:
     header.SamplesPerPixel, header.PhotometricInterpretation = colours, header.get("PhotometricInterpretation") or ""
     count = int(header.Rows) * int(header.Columns) * frames * colours
     if "TransferSyntaxUID" not in header.file_meta:
-        uid, (implicit, _) = pydicom.uid, header.original_encoding
-        header.file_meta.TransferSyntaxUID = uid.ImplicitVRLittleEndian if implicit else uid.ExplicitVRLittleEndian
+        implicit, little = header.original_encoding
+        order = "Implicit" if implicit else "Explicit"
+        header.file_meta.TransferSyntaxUID = getattr(pydicom.uid, f"{order}VR{'Little' if little else 'Big'}Endian")
     syntax, held = header.file_meta.TransferSyntaxUID, path.stat().st_size
     if "TotalPixelMatrixRows" in header:
         raise InputError("is a picture of tiles, such as of a slide", code="shape", remedy="export it as TIFF")
@@ -410,7 +423,7 @@ Arranged = tuple[list[Volume], Array | None, str]
 def _arranged(planes: list[_Plane], tolerance: float | None, remarks: list[str]) -> Arranged:
     """Slices of each volume in their order, the matrix in LPS coordinates, and by what volumes in one place differ."""
     if planes[0].corner is None:
-        if len(planes) > 1 and planes[0].get(*_CINE) is not None:
+        if len(planes) > 1 and (planes[0].get(*_CINE) is not None or planes[0].get("Modality") in _FILMED):
             return [[[each]] for each in planes], None, "time"
         return [[[each] for each in sorted(planes, key=lambda each: int(each.get("InstanceNumber") or 0))]], None, ""
     planes, where = _sorted(planes)

@@ -228,7 +228,7 @@ class Raster(Opened):
 
     def _open(self, choice: Choice) -> None:
         source = self._source
-        drivers = next(found for suffix, found in DRIVERS.items() if source.target.lower().endswith(suffix))
+        drivers = next((found for end, found in DRIVERS.items() if source.target.lower().endswith(end)), ("ENVI",))
         if not (source.follow or source.virtual):
             _check_beside(source, drivers)
         elif not source.follow and drivers == DRIVERS[_MOSAIC]:
@@ -273,5 +273,26 @@ class Raster(Opened):
         return self
 
 
+def has_header(path: Path) -> bool:
+    """Whether a file is a header, or has one beside it, that begins as those of ENVI do."""
+    own = path.suffix.lower() == ".hdr"
+    headers = [path] if own else [path.with_suffix(".hdr"), path.with_suffix(".HDR"), Path(f"{path}.hdr")]
+    return any(each.is_file() and each.open("rb").read(4) == b"ENVI" for each in headers)
+
+
+def _headed(source: InputFile, choice: Choice) -> Raster:
+    """Open what a header of ENVI is about: the file of its name with another suffix, or without one."""
+    path = source.path
+    if path.suffix.lower() != ".hdr":
+        return Raster(source, choice)
+    names = sorted(each.name for each in path.parent.iterdir() if path.stem in (each.stem, each.name) and each != path
+                   and each.suffix.lower() in ("", ".dat", ".raw", ".bin", *DRIVERS))
+    if len(names) != 1:
+        raise InputError(f"is a header, with {len(names)} files of samples beside it", code="other-file",
+                         remedy="give the file with the samples")
+    return Raster(replace(source, path=source.beside(names[0])), choice)
+
+
 _SUFFIXES = tuple(suffix for suffix in DRIVERS if suffix not in TIFF)
 FORMATS = (Format("raster", _SUFFIXES, Raster, extra="raster", channels=True, keyed=True),)
+HEADED = replace(FORMATS[0], suffixes=(), open=_headed)

@@ -31,7 +31,7 @@ from .confined import ConfinedOpened, mesh_by
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import Choice, Format, Opened
 from .reading import about
-from .source import InputFile, source_of
+from .source import InputFile, is_dicom, source_of
 
 FORMATS: tuple[Format, ...] = (
     *from_numpy.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pydicom.FORMATS, *from_pillow.FORMATS,
@@ -125,6 +125,10 @@ def mesh_format_of(source: InputFile) -> MeshFormat | None:
 def format_of(path: Path) -> Format | None:
     """Find the format of a file or folder of a field, by its name and if need be by what is in it."""
     named = next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
+    if (named is None or path.suffix.lower() == ".img") and path.is_file():
+        by_content = ((is_dicom, from_pydicom.FORMATS[0]), (from_nibabel.is_pair, from_nibabel.PAIR),
+                      (from_rasterio.has_header, from_rasterio.HEADED))
+        named = next((format for holds, format in by_content if holds(path)), named)
     if (named is None or not named.folder) and path.is_dir():
         if from_pydicom.is_dicom_series(path):
             return from_pydicom.DICOM_FOLDER

@@ -120,6 +120,11 @@ class InputFile:
             raise InputError(f"names '{plain(name)}', but there is no such file beside it", code="other-file")
         return target
 
+    def partner(self, suffix: str) -> Path:
+        """Find the file beside it with another suffix, in letters of either size, which a pair of files has."""
+        name = self.path.stem + suffix.upper()
+        return self.beside(name if self.path.with_name(name).exists() else self.path.stem + suffix)
+
     def refused(self, name: str, why: str = "which is not beside it") -> InputError:
         """The error for another file that was not asked for."""
         return InputError(
@@ -160,11 +165,14 @@ def source_of(
 
 
 def is_dicom(path: Path) -> bool:
-    """Whether this is a file of DICOM, by its first bytes."""
+    """Whether this is a file of DICOM, by its first bytes: a preamble, or without one elements of the first groups."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
-        return file.read(132)[128:] == b"DICM"
+        first = file.read(132)
+    explicit = first[:2] in (b"\2\0", b"\x08\0", b"\0\x08") and first[4:6] in (b"UL", b"CS", b"UI", b"DA", b"SH")
+    implicit = len(first) > 131 and first[:2] == b"\x08\0" and first[2] <= 0x18 and not first[3] + any(first[5:8])
+    return first[128:] == b"DICM" or explicit or implicit
 
 
 def check_kind(dtype: np.dtype[Any]) -> None:
