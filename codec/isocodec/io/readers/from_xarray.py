@@ -375,6 +375,7 @@ FORMATS = (
         signatures=((0, b"\x89HDF\r\n\x1a\n", ".h5"), *((0, start, ".nc") for start in _CLASSIC)),
     ),
     ZARR,
+    replace(ZARR, suffixes=(".zarr.zip",), folder=False),
     Format(
         "GRIB", _GRIB, _LabelledFile, extra="grib", keyed=True, signatures=((0, b"GRIB", ".grib"),), confined="cfgrib"
     ),

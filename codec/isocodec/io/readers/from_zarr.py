@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import product
 from pathlib import Path
 from typing import Any
+from zipfile import Path as At
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -32,13 +34,23 @@ def is_store(path: Path) -> bool:
 def arrays_of_zarr(source: InputFile) -> Iterator[Arrays]:
     """Open a store, which is an array or a group of them; its arrays by their paths."""
     zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
-    with reading("Zarr store"):
+    with reading("Zarr store"), ExitStack() as held:
         top = source.path.resolve()
-        if not source.follow:
+        zipped: ZipFile | None = None
+        root: Any = str(top)
+        within = ""
+        if source.named(".zip"):
+            zipped = held.enter_context(ZipFile(top))
+            for each in zipped.infolist():
+                source.check_packed(each.file_size, each.compress_size)
+            # the folder that was packed, or what was in it
+            tops = [name.rpartition("/")[0] for name in zipped.namelist() if name.rpartition("/")[2] in _METADATA]
+            root, within = held.enter_context(zarr.storage.ZipStore(top, mode="r")), min(tops, key=len, default="")
+        elif not source.follow:
             _check_links(source, top)
-        found = zarr.open(str(top), mode="r")
+        found = zarr.open(root, path=within, mode="r")
         members = {"": found} if hasattr(found, "dtype") else {"": found, **dict(found.members(max_depth=None))}
-        arrays = {name: _variable(source, one) for name, one in members.items() if hasattr(one, "dtype")}
+        arrays = {name: _variable(source, one, zipped) for name, one in members.items() if hasattr(one, "dtype")}
         along: dict[str, dict[str, Any]] = {}
         for name, group in members.items():
             if name not in arrays:
@@ -58,7 +70,7 @@ def _check_links(source: InputFile, top: Path) -> None:
                     folders.append(entry.path)
 
 
-def _variable(source: InputFile, stored: Any) -> Any:
+def _variable(source: InputFile, stored: Any, zipped: ZipFile | None) -> Any:
     attributes = dict(stored.attrs)
     if stored.metadata.zarr_format == 2:
         dims = attributes.pop("_ARRAY_DIMENSIONS", None)
@@ -72,13 +84,13 @@ def _variable(source: InputFile, stored: Any) -> Any:
                    for one in (*stored.compressors, *stored.filters))
 
     def get(key: tuple[Any, ...]) -> Any:
-        _check_chunks(stored, key)
+        _check_chunks(stored, key, zipped)
         return stored[key]
 
     return of_file(source, stored, dims if named else [None] * stored.ndim, attributes, packings, get)
 
 
-def _check_chunks(stored: Any, key: tuple[Any, ...]) -> None:
+def _check_chunks(stored: Any, key: tuple[Any, ...], zipped: ZipFile | None) -> None:
     """Check that no chunk with these slices states another size than it has to have."""
     sizes = stored.shards or stored.chunks
     most = math.prod(sizes) * stored.dtype.itemsize
@@ -88,7 +100,8 @@ def _check_chunks(stored: Any, key: tuple[Any, ...]) -> None:
         ends = sorted((found[0] // chunk, found[-1] // chunk)) if found else (0, -1)
         touched.append(range(ends[0], ends[1] + 1))
     for numbers in product(*touched):
-        path = Path(stored.store.root) / stored.path / stored.metadata.encode_chunk_key(numbers)
+        name = f"{stored.path}/{stored.metadata.encode_chunk_key(numbers)}".strip("/")
+        path: Any = Path(getattr(stored.store, "root", ""), name) if zipped is None else At(zipped, name)
         if path.is_file():
             with path.open("rb") as file:
                 stated = _unpacked(file.read(18), stored)
