@@ -165,7 +165,11 @@ class _LabelledFile(OpenedLabels):
         source, key = self._source, None if choice.key is None else choice.key.strip("/")
         if source.named(*_GRIB):
             arrays = self.hold(_grib(source))
-            self._array = arrays[choose({name: one.shape for name, one in arrays.items()}, key)]
+            shapes = {name: "(points)" if "values" in one.dims else one.shape for name, one in arrays.items()}
+            self._array = arrays[choose(shapes, key)]
+            if "values" in self._array.dims:
+                raise InputError(f"holds points of {_kind(self._array)}, not rows and columns", code="shape",
+                                 remedy="interpolate them first, as by cdo -remapbil,r720x360 (of sh -sp2gpl) IN OUT")
         elif source.named(*_HDF5):
             with source.path.open("rb") as file:
                 start = file.read(4)
@@ -319,7 +323,7 @@ def _grib(source: InputFile) -> Iterator[dict[str, Any]]:
     cfgrib = optional("cfgrib", extra="grib", purpose="reading GRIB")
     # the index that it would leave beside the file is another's to write
     options = {"indexpath": "", "values_dtype": np.dtype(np.float64), "encode_cf": ("parameter", "time", "vertical"),
-               "read_keys": ["alternativeRowScanning"]}
+               "read_keys": [*_SCANNING, "Nx", "Ny", "Ni", "Nj"]}
     with reading("GRIB file"):
         sets = cfgrib.open_datasets(str(source.path), backend_kwargs=options, cache=False)
         parts = [(str(name), one) for each in sets for name, one in each.data_vars.items()]
@@ -334,27 +338,38 @@ def _grib(source: InputFile) -> Iterator[dict[str, Any]]:
 
 def _in_rows(one: Any) -> Any:
     """An array of GRIB with rows and columns, of which each message has the points one after the other."""
-    columns, rows = (one.attrs.get(f"GRIB_{name}") for name in ("Nx", "Ny"))
+    columns, rows = (one.attrs.get(f"GRIB_N{a}", one.attrs.get(f"GRIB_N{b}")) for a, b in ("xi", "yj"))
     if columns is None or rows is None or rows * columns != one.sizes["values"]:
         return one
-    consecutive, turning = one.attrs.get("GRIB_jPointsAreConsecutive"), one.attrs.get("GRIB_alternativeRowScanning")
+    turning, consecutive, westwards, northwards = (one.attrs.get(f"GRIB_{name}", 0) for name in _SCANNING)
+    on_globe = _kind(one).endswith(("_ll", "_gg"))
+    if not on_globe and (westwards or not northwards):
+        raise InputError(f"scans a {_kind(one)} grid to the west or south, of which ecCodes gives wrong coordinates",
+                         code="placement", remedy="convert it with another library, such as GDAL")
 
-    def grid(points: Any) -> Any:
+    def grid(points: Any, consecutive: Any, turning: Any) -> Any:
         shaped = np.array(points).reshape((*points.shape[:-1], *((columns, rows) if consecutive else (rows, columns))))
         if turning:
             shaped[..., 1::2, :] = shaped[..., 1::2, ::-1].copy()
         return shaped.swapaxes(-1, -2) if consecutive else shaped
 
     def read(key: tuple[Any, ...]) -> Any:
-        return grid(one.variable[key[:-2]].values)[(..., *key[-2:])]
+        return grid(one.variable[key[:-2]].values, consecutive, turning)[(..., *key[-2:])]
 
     dims = [*one.dims[:-1], "y", "x"]
     made = lazy(dims, (*one.shape[:-1], rows, columns), one.dtype, read, one.attrs)
     coordinates = {name: each for name, each in one.coords.items() if "values" not in each.dims}
     for name in ("latitude", "longitude"):
         if name in one.coords:
-            coordinates[name] = _least(grid(one.coords[name].values), one.coords[name].attrs)
+            # rows never turn here, and those of a projected grid are not consecutive either
+            points = grid(one.coords[name].values, consecutive and on_globe, False)
+            coordinates[name] = _least(points, one.coords[name].attrs)
     return type(one)(made, coordinates, name=one.name)
+
+
+def _kind(one: Any) -> str:
+    """What GRIB calls the grid of an array."""
+    return plain(str(one.attrs.get("GRIB_gridType")))
 
 
 def _least(points: Any, attributes: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -365,6 +380,7 @@ def _least(points: Any, attributes: Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 _ZARR, _GRIB, _HDF5 = (".zarr",), (".grib", ".grib2", ".grb", ".grb2"), (".h5", ".hdf5", ".nc")
+_SCANNING = ("alternativeRowScanning", "jPointsAreConsecutive", "iScansNegatively", "jScansPositively")
 _NETCDF = "of netcdf"
 """Name of the encoding of an array of a NetCDF file."""
 _POINTERS = ("coordinates", "bounds", "grid_mapping")
