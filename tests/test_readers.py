@@ -129,6 +129,8 @@ def made(folder: Path, suffix: str) -> Path:
     if suffix == ".zarr":
         stored = zarr.open(str(path), mode="w", shape=CELLS.shape, chunks=CELLS.shape, dtype="u1")
         stored[:] = CELLS
+    elif suffix == ".zarr.zip":
+        shutil.make_archive(str(path.with_suffix("")), "zip", made(folder, ".zarr"))
     elif suffix in (".h5", ".hdf5", ".nc"):
         with h5py.File(path, "w") as file:
             file["x"] = CELLS[0]

@@ -23,6 +23,8 @@ from .volumes import OpenedVolumes, scaled, single, squeezed
 Array = NDArray[Any]
 _HEADER = 1 << 26
 """Bytes before the samples of a NIfTI file at most, extensions among them."""
+PAIRED = HEAD, SAMPLES = ".hdr .img".split()
+"""Suffixes of pairs of files; other formats have the second one, too."""
 _UNITS = {"sec": "s", "msec": "ms", "usec": "µs"}
 """Units of time, as nibabel calls them and as they are written."""
 
@@ -95,8 +97,8 @@ class _Beginning:
 
 def _image(source: InputFile, nibabel: Any) -> Any:
     """A NIfTI image whose samples are not read yet; checks that they are there, and that one volume may be read."""
-    packed, pair = source.named(".gz"), source.named(".hdr", ".img")
-    samples, path = (source.partner(".img"), source.partner(".hdr")) if pair else (source.path, source.path)
+    packed, pair = source.named(".gz"), source.named(*PAIRED)
+    samples, path = (source.partner(SAMPLES), source.partner(HEAD)) if pair else (source.path, source.path)
     with gzip.open(path) if packed else path.open("rb") as file:
         first = file.read(4)
         file.seek(0)
@@ -120,7 +122,7 @@ def _image(source: InputFile, nibabel: Any) -> Any:
 def is_pair(path: Path) -> bool:
     """Whether a file is one of a pair of NIfTI or Analyze 7.5, by the first bytes of the header."""
     headers = [each for each in (path.with_suffix(".hdr"), path.with_suffix(".HDR")) if each.is_file()]
-    first = headers[0].open("rb").read(4) if headers and path.suffix.lower() in (".hdr", ".img") else b""
+    first = headers[0].open("rb").read(4) if headers and path.suffix.lower() in PAIRED else b""
     return 348 in (int.from_bytes(first, "little"), int.from_bytes(first, "big"))
 
 

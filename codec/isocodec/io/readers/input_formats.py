@@ -125,7 +125,7 @@ def mesh_format_of(source: InputFile) -> MeshFormat | None:
 def format_of(path: Path) -> Format | None:
     """Find the format of a file or folder of a field, by its name and if need be by what is in it."""
     named = next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
-    if (named is None or path.suffix.lower() == ".img") and path.is_file():
+    if (named is None or path.suffix.lower() in from_nibabel.PAIRED) and path.is_file():
         by_content = ((is_dicom, from_pydicom.FORMATS[0]), (from_nibabel.is_pair, from_nibabel.PAIR),
                       (from_rasterio.has_header, from_rasterio.HEADED))
         named = next((format for holds, format in by_content if holds(path)), named)
