@@ -23,7 +23,7 @@ from .volumes import OpenedVolumes, scaled, single, squeezed
 Array = NDArray[Any]
 _HEADER = 1 << 26
 """Bytes before the samples of a NIfTI file at most, extensions among them."""
-PAIRED = HEAD, SAMPLES = ".hdr .img".split()
+PAIRED = HEAD, SAMPLES = ".hdr .img".split()  # noqa: SIM905  # that of rasters is said by their reader
 """Suffixes of pairs of files; other formats have the second one, too."""
 _UNITS = {"sec": "s", "msec": "ms", "usec": "µs"}
 """Units of time, as nibabel calls them and as they are written."""
