@@ -76,7 +76,7 @@ def wrong(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def test_a_few_edits(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "files").mkdir()
     path = made(tmp_path / "files", suffix)
-    assert wrong(outcomes(tmp_path, path.name, 8)) == []
+    assert wrong(outcomes(tmp_path, path.name, 3)) == []
 
 
 @pytest.mark.heavy
