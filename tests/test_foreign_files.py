@@ -30,7 +30,7 @@ from PIL import Image
 import foreign
 import isocodec
 from isocodec.errors import InputError, LimitError
-from test_readers import SUFFIXES, made
+from test_readers import GRIB, SUFFIXES, made
 
 HERE = Path(__file__).parent
 SAMPLES = 1 << 20
@@ -72,11 +72,11 @@ def wrong(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [each for each in found if set(each) - {"file", "number", "result"}]
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", [suffix for suffix in SUFFIXES if suffix not in GRIB[1:]])
 def test_a_few_edits(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "files").mkdir()
     path = made(tmp_path / "files", suffix)
-    assert wrong(outcomes(tmp_path, path.name, 8)) == []
+    assert wrong(outcomes(tmp_path, path.name, 3)) == []
 
 
 @pytest.mark.heavy

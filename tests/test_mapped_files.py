@@ -88,7 +88,8 @@ def test_coordinates_of_each_sample(tmp_path: Path) -> None:
     assert np.array_equal(np.load(tmp_path / "a.npz")["placed"], direct.placed)
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "s.geojson", "--in-samples")
     (first, *_) = json.loads((tmp_path / "s.geojson").read_text())["geometry"]["coordinates"]
-    assert np.allclose(first, direct.lines[0][:, ::-1])
+    # with y upwards the other way around has higher values on its left
+    assert np.allclose(first, direct.lines[0][::-1, ::-1])
 
 
 def test_uneven_steps_of_volumes(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
@@ -209,6 +209,7 @@ def test_merged(profile: str) -> None:
         assert len(made) < sum(map(len, files))
 
 
+@settings(max_examples=30)
 @given(
     st.integers(0, 10_000), st.sampled_from([{}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 0.2}]),
 )

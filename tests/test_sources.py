@@ -235,7 +235,7 @@ def test_files_by_name(tmp_path: Path) -> None:
     isocodec.save(tmp_path / "b.svg", contour)
     assert (tmp_path / "a.geojson").stat().st_size and (tmp_path / "b.svg").stat().st_size
     for wrong in (
-        lambda: isocodec.save(tmp_path / "a.png", HILL, 70.0), lambda: isocodec.save(tmp_path / "b.iso", file, 70.0),
+        lambda: isocodec.save(tmp_path / "a.stl", HILL, 70.0), lambda: isocodec.save(tmp_path / "b.iso", file, 70.0),
         lambda: isocodec.save(tmp_path / "b.stl", contour), lambda: isocodec.save(tmp_path / "b.iso", contour),
         lambda: isocodec.decode(io.StringIO("text")),
     ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +29,12 @@ MANY = {2: 150, 3: 40}
 
 def mixed(file: TiledFile, seed: int) -> isocodec.Contour:
     """Each tile as finely as dice say."""
-    dice = np.random.default_rng(seed)
-    return file.window(within=lambda box: float(dice.choice([16, 4, 1, 0])))
+    return file.window(within=lambda box: within(seed, [low for low, _ in box]))
+
+
+def within(seed: int, corner: Sequence[float]) -> float:
+    """Dice for the tile with this corner."""
+    return float(np.random.default_rng([seed, *map(int, corner)]).choice([16, 4, 1, 0]))
 
 
 def check_closed(contour: isocodec.Contour) -> None:
@@ -83,8 +88,9 @@ def check_no_gaps(tmp_path: Path, n: int, options: dict[str, object], count: int
         file = tiled_of(encoded(tmp_path, field, 0.5 if seed % 2 else 0, **options))
         contour = mixed(file, seed)
         check_closed(contour)
-        dice = np.random.default_rng(seed)
-        layers = {index: file.stage_of(dice.choice([16, 4, 1, 0])) for index in np.ndindex(*file.head.grid.counts)}
+        tile = 1 << file.head.grid.exponent
+        corners = {index: [tile * place for place in index] for index in np.ndindex(*file.head.grid.counts)}
+        layers = {index: file.stage_of(within(seed, corner)) for index, corner in corners.items()}
         alone = [isocodec.decode(file.plain(index, layer=layer)) for index, layer in layers.items()]
         check_in_faces(contour, file, sum(len(each.cells) for each in alone))
 

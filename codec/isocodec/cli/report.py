@@ -219,7 +219,7 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
             from rich.progress import Progress
 
             bar = Progress(console=Console(file=terminal), transient=True)
-            task = bar.add_task("", total=None)
+            task = bar.add_task(label, total=None)
             bar.start()
         if total:
             bar.update(task, description=label, completed=done, total=total)

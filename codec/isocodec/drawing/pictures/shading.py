@@ -16,6 +16,8 @@ _VEIL = 0.35
 """Opacity of a surface around another one."""
 _BAND = 32
 """Number of rows of a picture that are averaged at a time."""
+_PIXELS = 1 << 18
+"""Number of pixels that are coloured at a time."""
 
 
 @dataclass(frozen=True)
@@ -54,15 +56,17 @@ def shade(
     """
     side = 2 * pixels  # averaged down below, against ragged edges
     colours = np.zeros((side * side, 4), np.float32)
-    opaque = np.full(side * side, -np.inf)
+    opaque = np.full(side * side, -np.inf, np.float32)
     for number, solid in enumerate(solids):
         nearest, normals = _nearest(solid, view, centre, scale, side)
-        seen = np.flatnonzero(nearest > opaque)
-        lit, facing = _lit(solid, view, normals[seen])
-        # what is seen through is denser where it is seen from the side
-        share = (_VEIL + (1 - _VEIL) * 0.8 * (1 - facing) ** 2 if number else np.ones(len(seen)))[:, None]
-        colours[seen] *= 1 - share
-        colours[seen] += share * np.append(lit, np.ones((len(seen), 1)), axis=1)
+        visible = np.flatnonzero(nearest > opaque)
+        for start in range(0, len(visible), _PIXELS):
+            seen = visible[start : start + _PIXELS]
+            lit, facing = _lit(solid, view, normals[seen])
+            # what is seen through is denser where it is seen from the side
+            share = (_VEIL + (1 - _VEIL) * 0.8 * (1 - facing) ** 2 if number else np.ones(len(seen)))[:, None]
+            colours[seen] *= 1 - share
+            colours[seen] += share * np.append(lit, np.ones((len(seen), 1)), axis=1)
         if not number:
             opaque = nearest
     image = np.empty((pixels, pixels, 4))
@@ -78,21 +82,21 @@ def shade(
 
 def _nearest(
     solid: Solid, view: View, centre: NDArray[np.float64], scale: float, side: int
-) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Find at each pixel the depth of the nearest point of a surface, -inf if none, and its normal, (side**2, 3)."""
     points, cells = solid.points, solid.cells
     # A margin of half a pixel, so that points on the border fall inside.
     screen = (points @ view.screen - centre) * ((side - 1) / scale) + side / 2
     depth = points @ view.towards
     normal = vertex_normals(points, cells)
-    nearest = np.full(side * side, -np.inf)
+    nearest = np.full(side * side, -np.inf, np.float32)
     shown = np.zeros((side * side, 3), np.float32)
     for chosen, weights in _lattices(screen, cells):
         corners = cells[chosen]
         at = weights @ screen[corners]
         inside = np.clip(np.floor(at).astype(np.int64), 0, side - 1)
         pixel = (inside[..., 1] * side + inside[..., 0]).ravel()
-        near = (depth[corners] @ weights.T).ravel()
+        near = (depth[corners] @ weights.T).astype(np.float32).ravel()
         np.maximum.at(nearest, pixel, near)
         front = near == nearest[pixel]
         triangle, place = np.divmod(np.flatnonzero(front), len(weights))

@@ -79,7 +79,7 @@ def _decimal(number: float) -> str:
     return "0" if text == "-0" else text
 
 
-PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
+PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=3 << 26, kept=0)}
 """Memory that pictures take, by the number of axes of the field."""
 _MATPLOTLIB: Any = {"extra": "plot", "libraries": ("matplotlib.figure",), "coordinates": "samples"}
 OUTPUTS = (
