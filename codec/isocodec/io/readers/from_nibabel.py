@@ -17,7 +17,7 @@ from ...field.placement import Placement
 from .opened import Choice, Format
 from .place_of_samples import placed_volume
 from .reading import channel_of, check_frame, reading
-from .source import InputFile
+from .source import InputFile, beginning
 from .volumes import OpenedVolumes, scaled, single, squeezed
 
 Array = NDArray[Any]
@@ -122,7 +122,7 @@ def _image(source: InputFile, nibabel: Any) -> Any:
 def is_pair(path: Path) -> bool:
     """Whether a file is one of a pair of NIfTI or Analyze 7.5, by the first bytes of the header."""
     headers = [each for each in (path.with_suffix(".hdr"), path.with_suffix(".HDR")) if each.is_file()]
-    first = headers[0].open("rb").read(4) if headers and path.suffix.lower() in PAIRED else b""
+    first = beginning(headers[0], 4) if headers and path.suffix.lower() in PAIRED else b""
     return 348 in (int.from_bytes(first, "little"), int.from_bytes(first, "big"))
 
 

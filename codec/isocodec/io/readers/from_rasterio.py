@@ -26,7 +26,7 @@ from ...limits import patience
 from .opened import Choice, Format, Opened, Windows
 from .place_of_samples import placed
 from .reading import LISTED, about, check_frame, reading, said, upright
-from .source import InputFile
+from .source import InputFile, beginning
 
 TIFF, PACKAGE, _MOSAIC = (".tif", ".tiff"), ".gpkg", ".vrt"
 DRIVERS = dict.fromkeys(TIFF, ("GTiff",)) | {
@@ -277,7 +277,7 @@ def has_header(path: Path) -> bool:
     """Whether a file is a header, or has one beside it, that begins as those of ENVI do."""
     own = path.suffix.lower() == ".hdr"
     headers = [path] if own else [path.with_suffix(".hdr"), path.with_suffix(".HDR"), Path(f"{path}.hdr")]
-    return any(each.is_file() and each.open("rb").read(4) == b"ENVI" for each in headers)
+    return any(each.is_file() and beginning(each, 4) == b"ENVI" for each in headers)
 
 
 def _headed(source: InputFile, choice: Choice) -> Raster:

@@ -164,12 +164,17 @@ def source_of(
     return InputFile(path, most, follow)
 
 
+def beginning(path: Path, size: int) -> bytes:
+    """Read the first bytes of a file."""
+    with path.open("rb") as file:
+        return file.read(size)
+
+
 def is_dicom(path: Path) -> bool:
     """Whether this is a file of DICOM, by its first bytes: a preamble, or without one elements of the first groups."""
     if not path.is_file():
         return False
-    with path.open("rb") as file:
-        first = file.read(132)
+    first = beginning(path, 132)
     explicit = first[:2] in (b"\2\0", b"\x08\0", b"\0\x08") and first[4:6] in (b"UL", b"CS", b"UI", b"DA", b"SH")
     implicit = len(first) > 131 and first[:2] == b"\x08\0" and first[2] <= 0x18 and not first[3] + any(first[5:8])
     return first[128:] == b"DICM" or explicit or implicit
