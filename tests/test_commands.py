@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import pkgutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +17,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
 
 import isocodec
+import isocodec.api
 from commands import BALL, HILLS, run
 from commands_page import PAGE, page
 from isocodec.cli import main
@@ -127,6 +130,10 @@ def test_each_class_of_error_has_its_exit_code(
     as_json: bool,
 ) -> None:
     """And one line on the error stream, nothing on the other, no file."""
+    # what is loaded meanwhile would keep what raises
+    for module in pkgutil.iter_modules(isocodec.api.__path__, "isocodec.api."):
+        importlib.import_module(module.name)
+    assert isocodec.open
 
     def end(*_: object, **__: object) -> None:
         raise raised
