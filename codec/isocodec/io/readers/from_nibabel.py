@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...extras import optional
 from ...field.placement import Placement
+from .from_rasterio import HEADER, IMAGE
 from .opened import Choice, Format
 from .place_of_samples import placed_volume
 from .reading import channel_of, check_frame, reading
@@ -23,8 +24,8 @@ from .volumes import OpenedVolumes, scaled, single, squeezed
 Array = NDArray[Any]
 _HEADER = 1 << 26
 """Bytes before the samples of a NIfTI file at most, extensions among them."""
-PAIRED = HEAD, SAMPLES = ".hdr .img".split()  # noqa: SIM905  # that of rasters is said by their reader
-"""Suffixes of pairs of files; other formats have the second one, too."""
+PAIRED = HEADER, IMAGE
+"""Suffixes of pairs of files."""
 _UNITS = {"sec": "s", "msec": "ms", "usec": "µs"}
 """Units of time, as nibabel calls them and as they are written."""
 
@@ -98,7 +99,7 @@ class _Beginning:
 def _image(source: InputFile, nibabel: Any) -> Any:
     """A NIfTI image whose samples are not read yet; checks that they are there, and that one volume may be read."""
     packed, pair = source.named(".gz"), source.named(*PAIRED)
-    samples, path = (source.partner(SAMPLES), source.partner(HEAD)) if pair else (source.path, source.path)
+    samples, path = (source.partner(IMAGE), source.partner(HEADER)) if pair else (source.path, source.path)
     with gzip.open(path) if packed else path.open("rb") as file:
         first = file.read(4)
         file.seek(0)
@@ -121,7 +122,7 @@ def _image(source: InputFile, nibabel: Any) -> Any:
 
 def is_pair(path: Path) -> bool:
     """Whether a file is one of a pair of NIfTI or Analyze 7.5, by the first bytes of the header."""
-    headers = [each for each in (path.with_suffix(".hdr"), path.with_suffix(".HDR")) if each.is_file()]
+    headers = [each for each in (path.with_suffix(HEADER), path.with_suffix(HEADER.upper())) if each.is_file()]
     first = beginning(headers[0], 4) if headers and path.suffix.lower() in PAIRED else b""
     return 348 in (int.from_bytes(first, "little"), int.from_bytes(first, "big"))
 

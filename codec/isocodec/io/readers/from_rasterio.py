@@ -29,9 +29,11 @@ from .reading import LISTED, about, check_frame, reading, said, upright
 from .source import InputFile, beginning
 
 TIFF, PACKAGE, _MOSAIC = (".tif", ".tiff"), ".gpkg", ".vrt"
+HEADER, IMAGE = ".hdr", ".img"
+"""Suffixes of pairs of files, not of rasters alone."""
 DRIVERS = dict.fromkeys(TIFF, ("GTiff",)) | {
     PACKAGE: ("GPKG",), _MOSAIC: ("VRT",), ".asc": ("AAIGrid", "GRASSASCIIGrid"), ".hgt": ("SRTMHGT",),
-    ".img": ("HFA", "ENVI"), ".dem": ("USGSDEM",), ".bil": ("EHdr", "ENVI"), ".bip": ("EHdr", "ENVI"),
+    IMAGE: ("HFA", "ENVI"), ".dem": ("USGSDEM",), ".bil": ("EHdr", "ENVI"), ".bip": ("EHdr", "ENVI"),
     ".bsq": ("EHdr", "ENVI"), ".flt": ("EHdr",), ".dt0": ("DTED",), ".dt1": ("DTED",), ".dt2": ("DTED",),
     ".jp2": ("JP2OpenJPEG",), ".sdat": ("SAGA",), ".rst": ("RST",), ".grd": ("GSBG", "GS7BG", "GSAG"), ".bt": ("BT",),
 }
@@ -275,15 +277,15 @@ class Raster(Opened):
 
 def has_header(path: Path) -> bool:
     """Whether a file is a header, or has one beside it, that begins as those of ENVI do."""
-    own = path.suffix.lower() == ".hdr"
-    headers = [path] if own else [path.with_suffix(".hdr"), path.with_suffix(".HDR"), Path(f"{path}.hdr")]
+    own = path.suffix.lower() == HEADER
+    headers = [path] if own else [path.with_suffix(HEADER), path.with_suffix(HEADER.upper()), Path(f"{path}{HEADER}")]
     return any(each.is_file() and beginning(each, 4) == b"ENVI" for each in headers)
 
 
 def _headed(source: InputFile, choice: Choice) -> Raster:
     """Open what a header of ENVI is about: the file of its name with another suffix, or without one."""
     path = source.path
-    if path.suffix.lower() != ".hdr":
+    if path.suffix.lower() != HEADER:
         return Raster(source, choice)
     names = sorted(each.name for each in path.parent.iterdir() if path.stem in (each.stem, each.name) and each != path
                    and each.suffix.lower() in ("", ".dat", ".raw", ".bin", *DRIVERS))

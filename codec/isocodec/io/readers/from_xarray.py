@@ -368,7 +368,7 @@ def _in_rows(one: Any) -> Any:
 
 
 def _kind(one: Any) -> str:
-    """What GRIB calls the grid of an array."""
+    """Name that GRIB has for the grid of an array."""
     return plain(str(one.attrs.get("GRIB_gridType")))
 
 
