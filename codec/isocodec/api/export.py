@@ -212,8 +212,9 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
             raise OptionError(f"--{name.replace('_', '-')} does not apply to {what}", code=name, remedy="leave it out")
     check_marks(what, wanted)
     made = _MAKERS[what](file, suffix, wanted, progress)
-    asked = [] if wanted.isovalue is None else [wanted.isovalue]
-    made.options = wanted.options_for(file.isovalues or asked)
+    made.options = wanted.options
+    if wanted.index is not None:  # which isovalues there are is known of a whole file only
+        made.options = wanted.options_for(file.isovalues or [v for v in [wanted.isovalue] if v is not None])
     # bytes after the part that was decoded may be damaged
     with suppress(FormatError):
         if file.frames > 1 and wanted.view.get("frame") is None and what != "valid":
