@@ -70,7 +70,8 @@ class Command:
         """Whether a signal that comes after so many seconds still ended it; it says so, or nothing."""
         time.sleep(after)
         self.process.send_signal(number)
-        _, said = self.process.communicate(timeout=120)
+        # LLVM, where it is at work, is waited for: some kernels take it a minute, and more on a busy machine
+        _, said = self.process.communicate(timeout=600)
         code, word = ENDS[number]
         assert (self.process.returncode, said.splitlines()) in [(code, [f"isocodec: {word}"]), (0, [])]
         return self.process.returncode == code
