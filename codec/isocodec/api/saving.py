@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..tin.tin import Tin
 
 _OF_CURVES = {"precision", "keep_topology"}
-"""Options of encoding that curves in other formats have an effect of."""
+"""Options of encoding that have an effect on curves in other formats."""
 
 
 def save(

@@ -39,7 +39,7 @@ def draw(
         Move points of which only the edge is known (`isocodec.drawing.smoothing`).
     measured : bool
         Leave points at ends of edges, where samples equal the isovalue: an encoder measures distances from there.
-        Otherwise they are moved into their edges (`isocodec.drawing.curve.apart`).
+        Otherwise they are moved into their edges (`isocodec.drawing.separation.apart`).
 
     Returns
     -------
