@@ -71,7 +71,7 @@ def test_rows_of_a_mask_go_on_where_those_before_ended():
 
 def test_bytes_behind_an_isovalue_are_an_error():
     with pytest.raises(FormatError) as caught:
-        read_further(write_further(7.5, None) + b"\0", 0, [1.0])
+        read_further(write_further(1, 7.5, None) + b"\0", 0, [1.0])
     assert caught.value.code == "isovalue"
 
 

@@ -343,7 +343,7 @@ def test_progress_of_a_search(monkeypatch: pytest.MonkeyPatch, last: tuple[int, 
 @pytest.fixture
 def two(hills: Path, tmp_path: Path) -> Path:
     out = tmp_path / "two.iso"
-    ok("encode", hills, "-o", out, "--isovalue", 80.5, "--isovalue", 40.25, "--independent")
+    ok("encode", hills, "-o", out, "--isovalue", 80.5, "--isovalue", 40.25, "--order", "independent")
     return out
 
 

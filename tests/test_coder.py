@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from brute import examples
 from isocodec.entropy.context_layout import no_blend, rates
-from isocodec.entropy.mixer import HOLES
 from isocodec.entropy.range_coder import (
     BEYOND,
     DECODE,
@@ -24,7 +23,7 @@ from isocodec.entropy.range_coder import (
     start,
 )
 from isocodec.grid.models.contexts import CONTEXTS, models
-from isocodec.grid.models.parabola import LEAST, MOST, NEXT, ONWARD, STIFFNESS, extrapolation, nearer, through_the_gate
+from isocodec.grid.models.parabola import MOST, ONWARD, STIFFNESS, nearer, through_the_gate
 
 HALF = ONE // 2
 ADAPTIVE = rates()
@@ -134,7 +133,7 @@ def test_probabilities_keep_from_certainty():
 def test_initial_models():
     """Every context starts within the floor, and with a count that the rates know."""
     prob, seen = models()
-    assert len(prob) == len(seen) == CONTEXTS + HOLES
+    assert len(prob) == len(seen) == CONTEXTS
     assert prob.min() >= FLOOR and prob.max() <= ONE - FLOOR
     assert seen.min() >= 0 and seen.max() < len(ADAPTIVE)
 
@@ -362,25 +361,8 @@ def test_cut_ends_a_run_anew(symbols, probabilities, data):
 # --- the parabola ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("points", range(LEAST, MOST + 1))
-def test_extrapolation_is_least_squares(points):
-    """C2-arith: exact on quadratics, on other data the fit of ``numpy.polyfit``; the kernels' table is the same."""
-    denominator, weights = extrapolation(points)
-    for a, b, c in ((1, 0, 0), (0, 1, 0), (0, 0, 1), (3, -17, 5)):
-        assert sum(w * (a * i * i + b * i + c) for i, w in enumerate(weights)) == denominator * (
-            a * points * points + b * points + c
-        )
-    y = np.random.default_rng(points).normal(size=points)
-    fit = np.polyval(np.polyfit(np.arange(points), y, 2), points)
-    assert np.dot(weights, y) / denominator == pytest.approx(fit, abs=1e-9)
-    assert list(NEXT[points, : points + 1]) == [denominator, *weights]
-
-
 def test_extrapolation_from_twenty_points():
     """C2-arith: the largest denominator and weights, on which the bounds of the integers rest."""
-    denominator, weights = extrapolation(20)
-    assert (denominator, sum(map(abs, weights))) == (1140, 2820)
-    assert extrapolation(3) == (1, [1, -3, 3])  # f(3) = f(0) - 3 f(1) + 3 f(2) for any parabola
     denominator, weights = through_the_gate(20)
     assert (denominator, sum(map(abs, weights))) == (79_332_435, 11_755_498)
 
@@ -411,18 +393,13 @@ def test_nearer_point(data):
     ring = np.zeros(2 * MOST, np.int64)
     for i, p in enumerate(trail):
         ring[2 * (i % MOST) : 2 + 2 * (i % MOST)] = p
-    onward = data.draw(st.booleans())
-    case = nearer(ring, count, 1, g, a, b, onward)
-    if count < (1 if onward else LEAST):
+    case = nearer(ring, count, 1, g, a, b)
+    if not count:
         assert case == 0
         return
     last = np.array(trail[-MOST:], float)
-    if onward:
-        denominator, weights = through_the_gate(len(last))
-        p = g + np.array(weights) @ (last - g) / denominator
-    else:
-        x = np.arange(len(last))
-        p = np.array([np.polyval(np.polyfit(x, last[:, axis], 2), len(last)) for axis in (0, 1)])
+    denominator, weights = through_the_gate(len(last))
+    p = g + np.array(weights) @ (last - g) / denominator
     margin = ((p - a) ** 2).sum() - ((p - b) ** 2).sum()
     assert 1 <= abs(case) <= 3
     if abs(margin) > 1e-6:

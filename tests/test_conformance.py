@@ -101,7 +101,7 @@ def test_manifest_covers_the_format():
     for n in (2, 3):
         of_n = [v for v in VECTORS if v.dimension == n]
         whole = [v for v in of_n if v.expected.status == OK]
-        assert {name for v in whole for name in v.elements} == set(ELEMENTS)
+        assert {name for v in whole for name in v.elements} == set(ELEMENTS) - ({"sample"} if n == 3 else set())
         assert {v.expected.status for v in of_n} - {LIMIT} == {OK, TRUNCATED, ERROR}
         features = {f for v in whole for f in v.features}
         for residue in range(n):
@@ -115,7 +115,7 @@ def test_manifest_covers_the_format():
             assert feature in features
         layers = {layer.kind for v in whole for layer in v.layers}
         assert layers == {"base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets", "signs"} | (
-            {"levels"} if n == 2 else set()
+            {"levels", "raster"} if n == 2 else set()
         )
         assert {layer.unit for v in whole for layer in v.layers} >= {0, 1, 3}
         lines = Counter(line.split()[0] for v in whole for line in dump_file(HOME / v.file).text.splitlines())
@@ -171,8 +171,9 @@ def test_nobody_has_to_decode_what_is_beyond_all_levels(code, passes):
 
 def test_vectors_are_small():
     """They travel with the package."""
-    assert max(v.bytes for v in VECTORS) < 5000
-    assert sum(path.stat().st_size for path in HOME.iterdir()) < 1_350_000
+    large = {v.name for v in VECTORS if v.bytes >= 5000}
+    assert large == {"plane_isovalues_4096", "bad_isovalues_4097", "bad_layers_131073"}  # as many as there may be
+    assert sum(path.stat().st_size for path in HOME.iterdir()) < 1_800_000
 
 
 def test_generation_gives_the_same_bytes(tmp_path):

@@ -16,7 +16,7 @@ from files import HEADER, chunk, files, layers_file, picture, refused, same_draw
 from isocodec import Decoder
 from isocodec.errors import FormatError, OptionError
 from isocodec.format import chunks
-from isocodec.format.chunks import read_metadata
+from isocodec.format.chunks import CRITICAL, read_metadata
 from isocodec.format.events import ChunkSkipped, MetadataRead
 from isocodec.format.header import Header, read_header, write_header, write_isovalue
 from isocodec.format.kinds import LayerKind
@@ -81,8 +81,11 @@ def test_zigzag():
         (Header((2, 3, 4), 0.0), "8949534f 00 04 02 03 04 00"),
         (Header((300, 300), 0.5), "8949534f 00 40 822c 02"),
         (Header((3, 3, 3), 0.5), "8949534f 00 44 03 02"),
-        (Header((2, 3), 0.25), "8949534f 00 08 02 03 3e800000"),  # 2**-2 in IEEE single
-        (Header((2, 3), 0.1), "8949534f 00 10 02 03 3fb999999999999a"),
+        (Header((2, 3), 0.25), "8949534f 00 18 02 03 02 32"),  # 25 / 10**2; zigzag(25) = 50
+        (Header((2, 3), 0.1), "8949534f 00 18 02 03 01 02"),
+        (Header((2, 3), -0.1), "8949534f 00 18 02 03 01 01"),
+        (Header((2, 3), 2.0**-60), "8949534f 00 08 02 03 21800000"),  # in IEEE single
+        (Header((2, 3), 1 / 3), "8949534f 00 10 02 03 3fd5555555555555"),
         (Header((2, 3), 0.0, 0.25), "8949534f 00 20 02 03 00 fe"),  # scale 2**-2
         # exponents of a byte reach from -127 to 127; 0x80, which would be -128, says that eight bytes follow
         (Header((2, 3), 0.0, 2.0**127), "8949534f 00 20 02 03 00 7f"),
@@ -116,7 +119,10 @@ def test_equal_sides_told_one_by_one():
         ("8949534f 00 80 05 04 02", "domain", 5),
         ("8949534f 00 c0 05 02", "domain", 5),
         ("8949534f 00 03 05 04 02", "profile", 5),
-        ("8949534f 00 18 05 04 02", "isovalue", 5),
+        ("8949534f 00 18 05 04 00 02", "isovalue", 8),  # a decimal without places
+        ("8949534f 00 18 05 04 10 02", "isovalue", 8),  # with 16
+        ("8949534f 00 18 05 04 01 a080808080808000", "isovalue", 8),  # of 2**53
+        ("8949534f 00 18 05 04 01 9fffffffffffff7f", "isovalue", 8),  # of -2**53
         ("8949534f 00 00 00 04 02", "shape", 6),
         ("8949534f 00 44 00 02", "shape", 6),
         ("8949534f 00 44 c08001 02", "shape", 6),  # 2**20 + 1
@@ -196,6 +202,8 @@ BASE_2, REFINE_3, REFINE_4 = ("base", 2, 0), ("refine", 3, 0), ("refine", 4, 0)
         ("82 b1 02 9f 30", [BASE_2, ("offsets", 2, 3), REFINE_3, REFINE_4, ("offsets", 4, 1)]),
         ("8f 30", [("base", 4, 0), ("offsets", 4, 1)]),  # in one part: nothing to be told
         ("8f 2f 00", [("base", 4, 0), ("values", 4, 0)]),  # no bits: values are exact at once
+        ("10", [("raster", 4, 0)]),  # no rounds: a raster layer, with a base before it or without
+        ("82 90 31", [BASE_2, ("raster", 4, 0), ("offsets", 4, 3)]),
     ],
 )
 def test_program(encoding, layers):
@@ -213,7 +221,10 @@ def test_program(encoding, layers):
         ("21 11", 0),
         ("31", 0),
         ("82 13", 1),  # three rounds from level 2
-        ("82 10", 1),  # none
+        ("8f 10", 1),  # a raster layer of the full grid
+        ("90 10", 1),  # a second one
+        ("90 02", 1),  # a base behind it
+        ("82 90 11", 2),  # a round behind it
         ("82 9f 11", 2),  # one more than there are
         ("82 31 19", 1),  # offsets in parts of 2**25 samples
         ("8f 3f", 1),
@@ -242,7 +253,7 @@ def test_program_refused(encoding, offset):
 
 
 def test_programs_with_too_many_layers_or_bits():
-    """4096 layers, and 52 bits of values."""
+    """131,072 layers, and 52 bits of values."""
     many = bytes([0x8F, 0xAF, 0x11]) + b"\xa0" * (LAYER_LIMIT - 2) + b"\x20"
     refused(layers_file(many), "layers")
     refused(layers_file(bytes([0x8F, 0x21, 0xF2, 0x35])), "bits")  # 53 bits
@@ -325,9 +336,9 @@ def test_chunks_refused():
     """Unknown critical chunks, layers that call themselves ancillary, lengths that are not the shortest."""
     head, payload = split_file("exact")
     layers = chunk(ChunkType.LAYERS, payload, last=True)
-    refused(with_checksum(head + chunk(11, b"x") + layers), "chunk", len(head))
-    refused(with_checksum(head + chunk(ChunkType.METADATA, b"{}") + layers), "chunk", len(head))
-    refused(with_checksum(head + chunk(ChunkType.LAYERS, payload, ancillary=True, last=True)), "chunk", len(head))
+    for kind in range(32):
+        known = kind in CRITICAL
+        refused(with_checksum(head + chunk(kind, payload, ancillary=known) + layers), "chunk", len(head))
     refused(with_checksum(head + b"\x21\x80\x05"), "varint", len(head) + 1)
 
 

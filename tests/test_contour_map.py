@@ -369,7 +369,7 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
         (3, tmp_path / "nan.npy", [], "all samples are missing"),
         (3, tmp_path / "none.npy", [], "No such file"),
         (3, plane, ["--interval", 1000, "--offset", 500], "choose a smaller interval"),
-        (3, plane, ["--interval", 0.1], "choose a larger interval"),
+        (3, plane, ["--interval", 0.01], "choose a larger interval"),
         (4, tmp_path / "no.iso", [], "not an .iso file"),
         (5, tmp_path / "cut.iso", [], "before it is complete"),
     ):

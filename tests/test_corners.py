@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from isocodec.format.chunks import read_envelope, read_index, write_chunk
 from isocodec.format.events import ChunkSkipped, IsovalueRead, LayerComplete, MetadataRead
 from isocodec.format.header import read_header
 from isocodec.format.program import Progress, read_program
+from isocodec.grid.layers import layer_writer
 from isocodec.stream.inspect import inspect
 from isospec.container import CHECKED_CHUNK, LAYER_LIMIT, ChunkType
 
@@ -91,31 +94,31 @@ def test_a_payload_of_exactly_2_to_the_14():
 # --- counts ---------------------------------------------------------------------------------------------------------
 
 
-def test_4096_layers():
-    """As many as a file may have, of which all but two tell nothing; one more is refused, by writers too."""
+def test_many_layers():
+    """Some thousands, of which all but two tell nothing; more than a file may have are refused, by writers too."""
     field = np.zeros((5, 4), np.int64)
     field[2, 2] = 1
-    plan = [("base", None), ("values", None)] + [("values", 0)] * (LAYER_LIMIT - 2)
+    plan = [("base", None), ("values", None)] + [("values", 0)] * 5000
     data = isocodec.encode(field, 0.5, layers=plan)
-    assert len(isocodec.open(data).info.layers) == LAYER_LIMIT == 4096
+    assert len(isocodec.open(data).info.layers) == 5002
     decoder = Decoder()
     decoder.feed(data)
-    assert sum(isinstance(event, LayerComplete) for event in decoder) == LAYER_LIMIT
+    assert sum(isinstance(event, LayerComplete) for event in decoder) == 5002
     assert decoder.complete and len(decoder.contour().points) == 4
-    with pytest.raises(OptionError, match="4096"):
-        isocodec.encode(field, 0.5, layers=[*plan, ("values", 0)])
+    with pytest.raises(OptionError, match="131,072"):
+        isocodec.encode(field, 0.5, layers=[*plan, *[("values", 0)] * (LAYER_LIMIT - 5001)])
     many = bytes([0x8F, 0xAF, 0x00]) + b"\xa0" * (LAYER_LIMIT - 2) + b"\x20"  # base, values without bits, again ..
-    refused(layers_file(many + bytes(8)), "layers", len(HEADER) + 3 + LAYER_LIMIT - 2 + 3)
+    refused(layers_file(many + bytes(8)), "layers", len(HEADER) + 4 + LAYER_LIMIT - 2 + 3)
     fewer = many[:-2] + b"\x20"
     layers, at = read_program(fewer, 0, len(fewer), Progress(4))
     assert len(layers) == LAYER_LIMIT and at == len(fewer)
 
 
 def test_layers_of_all_isovalues_count():
-    """4,096 in the file, not for each isovalue."""
+    """131,072 in the file, not for each isovalue."""
     field = picture((6, 6), 1)
-    half = [("base", None)] + [("values", None)] + [("values", 0)] * (LAYER_LIMIT // 2)
-    with pytest.raises(OptionError, match="4096"):
+    half = [("base", None)] + [("values", None)] + [("values", 0)] * 2048
+    with patch.object(layer_writer, "LAYER_LIMIT", 4096), pytest.raises(OptionError, match="4,096"):
         isocodec.encode(field, [0.5, 1.5], layers=half)
 
 
@@ -142,7 +145,7 @@ def test_limits_of_several_isovalues(name):
     field[20:25, 5:9] = 40
     isovalues = [0.5, 2.5, 4.5, 6.5]
     each = [least(name, isocodec.encode(field, v, layers=0)) for v in isovalues]
-    together = least(name, isocodec.encode(field, isovalues, layers=0, independent=True))
+    together = least(name, isocodec.encode(field, isovalues, layers=0, order="independent"))
     assert min(each) > 10
     assert 2 * max(each) < together <= sum(each)
 
@@ -170,13 +173,13 @@ def test_an_index_with_bytes_behind_it():
 def test_the_share_of_an_index_is_of_all_isovalues(isovalues):
     """One of them takes 20,000 bytes, the other, above all samples, a few: at most a hundredth of both is an index."""
     field = np.random.default_rng(0).integers(0, 2, (400, 400))
-    data = isocodec.encode(field, isovalues, precision="signs")
+    data = isocodec.encode(field, isovalues, order="isovalues", precision="signs")
     _, envelope, _ = chunks(data)[-1]
     assert envelope.type == ChunkType.INDEX
     stated, counted = isocodec.open(data).info.layers, inspect(data, symbols=True).layers
     assert [(x.isovalue, x.bytes, x.symbols) for x in stated] == [(x.isovalue, x.bytes, x.symbols) for x in counted]
     assert {layer.isovalue for layer in stated} == {0, 1}
-    small = isocodec.encode(field[:60, :60], isovalues, precision="signs")
+    small = isocodec.encode(field[:60, :60], isovalues, order="isovalues", precision="signs")
     run_bytes = sum(layer.bytes for layer in inspect(small, symbols=True).layers)
     assert chunks(small)[-1][1].type != ChunkType.INDEX and run_bytes < 100 * (envelope.end - envelope.start)
 
@@ -207,7 +210,7 @@ def test_two_chunks_of_metadata():
 def three():
     """Isovalues 0 and 2 stand alone as far as 1 goes."""
     field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
-    return isocodec.encode(field, [0.5, 20.5, -20.5], independent=True)
+    return isocodec.encode(field, [0.5, 20.5, -20.5], order="independent")
 
 
 @pytest.mark.parametrize("only", [{0}, {1}, {2}, {0, 2}, {1, 2}])

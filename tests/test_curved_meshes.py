@@ -30,7 +30,7 @@ def enclosed(points: np.ndarray, cells: np.ndarray) -> float:
 
 
 def opened(stored: str) -> tuple[isocodec.IsoFile, bytes]:
-    data = isocodec.encode(Mesh(POINTS, CELLS, HEIGHT, stored=stored), LEVELS, independent=True)
+    data = isocodec.encode(Mesh(POINTS, CELLS, HEIGHT, stored=stored), LEVELS, order="independent")
     return isocodec.open(data, mesh=(POINTS, CELLS) if stored == "known" else None), data
 
 
@@ -70,7 +70,7 @@ def test_operations(operation: str, stored: str) -> None:
         decoder.close()
         assert len(decoder.contour().cells) == len(file.contour().cells)
     elif operation == "merge":
-        other = isocodec.encode(Mesh(POINTS, CELLS, HEIGHT, stored=stored), 5.5, independent=True)
+        other = isocodec.encode(Mesh(POINTS, CELLS, HEIGHT, stored=stored), 5.5, order="independent")
         if stored != "coded":
             assert isocodec.open(isocodec.merge([data, other]), **known).isovalues == (*LEVELS, 5.5)
     elif operation in ("layers", "size", "isovalues", "profile"):

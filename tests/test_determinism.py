@@ -109,7 +109,13 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         field = np.rint(100 * smooth(shape, 3)).astype(np.int64)
         data = isocodec.encode(field, 0.5, precision=0.05)
         assert np.array_equal(isocodec.open(data).above(), field > 0.5)
+        decoder = isocodec.Decoder()
+        for start in range(0, len(data), 4):
+            decoder.feed(data[start : start + 4])
+            if decoder.take().header is not None:
+                decoder.contour()
         isocodec.encode(field, 0.5, precision=0.5)
+        isocodec.encode(field, [0.5, 20.5], precision=0.5)
         gone = np.random.default_rng(4).random(shape) < 0.1
         for more in ({"precision": "exact"}, {"precision": 0.05}, {"precision": "exact", "profile": "baseline"}):
             isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 0.5, **more))
@@ -147,13 +153,13 @@ def test_rows_are_weighed_alike(twice):
     """Weights as large as they may be, sums of either sign, totals that nearly take 32 bits."""
     field = np.rint(100 * smooth((9, 11), 3)).astype(np.int64)
     rng = np.random.default_rng(1)
-    encoder = encoder_of(field, 0.5, precision="exact")
+    encoder = encoder_of(field, 0.5, precision="exact", layers=2)
     tube = encoder.frame.strands[0].tube
     blend = tube.coder.blend
     weight = rng.integers(-64, 57, blend.weight.shape).astype(blend.weight.dtype)
     out = rng.integers(-(1 << 14), 1 << 14, blend.out.shape).astype(blend.out.dtype)
     tube.coder = tube.coder._replace(blend=blend._replace(weight=weight, out=out))
-    assert b"".join(encoder) != isocodec.encode(field, 0.5, precision="exact")
+    assert b"".join(encoder) != isocodec.encode(field, 0.5, precision="exact", layers=2)
     assert "isocodec.grid.passes.values.values" in twice
 
 

@@ -162,7 +162,7 @@ def test_several_isovalues():
     isovalues = [20.5, -30.5, 60.5, 0]
     for options in ({"precision": "exact"}, {"precision": 0.5}, {"precision": "signs"}):
         data = encode(Mesh(*mesh, values), isovalues, **options)
-        alone = encode(Mesh(*mesh, values), isovalues, independent=True, **options)
+        alone = encode(Mesh(*mesh, values), isovalues, order="independent", **options)
         assert len(data) < len(alone)
         for contour, isovalue in zip(isocodec.open(data, mesh=mesh).contours(), isovalues, strict=True):
             single = decode(encode(Mesh(*mesh, values), isovalue, **options), mesh=mesh)

@@ -1,4 +1,4 @@
-"""The figures' own arithmetic: what is traced of a walk, parabolas, which layers are shown."""
+"""The figures' own arithmetic: what is traced of a walk, which layers are shown."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ import isocodec
 from commands import HILLS
 from figures.corpus import by_bytes, ends, stages
 from figures.planes import draw_mesh
-from figures.walk import parabola, path_of, small_field, symbols_of
-from isocodec.grid.models.parabola import extrapolation
+from figures.walk import path_of, small_field, symbols_of
 
 
 def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
@@ -36,14 +35,6 @@ def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
     assert len(path) > 50 and np.abs(np.diff(path, axis=0)).max() <= 1
     right = sum(s["bit"] for s in symbols if s["context"].startswith("CURVE") and s["vertices"])
     assert right == isocodec.open(data).statistics().layers[0].right
-
-
-def test_the_parabola_is_that_of_the_predictor() -> None:
-    points = np.random.default_rng(3).integers(0, 40, (20, 2)) / 2
-    for count in (3, 7, 20):
-        denominator, weights = extrapolation(count)
-        wanted = np.array(weights) @ points[:count] / denominator
-        assert parabola(points[:count], np.array([count]))[0] == pytest.approx(wanted)
 
 
 def test_layers_that_share_a_file_by_bytes() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.spatial import cKDTree
 import isocodec
 from isocodec import Contour, Decoder, Encoder, Frames, Limits, encode
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
-from isocodec.format.events import FrameRead
+from isocodec.format.events import FrameRead, IsovalueRead, PromisesRead
 
 ISOVALUE = 40
 
@@ -95,7 +96,7 @@ def test_several_isovalues(interval: int):
 
 @pytest.mark.parametrize(
     "options", [{"precision": 0.5}, {"precision": [1, 0.2]}, {"layers": "topology"}, {"keep_topology": True},
-                {"layers": 4}, {"independent": True}, {"layers": [("base", 3), ("refine", 2), ("offsets", 5, 1)]}],
+                {"layers": 4}, {"order": "independent"}, {"layers": [("base", 3), ("refine", 2), ("offsets", 5, 1)]}],
     ids=lambda options: next(iter(options)),
 )
 def test_any_layers(options: dict[str, Any]):
@@ -193,8 +194,8 @@ def test_prefixes_give_the_frames_they_hold():
         with pytest.raises(TruncatedError):
             for curves in isocodec.open(data[:length]).each_frame():
                 taken.append(curves)
-        # a frame is over as soon as the first operation of the next one is there
-        assert len(taken) == sum(length >= end + 3 for end in ends)
+        # a frame is over as soon as the chunk that begins the next one is there
+        assert len(taken) == sum(length >= end + 2 for end in ends)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
@@ -297,29 +298,64 @@ def test_a_frame_is_written_as_its_type_says():
     info = isocodec.open(data).info
     kinds = [chunk.type for chunk in info.chunks]
     # the second isovalue of a key frame leans on the first
-    assert kinds == ["frame", "layers", "isovalue", "layers", "layers", "layers", "layers", "frame", "layers"]
-    first, last = info.chunks[0].offset, info.chunks[7].offset
-    assert data[first : first + 3] == bytes([9, 1, 2])
+    assert kinds == ["series", "layers", "isovalue", "layers", *["frame", "layers"] * 4]
+    first, second, last = (info.chunks[number].offset for number in (0, 4, 10))
+    assert data[first : first + 3] == bytes([13, 1, 2])
+    assert data[second : second + 2] == bytes([9, 0])
+    assert [frame.offset for frame in info.frames[1:]] == [second, info.chunks[8].offset]
     assert data[last : last + 3] == bytes([9, 1, 1])
     assert [frame.leans for frame in info.frames] == [[None, 0], [None, None], [None, 0]]
 
 
-def test_a_frame_may_have_a_chunk_where_it_needs_none():
+def test_frames_begin_with_a_chunk_of_their_own():
     data = encode(Frames(moving(3, 8)), ISOVALUE, precision="signs")
-    for chunk in reversed(isocodec.open(data).info.chunks[2:]):
-        data = data[: chunk.offset] + bytes([9, 0]) + data[chunk.offset :]
-    data = with_checksum(data)
-    assert [len(curves) for curves in isocodec.open(data).each_frame()] == [1, 1, 1]
-    for number, frame in enumerate(moving(3, 8)):
-        alone = isocodec.decode(isocodec.encode(frame, ISOVALUE, precision="signs"))
-        assert points(isocodec.decode(data, frame=number)) == points(alone)
+    frame = isocodec.open(data).info.chunks[2]
+    bad = with_checksum(data[: frame.offset] + data[frame.offset + frame.bytes :])
+    for read in (isocodec.decode, lambda data: isocodec.open(data).info):
+        with pytest.raises(FormatError, match="second base") as caught:
+            read(bad)
+        assert caught.value.clause == "3.6"
+
+
+@cache
+def promised(t: int, isovalue: float, precision: float | tuple[float, ...]) -> list[float]:
+    """What a file of a frame alone promises."""
+    info = isocodec.open(encode(moving(3, 16)[t], isovalue, precision=precision)).info
+    return [layer.within for layer in info.layers if layer.within]
+
+
+@pytest.mark.parametrize("interval", [0, 1, 2])
+@pytest.mark.parametrize("isovalues", [[ISOVALUE], [ISOVALUE, 25]], ids=["one", "two"])
+@pytest.mark.parametrize("precision", [0.05, 0.5, (1, 0.2)], ids=["grid", "searched", "steps"])
+def test_promises_of_each_frame_are_kept(precision: Any, isovalues: list[float], interval: int):
+    data = encode(Frames(moving(3, 16)), isovalues, precision=precision, interval=interval)
+    wanted = {(t, i): promised(t, isovalue, precision) for t in range(3) for i, isovalue in enumerate(isovalues)}
+    found: dict[tuple[int, int], list[float]] = {place: [] for place in wanted}
+    for layer in isocodec.open(data).info.layers:
+        if layer.within:
+            found[layer.frame, layer.isovalue].append(layer.within)
+    assert found == wanted and all(found.values())
+    place, events = (0, 0), []
+    decoder = Decoder()
+    for at in range(len(data)):
+        decoder.feed(data[at : at + 1])
+        for event in decoder:
+            if isinstance(event, IsovalueRead):
+                place = 0, event.number
+            elif isinstance(event, FrameRead):
+                place = event.frame, event.number
+            elif isinstance(event, PromisesRead):
+                events.append((place, list(event.promises.within.values())))
+    assert dict(events) == wanted and len(events) == len(wanted)
 
 
 @pytest.mark.parametrize(
     ("number", "chunk"),
     [
-        (0, b"\x09\x00"), (0, b"\x09\x02\x05\x05"), (0, b"\x09\x02\x80\x05"), (2, b"\x09\x01\x01"),
-        (2, b"\x09\x02\x00\x00"), (2, b"\x09\x00\x05\x02\x00\x01"), (2, b"\x89\x00"),
+        (0, b"\x0d\x00"), (0, b"\x0d\x02\x05\x05"), (0, b"\x0d\x02\x80\x05"), (0, b"\x0d\x01\x05\x0d\x01\x05"),
+        (0, b"\x8d\x01\x05"), (0, b"\x09\x00"), (0, b"\x09\x01\x05"), (2, b"\x09\x01\x01"), (2, b"\x09\x02\x00\x00"),
+        (2, b"\x09\x00\x05\x02\x00\x01"), (2, b"\x09\x00\x07\x01\x00"), (2, b"\x09\x00\x0d\x01\x05"),
+        (2, b"\x0d\x01\x05"), (2, b"\x89\x00"), (2, b"\x8d\x00"),
     ],
 )
 def test_malformed_chunks(number: int, chunk: bytes):
@@ -337,7 +373,7 @@ def test_malformed_chunks(number: int, chunk: bytes):
 def test_frames_behind_layers():
     data = isocodec.encode(moving(1, 8)[0], ISOVALUE, precision="signs")
     at = isocodec.open(data).info.chunks[0].offset
-    bad = with_checksum(data[:at] + bytes([data[at] & ~0x20]) + data[at + 1 : -4] + b"\x29\x01\x00" + b"\0" * 4)
+    bad = with_checksum(data[:at] + bytes([data[at] & ~0x20]) + data[at + 1 : -4] + b"\x2d\x01\x00" + b"\0" * 4)
     with pytest.raises(FormatError) as caught:
         isocodec.decode(bad)
     assert caught.value.clause == "3.5.7"

@@ -69,7 +69,7 @@ def test_limits_of_whole_files():
 def test_limits_hold_for_all_isovalues_together():
     field = picture((24, 26), 9)
     levels = [-20.5 + 4 * i for i in range(10)]
-    data = isocodec.encode(field, levels, precision="exact", independent=True)
+    data = isocodec.encode(field, levels, precision="exact", order="independent")
     decoder = Decoder()
     decoder.feed(data)
     decoder.close()

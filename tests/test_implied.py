@@ -14,6 +14,7 @@ from isocodec.drawing.crossing import edge_ratios
 from isocodec.drawing.simplices import crossed, draw_simplices
 from isocodec.drawing.snapshot import leaves_of
 from isocodec.field.samples import check_field
+from isocodec.grid.lattice.implied import Implied, implied_ratio
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import reduced
@@ -120,3 +121,11 @@ def test_cubes_tell_their_edges_only():
         if q in sign and sign[p] != sign[q]
     }
     assert told == edges
+
+
+@pytest.mark.parametrize("above", [[True, False, True, False], [True, False, False, False], [True, False, False, True]])
+@pytest.mark.filterwarnings("error")
+def test_a_crossing_that_does_not_follow_is_in_the_middle(above):
+    """Clause 9.5(5): with both crossings of the ring at an end of their edges the quotient is 0 / 0."""
+    implied = Implied(np.array([[0, 1]]), np.array([[2, 3]]))
+    assert implied_ratio(implied, np.array(above), np.zeros((1, 2))) == [0.5]

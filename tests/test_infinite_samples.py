@@ -8,6 +8,8 @@ import pytest
 import isocodec
 from drawings import as_set
 from isocodec.errors import InputError
+from isocodec.field.samples import check_field
+from isocodec.search.original import original
 
 SQUARE = np.zeros((7, 7))
 SQUARE[2:5, 2:5] = 1
@@ -41,6 +43,24 @@ def test_between_two_infinite_samples_it_is_in_the_middle() -> None:
     field[:, 2:] = np.inf
     points = isocodec.decode(isocodec.encode(field, 0.5)).points
     assert np.allclose(points[:, 1], 1.5)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("turned", [False, True], ids=["rising", "falling"])
+@pytest.mark.parametrize("above", [1.0, 1e300, np.inf])
+@pytest.mark.parametrize("below", [-1.0, -1e300, -np.inf])
+def test_promises_are_measured_from_where_files_put_the_crossing(
+    below: float, above: float, turned: bool, axis: int
+) -> None:
+    """The original curve runs where an exact file has it, whichever end of an edge is infinite."""
+    values = np.array([below, below, above, above][:: -1 if turned else 1])
+    field = np.moveaxis(np.broadcast_to(values, (3, 4, 4)), 2, axis).copy()
+    samples = check_field(field, 0.0)
+    low = np.full((1, 3), 1)
+    high = low + np.eye(3, dtype=int)[axis]
+    place = samples.between(low, high)
+    expected = 1 + np.where(np.isnan(place), 0.5, place)
+    assert np.allclose(original(samples).points[:, axis], expected)
 
 
 def test_no_value_states_an_infinite_sample() -> None:

@@ -18,12 +18,13 @@ from isocodec.drawing.snapshot import leaves_of, state_of
 from isocodec.entropy.run import WritingRun
 from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Samples
-from isocodec.format.events import IsovalueRead
+from isocodec.format.events import IsovalueRead, LayerComplete
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.layers.layer_writer import LayerWriter
 from isocodec.grid.passes.runner import Tube
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan
+from isocodec.stream import grid_encoder
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isoconform.meshes import chosen, uniform
@@ -58,7 +59,8 @@ def same(a, b, within=0.0):
 
 @pytest.mark.parametrize("n", [2, 3])
 @pytest.mark.parametrize(
-    "wanted", [{"parts": 11}, {}, {"precision": "exact"}, {"precision": "signs"}, {"layers": 1}, {"independent": True}]
+    "wanted",
+    [{"parts": 11}, {}, {"precision": "exact"}, {"precision": "signs"}, {"layers": 1}, {"order": "independent"}],
 )
 def test_each_decodes_as_by_itself(n, wanted):
     """To the last bit, or, where the encoder is free to tell crossings within a tolerance, within twice that."""
@@ -76,7 +78,7 @@ def test_each_decodes_as_by_itself(n, wanted):
             options["layers"] = [*grid_plan(n, full, None), ("offsets", options.pop("parts"))]
         encoder = encoder_of(field, isovalues, **options)
         data = b"".join(encoder)
-        alone = {k: v for k, v in options.items() if k != "independent"}
+        alone = {k: v for k, v in options.items() if k != "order"}
         for isovalue in isovalues:
             by_itself = isocodec.decode(isocodec.encode(field, isovalue, **alone))
             same(isocodec.decode(data, isovalue=isovalue), by_itself, within)
@@ -242,23 +244,24 @@ def test_each_keeps_to_the_tolerance(options, profile):
 
 def test_no_leaning_where_no_plan_would_keep_to_the_tolerance(monkeypatch):
     """Then the isovalue stands alone, and so does its promise."""
-    found = strategy.smallest
+    found = grid_encoder.smallest
 
     def never_leaning(promise, tolerance, topology):
         if promise.fresh().lean is not None:
             raise strategy.NotKeptError("not kept")
         return found(promise, tolerance, topology)
 
-    monkeypatch.setattr(strategy, "smallest", never_leaning)
+    monkeypatch.setattr(grid_encoder, "smallest", never_leaning)
+    # so far apart that neither is in the way of the other
     field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
-    data = isocodec.encode(field, [10.5, 12.5], precision=0.25)
+    data = isocodec.encode(field, [10.5, 42.5], precision=0.25)
     assert isocodec.open(data).info.leans == [None, None]
-    assert not len(promise(field, 12.5).excess(isocodec.decode(data, isovalue=12.5), 0.25))
+    assert not len(promise(field, 42.5).excess(isocodec.decode(data, isovalue=42.5), 0.25))
 
 
 def test_events_and_skipping():
     field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
-    data = isocodec.encode(field, [0.5, 20.5, -20.5])
+    data = isocodec.encode(field, [0.5, 20.5, -20.5], order="isovalues")
     decoder = Decoder()
     decoder.feed(data)
     events = [e for e in decoder if isinstance(e, IsovalueRead)]
@@ -274,7 +277,9 @@ def test_events_and_skipping():
         other = Decoder(only={1})
         other.feed(data)
         other.close()
-    free = isocodec.encode(field, [0.5, 20.5], independent=True)
+    # those of a turn are decoded together
+    assert isocodec.open(isocodec.encode(field, [0.5, 20.5, -20.5])).info.chain(2) == {0, 1, 2}
+    free = isocodec.encode(field, [0.5, 20.5], order="independent")
     assert isocodec.open(free).info.leans == [None, None]
     other = Decoder(only={1})
     other.feed(free)
@@ -284,7 +289,7 @@ def test_events_and_skipping():
 
 def test_refused():
     field = np.rint(smooth((9, 9), 1) * 100).astype(np.int64)
-    for isovalues, code in (([], "isovalue"), ([1, 1.0], "isovalue"), (list(range(65)), "isovalue")):
+    for isovalues, code in (([], "isovalue"), ([1, 1.0], "isovalue"), (list(range(4097)), "isovalue")):
         with pytest.raises(OptionError) as caught:
             isocodec.encode(field, isovalues)
         assert caught.value.code == code
@@ -299,7 +304,10 @@ def test_truncated_between_isovalues():
     layers = len(isocodec.open(data).info.layers)
     for count in range(1, layers + 1):
         short = isocodec.open(data).edited(layers=count)
-        assert len(isocodec.open(short).info.layers) == count
+        # of a turn that ends midway, `info` lists the layers that are missing, too
+        decoder = Decoder()
+        decoder.feed(short)
+        assert [event.number for event in decoder if isinstance(event, LayerComplete)] == [*range(1, count + 1)]
         isocodec.decode(short)
     for size in range(60, len(data), 7):
         short = isocodec.open(data).edited(size=size)
@@ -337,7 +345,10 @@ def test_numbers_that_many_isovalues_could_make_grow_no_further():
 
 
 def test_trials_are_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of two ways to the signs of a further isovalue the smaller one goes on, and no layer is encoded twice."""
+    """Of two ways to the signs of a further isovalue the smaller one goes on, and no layer is encoded twice.
+
+    Where isovalues take turns, there is one way.
+    """
     seen: list[tuple[LayerWriter, int]] = []
     advance = LayerWriter._advance
 
@@ -346,8 +357,12 @@ def test_trials_are_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
         advance(writer, run, number)
 
     monkeypatch.setattr(LayerWriter, "_advance", noted)
-    done: list[tuple[int, int]] = []
-    data = isocodec.encode(HILLS, [60.5, 80.5, 100.5], progress=lambda *now: done.append(now))
-    assert len({id(writer) for writer, _ in seen}) == 1 + 2 + 2
-    assert len({(id(writer), number) for writer, number in seen}) == len(seen)
-    assert done == sorted(done) and done[-1][0] == done[-1][1] == len(isocodec.open(data).info.layers)
+    for order, writers in (("isovalues", 1 + 2 + 2), ("levels", 3)):
+        done: list[tuple[int, int]] = []
+        seen.clear()
+        data = isocodec.encode(
+            HILLS, [60.5, 80.5, 100.5], order=order, progress=lambda *now, done=done: done.append(now)
+        )
+        assert len({id(writer) for writer, _ in seen}) == writers
+        assert len({(id(writer), number) for writer, number in seen}) == len(seen)
+        assert done == sorted(done) and done[-1][0] == done[-1][1] == len(isocodec.open(data).info.layers)

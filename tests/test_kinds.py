@@ -37,7 +37,7 @@ SKEWED = Placement([[3.0, 20.0, 500.0], [-7.0, 1.0, -40.0]], crs="EPSG:32631")
 def encoded(kind: str, values: tuple[float, ...] | None = None) -> bytes:
     """A file of a kind, its notes the values that it is not encoded at by default."""
     notes = {"of": str(values), f"of {values}": "this"}
-    given: dict[str, Any] = {"independent": True, "metadata": notes}
+    given: dict[str, Any] = {"order": "independent", "metadata": notes}
     if kind == "grid":
         return isocodec.encode(Field(HILL, placement=SKEWED), values or LEVELS, precision="exact", **given)
     if kind == "series":
@@ -304,7 +304,7 @@ def test_cubes_as_wide_as_within_are_not_refined(uniform: dict[str, IsoFile], ki
 
 GIVEN: dict[str, Any] = {
     "isovalue": 150.5, "tile": 64, "engine": object(), "workers": 2, "spool": "spool", "precision": "exact",
-    "keep_topology": True, "profile": "baseline", "layers": 2, "independent": True, "interval": 3,
+    "keep_topology": True, "profile": "baseline", "layers": 2, "order": "isovalues", "interval": 3,
     "metadata": {"a": "b"},
 }
 """A value for each parameter of `save`."""

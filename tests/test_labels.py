@@ -170,8 +170,8 @@ def test_all_labels_of_a_series(tmp_path: Path) -> None:
 def test_all_labels_alone(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", ZONES)
     assert "other labels" in fails(2, "encode", tmp_path / "z.npy", "--label", "all", "--label", 1, "-o", "a.iso")
-    np.save(tmp_path / "z.npy", HILLS)
-    assert "at most 64" in fails(2, "encode", tmp_path / "z.npy", "--label", "all", "-o", tmp_path / "a.iso")
+    np.save(tmp_path / "z.npy", np.arange(65 * 64).reshape(65, 64))
+    assert "at most 4,096" in fails(2, "encode", tmp_path / "z.npy", "--label", "all", "-o", tmp_path / "a.iso")
     assert "gives numbers" not in fails(2, "encode", tmp_path / "z.npy", "--label", "x", "-o", tmp_path / "a.iso")
 
 

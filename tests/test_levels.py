@@ -91,7 +91,7 @@ def test_further_isovalues_lean() -> None:
     values = np.rint(20 * np.sin(mesh[0] / 15).sum(axis=1)).astype(int)
     data = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=True), [0.5, 5.5, -4.5], precision="exact")
     alone = isocodec.encode(
-        isocodec.Mesh(*mesh, values, progressive=True), [0.5, 5.5, -4.5], precision="exact", independent=True,
+        isocodec.Mesh(*mesh, values, progressive=True), [0.5, 5.5, -4.5], precision="exact", order="independent",
     )
     assert len(data) < len(alone)
     for contour, isovalue in zip(isocodec.open(data, mesh=mesh).contours(), (0.5, 5.5, -4.5), strict=True):

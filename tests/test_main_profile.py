@@ -34,6 +34,7 @@ from isocodec.grid.models.network_rows import (
     MESH_NET,
     MESH_ROWS,
     OFFSET_ROWS,
+    SIGN_ROW,
     SIGN_ROWS,
     STATES,
     TREE_NET,
@@ -76,7 +77,7 @@ def test_tables_are_what_the_specification_states():
         assert (t.state[:, 2] <= 158).all()
         assert np.abs(t.mix).max() <= MOST_MIX
         assert list(NET_ROWS[n]) == [
-            *[SIGN_ROWS[n]] * n, *[0] * (3 - n), TREE_ROWS[n], OFFSET_ROWS, LEAF_ROWS[n], VALUE_ROWS[n], MESH_ROWS[n],
+            *SIGN_ROWS[n], *[0] * (3 - n), TREE_ROWS[n], OFFSET_ROWS, LEAF_ROWS[n], VALUE_ROWS[n], MESH_ROWS[n],
             BASE_ROWS[n],
         ]
     assert packed(squash, found) == shipped()
@@ -141,7 +142,7 @@ def test_sums_made_beforehand(n):
 @pytest.mark.parametrize(("n", "phase"), [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2)])
 def test_vertices_around_a_middle(n, phase):
     """They are vertices of the next level, and among them all corners of the diamond."""
-    around = nearest_vertices(n, phase)
+    around = [tuple(each) for each in nearest_vertices(n, phase).tolist()]
     assert len(set(around)) == len(around) == {2: 96, 3: 112}[n]
     odd = n - phase
     assert (-1,) * odd + (0,) * phase in around and (1,) * odd + (0,) * phase in around
@@ -375,7 +376,7 @@ def test_rows_of_known_vertices_around(shape, back):
                 rows.add(2 * i + (known[tuple(at)] == known[end]))
         assert _around(state, cd, *(np.int64(x) for x in (*w, 0)[:3])) == known[end]
         found = members(n)[cd.blend.row[1 : cd.blend.row[0] + 1]]
-        assert sorted(found[found >= 0] - level % n * SIGN_ROWS[n] - 10) == sorted(rows)
+        assert sorted(found[found >= 0] - SIGN_ROW[n][level % n]) == sorted(rows)
         seen += len(rows)
     assert seen > 0
 

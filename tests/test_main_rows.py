@@ -19,9 +19,10 @@ from isocodec.grid.lattice.store import get
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.lattice.vertex_set import IN, KEPT, OUT
 from isocodec.grid.models.base_signs import see_behind
+from isocodec.grid.models.corner_patterns import CLASSES
 from isocodec.grid.models.mesh_questions import Question, see_mesh
 from isocodec.grid.models.neighbourhood import nearest_vertices, survey
-from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
+from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROW, TREE_ROW, VALUE_ROW
 from isocodec.grid.models.refinement_signs import Before, Expected, see_middle
 from isocodec.grid.models.significance import CUBE, NODE, SLOT, Node, see_crowd
 from isocodec.grid.models.trained import members, shipped_models
@@ -45,16 +46,16 @@ def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
     see_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, case, other)
 
 
-def _sign(st, cd, w0, w1, w2, crossed):
+def _sign(st, cd, w0, w1, w2, crossed, row):
     survey(st)
     r = st.counters.level % dimension(st.grid.tables)
     diamond = diamond_at(st.grid, np.int64(st.counters.edge), np.int64(r), w0, w1, w2)
-    see_middle(st, cd, diamond, Expected(crossed, *ints(1, 0, 0, 0)), Before(*ints(-1, 0)))
+    see_middle(st, cd, diamond, Expected(crossed, *ints(1, 0, row)), Before(*ints(-1, 0)))
 
 
 def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     clear(cd)
-    see_crowd(st, cd, Node(what, shift, x, y, z, hits, child, nearness, False))
+    see_crowd(st, cd, Node(what, shift, x, y, z, hits, child, nearness))
 
 
 def coder(n):
@@ -265,7 +266,7 @@ def test_rows_of_the_manner(shape, back):
     """The length of edges, how rare new components are, and how often predictions were right."""
     n = len(shape)
     tube = noisy(shape, back)
-    state, first = tube.state, 10 + 2 * AROUND[n]
+    state, first = tube.state, 2 * AROUND[n]
     cd = coder(n)
     level = int(state.counters.level)
     edge = 1 << tube.k - level // n
@@ -275,10 +276,10 @@ def test_rows_of_the_manner(shape, back):
         for calm in ((3584, 0), (255, 4065), (256, 511)):
             state.counters.births, state.calm[0], state.calm[1] = births, *calm
             for crossed in range(2):
-                _sign(state, cd, *ints(*w, crossed))
-                own = level % n * (first + 38 + 60) + first
+                _sign(state, cd, *ints(*w, crossed, 4))
+                own = SIGN_ROW[n][level % n] + first
                 found = [row for row in rows_of(cd, n, own) if row >= 0]
-                assert found == [min(bits(edge) - 1, 8), 9 + rarity(state), 22 + calm[crossed] // 256]
+                assert found == [min(bits(edge) - 1, 8), 9 + rarity(state), 22 + calm[crossed] // 256, 38 + 60 + 4]
 
 
 @pytest.mark.parametrize("shape", [(40, 43), (12, 13, 11)])
@@ -293,10 +294,13 @@ def test_calm_follows_what_was_predicted(shape):
         tube.coder = tube.coder._replace(blend=tube.coder.blend._replace(trace=trace))
         assert b"".join(encoder)
         calm = 3584
-        manner = 10 + 2 * AROUND[n] + 22
+        manner = 2 * AROUND[n] + 22
+        corners = manner + 16 + 60
         for symbol, net, count, *rows in trace[1 : trace[0, 0] + 1].tolist():
-            own = [row - net * SIGN_ROWS[n] for row in listed(n, rows[:count])]
-            if net < n and own[0] < 4:
+            if net >= n:
+                continue
+            own = [row - SIGN_ROW[n][net] for row in listed(n, rows[:count])]
+            if own[-1] < corners + CLASSES[n][net]:
                 assert [row for row in own if manner <= row < manner + 16] == [manner + calm // 256]
                 calm += (4096 * symbol - calm) >> 5
         assert tube.state.calm[0] == calm != 3584

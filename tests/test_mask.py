@@ -105,7 +105,9 @@ def test_damage_behind_the_isovalue_changes_nothing(tmp_path: Path) -> None:
     """What another isovalue's layers look like is no matter: placement and warnings come from what was decoded."""
     placement = np.array([[2.0, 0, 5], [0, 3.0, 6]])
     data = bytearray(
-        isocodec.encode(isocodec.Field(HILLS, placement=placement), [100.5, 60.5], precision="signs", independent=True)
+        isocodec.encode(
+            isocodec.Field(HILLS, placement=placement), [100.5, 60.5], precision="signs", order="independent"
+        )
     )
     chunk = isocodec.open(bytes(data)).info.chunks[-1]
     data[chunk.offset + 2] ^= 0xFF  # its layer program

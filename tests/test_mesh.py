@@ -228,6 +228,7 @@ def test_children_of_diamonds_have_their_corners(n):
                 for vertex, i in zip(found, places, strict=True):
                     assert [4 * b + v for b, v in zip(block[:n], vertex, strict=True)] == [f * x for x in points[i]]
                 middles.append(access.middle(t, (r + 1) % n, cls, *block))
+                assert access.below(t, kind, c, 0, 0, 0) == middles[-1]
                 assert access.twins(t, kind, c) == sum(1 << i for i in range(c) if middles[i] == middles[c])
             assert len(set(middles)) == len(middles) // (n - 1)
 

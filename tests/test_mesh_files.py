@@ -11,7 +11,7 @@ import isocodec
 from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import InputError, LimitError, OptionError
-from isocodec.io import read_mesh
+from isocodec.io.readers.input_formats import read_mesh
 
 
 def written(path, mesh, **values):

@@ -16,7 +16,7 @@ from explicit_meshes import plane, space, torus
 from isocodec.api.files import frames_of
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
-from isospec.container import ChunkType
+from isospec.container import LAYER_LIMIT, ChunkType
 
 ISOVALUES = [20.5, 31.5]
 KINDS = {"plane": plane, "space": space, "surface": lambda seed: torus()}
@@ -56,7 +56,7 @@ def test_frames_are_those_of_single_files(kind, progressive, options):
     for interval, leaning in ((0, True), (2, True), (0, False)):
         data = isocodec.encode(
             isocodec.Mesh(*mesh, values, progressive=progressive), ISOVALUES, interval=interval,
-            independent=not leaning, **options,
+            order=None if leaning else "independent", **options,
         )
         for found, wanted in zip(isocodec.open(data, mesh=mesh).each_frame(), alone, strict=True):
             assert list(map(pieces, found)) == list(map(pieces, wanted))
@@ -148,15 +148,16 @@ def test_wrong_series():
         isocodec.encode(isocodec.Mesh(*mesh, values[:0]), 20.5)
     with pytest.raises(InputError, match="shape"):
         isocodec.encode(isocodec.Mesh(*mesh, values[:, 1:]), 20.5)
-    # a chunk that begins a series behind the layers of the first frame
+    # a chunk that begins a series behind the layers of the first frame, and a frame of no series
     one = isocodec.encode(isocodec.Mesh(*mesh, values[0]), 20.5)
     last = isocodec.open(one).info.chunks[-1]
-    decoder = isocodec.Decoder(mesh=mesh)
-    decoder.feed(one[: last.offset] + write_chunk(ChunkType.FRAME, b"\0"))
-    with pytest.raises(FormatError) as error:
-        for _ in decoder:
-            pass
-    assert error.value.clause == "3.5.7"
+    for chunk in ((ChunkType.SERIES, b"\0"), (ChunkType.FRAME, b"")):
+        decoder = isocodec.Decoder(mesh=mesh)
+        decoder.feed(one[: last.offset] + write_chunk(*chunk))
+        with pytest.raises(FormatError) as error:
+            for _ in decoder:
+                pass
+        assert error.value.clause == "3.5.7"
 
 
 def test_commands(tmp_path):
@@ -216,8 +217,8 @@ def test_more_layers_than_a_frame_may_have():
     first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.format.events.DomainRead))
     decoder = isocodec.Decoder(mesh=mesh, only=())
     layer = write_chunk(ChunkType.LAYERS, b"\0")
-    decoder.feed(data[:first] + layer * 4096)
-    assert len(list(decoder)) == 4098
+    decoder.feed(data[:first] + layer * LAYER_LIMIT)
+    assert len(list(decoder)) == LAYER_LIMIT + 2
     decoder.feed(layer)
     with pytest.raises(FormatError) as caught:
         list(decoder)

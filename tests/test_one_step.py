@@ -135,8 +135,8 @@ def test_every_format_holds_what_decode_writes(tmp_path: Path, suffix: str) -> N
 
 def test_more_isovalues_than_a_file_holds(tmp_path: Path) -> None:
     np.save(tmp_path / "hills.npy", HILLS)
-    line = fails(3, "encode", tmp_path / "hills.npy", "-o", tmp_path / "a.iso", "--interval", 1)
-    assert "a file holds at most 64" in line
+    line = fails(3, "encode", tmp_path / "hills.npy", "-o", tmp_path / "a.iso", "--interval", 0.01)
+    assert "a file holds at most 4,096" in line
     ok("encode", tmp_path / "hills.npy", "-o", tmp_path / "a.gpkg", "--interval", 1, "--offset", 0.5)
     found = geopandas.read_file(tmp_path / "a.gpkg")
     assert sorted(set(found.isovalue)) == [v + 0.5 for v in range(int(HILLS.min()), int(HILLS.max()))]
@@ -195,8 +195,8 @@ def test_options_of_other_formats_do_not_apply_to_iso(tmp_path: Path, option: li
 
 
 @pytest.mark.parametrize("option", [
-    ["--tile", 32], ["--frames"], ["--independent"], ["--profile", "baseline"], ["--metadata", "a=b"], ["--layers", 2],
-    ["--surface"],
+    ["--tile", 32], ["--frames"], ["--order", "independent"], ["--profile", "baseline"], ["--metadata", "a=b"],
+    ["--layers", 2], ["--surface"],
 ])
 def test_options_of_iso_do_not_apply_to_other_formats(tmp_path: Path, option: list[Any]) -> None:
     np.save(tmp_path / "in.npy", HILLS)

@@ -142,7 +142,7 @@ def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
     assert "the isovalues given, 60.5, differ from those of the plan, 60.5, 80.5" in line
     # without a line of an isovalue the plan is one for all
     plan.write_text("base\n")
-    ok("encode", hills, "-o", out, "--layers", plan, "--isovalue", 60.5, "--isovalue", 70.5, "--independent")
+    ok("encode", hills, "-o", out, "--layers", plan, "--isovalue", 60.5, "--isovalue", 70.5, "--order", "independent")
     assert layers_of(out.read_bytes()) == [("base", FULL, 0, 0)] * 2
 
 

@@ -16,7 +16,7 @@ import isocodec
 from commands import fails, ok, run
 from isocodec import Mesh
 from isocodec.errors import InputError, LimitError, OptionError
-from isocodec.io import read_mesh
+from isocodec.io.readers.input_formats import read_mesh
 
 COUNT = 60
 RNG = np.random.default_rng(5)

@@ -13,7 +13,7 @@ from brute import examples
 from commands import fails, ok
 from explicit_meshes import crossings
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
-from isocodec.io import read_mesh
+from isocodec.io.readers.input_formats import read_mesh
 
 
 def scattered(seed, count=80, side=1000):

@@ -273,10 +273,10 @@ def test_commands(tmp_path: Path, hills: Path) -> None:
 
 
 @pytest.mark.parametrize("asked", [[80.5, 60.5], [60.5, 80.5], [100.5, 80.5, 80.5], [100.5]], ids=str)
-@pytest.mark.parametrize("independent", [False, True])
-def test_isovalues_that_are_kept_stay_in_the_order_of_the_file(asked: list[float], independent: bool) -> None:
+@pytest.mark.parametrize("order", ["isovalues", "independent"])
+def test_isovalues_that_are_kept_stay_in_the_order_of_the_file(asked: list[float], order: str) -> None:
     """Each once, in whatever order they are named."""
-    file = isocodec.open(isocodec.encode(HILLS, [60.5, 100.5, 80.5], precision="exact", independent=independent))
+    file = isocodec.open(isocodec.encode(HILLS, [60.5, 100.5, 80.5], precision="exact", order=order))
     made = isocodec.open(file.edited(isovalues=asked))
     assert made.isovalues == tuple(value for value in file.isovalues if value in asked)
     for value in made.isovalues:

@@ -77,8 +77,13 @@ class Server(http.server.BaseHTTPRequestHandler):
         self.give(body)
 
     def give(self, body: bytes) -> None:
-        self.wfile.write(body)
+        # counted first: who has the answer may look at once
         self.sent.append(len(body))
+        try:
+            self.wfile.write(body)
+        except OSError:
+            self.sent.pop()
+            raise
 
     def part(self, *, shift: int = 0, cut: int = 0, body: bytes | None = None, **headers: str) -> None:
         """Answer the range; headers have underscores."""

@@ -55,7 +55,7 @@ def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> N
         for number, contour in enumerate(contours):
             assert np.array_equal(contour.points, decoder.contour(number).points)
         counts.append(len(contours))
-    assert counts == sorted(counts) and set(counts) == {1, 2, 3}
+    assert counts == sorted(counts) and {1, 3} <= set(counts) <= {1, 2, 3}
     with pytest.raises(TruncatedError):
         isocodec.open(data[:-1]).contours()
     for size in (4, len(data[:5])):
@@ -170,7 +170,7 @@ def test_intervals_that_fit_no_file(tmp_path: Path) -> None:
     for wrong in ("0", "-1", "nan", "inf"):
         assert "greater than 0" in fails(2, "encode", path, "-o", out, "--interval", wrong)
     assert "cannot be combined" in fails(2, "encode", path, "-o", out, "--interval", 20, "--isovalue", 30)
-    assert "a file holds at most 64" in fails(3, "encode", path, "-o", out, "--interval", 0.25)
+    assert "a file holds at most 4,096" in fails(3, "encode", path, "-o", out, "--interval", 0.01)
     np.save(path, HILLS + 1)
     assert "no multiple" in fails(3, "encode", path, "-o", out, "--interval", 1000)
     np.save(path, np.full((9, 9), 7.5))

@@ -46,6 +46,17 @@ def test_promises_are_kept(options: dict[str, Any]) -> None:
             assert one.promised == options["precision"][-1]
 
 
+@pytest.mark.parametrize("precision", [0.07, 0.021, 0.011, 0.0004, 1e-5])
+@pytest.mark.parametrize("shape", [(17, 18), (6, 7, 5)])
+def test_fine_promises_are_measured_finely(shape: tuple[int, ...], precision: float) -> None:
+    """Kept is kept, however fine; and half of what is needed is not."""
+    field = np.cumsum(np.random.default_rng(1).normal(size=shape), axis=1)
+    file = isocodec.open(isocodec.encode(field, 0.1, precision=precision))
+    (found,) = file.verify(field)
+    assert found.kept and 0 < max(found.there, found.back) <= 1.02 * precision + 1e-6
+    assert not file.verify(field, within=precision / 2)[0].kept
+
+
 def test_surfaces_and_holes() -> None:
     field = BALL.astype(float)
     field[3, 4, 5] = np.nan

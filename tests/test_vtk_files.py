@@ -14,7 +14,7 @@ import vtk
 import isocodec
 from isocodec import Field, Frames, Mesh
 from isocodec.errors import InputError, LimitError, OptionError
-from isocodec.io import read_mesh
+from isocodec.io.readers.input_formats import read_mesh
 
 # ---- made by VTK ----------------------------------------------------------------------------------------------------
 

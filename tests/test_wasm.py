@@ -39,6 +39,8 @@ SPACE = hill((12, 14, 13), 150) + noise((12, 14, 13), 2, 9)
 FILES: dict[str, tuple[Any, Any, dict[str, Any]]] = {
     "search": (PLANE, 300.5, {"precision": 1}),
     "search in space": (SPACE, 60.5, {"precision": 0.5}),
+    "map": (PLANE, [280.5, 300.5, 320.5], {"precision": 1}),
+    "row by row": (noise((45, 60), 3, 40), 0.5, {"precision": "signs"}),
     "topology": (PLANE, 300.5, {"precision": 0.7, "keep_topology": True}),
     "steps": (SPACE, 60.5, {"precision": [2, 0.5, "exact"]}),
     "isovalues": (PLANE, [300.5, 310.5, 100.5], {"precision": "exact"}),
@@ -85,6 +87,12 @@ def decoder(built: Path) -> Iterator[Runner]:
 def drawn(data: bytes, masked: bool) -> list[bytes]:
     """All that can be made of a file."""
     curves = [*isocodec.open(data).contours(), *isocodec.open(data).contours(smooth=True)]
+    decoder = isocodec.Decoder()
+    for start in range(0, len(data), 50):
+        # in the middle of a round, too
+        decoder.feed(data[start : start + 50])
+        if decoder.take().header is not None:
+            curves.append(decoder.contour())
     out = [array.tobytes() for curve in curves for array in (curve.points, curve.cells)]
     return [*out, isocodec.open(data).above().tobytes()] if masked else out
 

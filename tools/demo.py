@@ -257,8 +257,9 @@ def leave_docs() -> None:
         with Image.open(io.BytesIO(picture.read_bytes())) as image:
             image.convert("RGB").quantize(16).save(picture, optimize=True)
     (terrain,) = (item for item in ITEMS if item.name == "terrain")
-    steps = ["--isovalue", f"{terrain.isovalue:g}", "--preserve-topology", "--steps", "16,4,1,0.25,exact"]
-    for name, asked, shown in (("contours", ["--interval", "100"], ["decode"]), ("steps", steps, ["plot", "--mesh"])):
+    steps = ["--isovalue", f"{terrain.isovalue:g}", "--keep-topology", "--precision", "16,4,1,0.25,exact"]
+    made = (("contours", ["--interval", "100"], ["decode"]), ("steps", steps, ["plot", "--draw-mesh"]))
+    for name, asked, shown in made:
         iso, picture = OUT / f"{name}.iso", DOCS / f"{name}.png"
         run("encode", terrain.path, "-o", iso, *asked)
         run(*shown, iso, "-o", picture)
@@ -267,12 +268,28 @@ def leave_docs() -> None:
     placed = "placement=0 0.000833333 -84.414 -0.000833333 0 36.733"
     notes = [word for note in (placed, "crs=EPSG:4326", "unit=m") for word in ("--metadata", note)]
     look = ["--interval", "50", "--title", "Jacksboro fault", "--size", "13", "--dpi", "120"]
-    run("map", terrain.path, "-o", DOCS / "map.png", *look, *notes)
+    run("plot", terrain.path, "-o", DOCS / "map.png", "--map", *look, *notes)
     with Image.open(io.BytesIO((DOCS / "map.png").read_bytes())) as image:
         image.convert("RGB").quantize(48).save(DOCS / "map.png", optimize=True)
+    with Image.open(io.BytesIO(half_round(terrain))) as image:
+        image.convert("RGB").quantize(16).save(DOCS / "half-round.png", optimize=True)
     (skin,) = (item for item in ITEMS if item.name == "ct-skin")
     with Image.open(io.BytesIO(smoothing(skin))) as image:
         image.convert("RGB").quantize(32).save(DOCS / "smooth.png", optimize=True)
+
+
+def half_round(item: Item) -> bytes:
+    """A picture of a file before the last round but one of refinement, half-way through it, and after it."""
+    data = isocodec.encode(item.load(), item.isovalue)
+    layers = inspect(data, symbols=True).layers
+    number = [i for i, layer in enumerate(layers) if layer.kind == "refine"][-3]
+    begin, end = (layers[number + more].offset or 0 for more in (0, 1))
+    steps = []
+    for size in (begin, (begin + end) // 2, end):
+        decoder = isocodec.Decoder()
+        decoder.feed(data[:size])
+        steps.append(Step([decoder.take().contour()], size, len(data)))
+    return steps_picture(steps)
 
 
 def smoothing(item: Item) -> bytes:
@@ -281,7 +298,7 @@ def smoothing(item: Item) -> bytes:
     layers = inspect(data, symbols=True).layers
     signs = sum(layer.kind != "offsets" for layer in layers)
     steps = [
-        Step([isocodec.decode(data, layers=signs, smooth=smooth)], layers[signs].offset or 0, len(data))
+        Step([isocodec.open(data).contour(layers=signs, smooth=smooth)], layers[signs].offset or 0, len(data))
         for smooth in (False, True)
     ]
     return steps_picture([*steps, Step([isocodec.decode(data)], len(data), len(data))])

@@ -63,7 +63,7 @@ def symmetries(n: int, net: int) -> NDArray[np.int32]:
                 for i, d in enumerate(moved):
                     # a vertex at the rim whose image is not in the list stays where it is
                     j = place.get(d, i)
-                    order[10 + 2 * i], order[11 + 2 * i] = 10 + 2 * j, 11 + 2 * j
+                    order[2 * i], order[2 * i + 1] = 2 * j, 2 * j + 1
                 found.append(order)
     return np.array(found)
 

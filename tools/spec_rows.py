@@ -32,8 +32,8 @@ def parts(n: int) -> dict[tuple[str, str, str], tuple[int, int]]:
     around = 2 * rows.AROUND[n]
     for r in range(n):
         network(
-            str(r), "7.12", r * rows.SIGN_ROWS[n], rows.SIGN_ROWS[n], history=8, parabola=2, around=around,
-            edge=9, rarity=13, calm=rows.MANNER_ROWS - 22, earlier=rows.EARLIER_ROWS,
+            str(r), "7.12", rows.SIGN_ROW[n][r], rows.SIGN_ROWS[n][r], around=around, edge=9, rarity=13,
+            calm=rows.MANNER_ROWS - 22, earlier=rows.EARLIER_ROWS, corners=2 * rows.CLASSES[n][r],
         )
     network(
         "3", "7.13", rows.TREE_ROW[n], rows.TREE_ROWS[n], height=27, child=24, nearness=6, vertices=12, births=12,

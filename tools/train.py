@@ -192,7 +192,8 @@ def pairs(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
     for i, item in enumerate(found):
         if item.values.dtype.kind in "iu":
             options = (
-                {"precision": "signs"}, {}, {"precision": 0.25} if item.values.size < SEARCHED else {},
+                {"precision": "signs"}, {},
+                {"layers": "distortion=0.25", "precision": 0.1} if item.values.size < SEARCHED else {},
             )[i // 3 % 3]
             yield replace(item, isovalue=[item.isovalue, item.isovalue + STEPS[i % len(STEPS)]]), options
 

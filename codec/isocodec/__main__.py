@@ -21,6 +21,8 @@ def main() -> None:
         # signals ignored from the start (nohup, background jobs of a shell) stay ignored
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _end)
+    # numpy would start threads for linear algebra, which nothing here needs: that takes longer than a small file
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from .cli import main as program
 
     try:

@@ -13,7 +13,7 @@ WORK_STEPS = 16
 """Steps of inference that count as one unit of work."""
 WORK_LIST = 4
 """Vertices and simplices listed by a layer that count as one unit of work."""
-ISOVALUES = 64
+ISOVALUES = 4096
 """Most isovalues of a file (spec clause 11.1)."""
 FIELD_SAMPLES = 1 << 30
 """Samples that are read of an input file unless more are asked for.
@@ -64,7 +64,7 @@ class Limits:
     isovalues : int
         Isovalues of a file.
     layers : int
-        Layers of a file.
+        Layers of a file, of a series of a frame.
     bytes : int
         Size of a file.
     samples : int
@@ -82,7 +82,7 @@ class Limits:
     symbols: int = 1 << 40
     steps: int = 1 << 27
     isovalues: int = ISOVALUES
-    layers: int = 4096
+    layers: int = 1 << 17
     bytes: int = 1 << 33
     samples: int = 1 << 28
     memory: int = 1 << 31
@@ -134,11 +134,12 @@ class Budget:
         self._most = most
         self.peak = 0
         self._held: dict[int, int] = {}
+        self._all = 0
 
     @property
     def held(self) -> int:
         """Bytes held by all."""
-        return sum(self._held.values())
+        return self._all
 
     def hold(self, holder: object, size: int, passing: int = 0) -> None:
         """Let a holder have ``size`` bytes from now on, instead of what it had, and ``passing`` more for a moment.
@@ -148,16 +149,17 @@ class Budget:
         LimitError
             If that is more than there may be; nothing has changed then.
         """
-        others = self.held - self._held.get(id(holder), 0)
+        others = self._all - self._held.get(id(holder), 0)
         if others + size + passing > self._most:
             raise _over(self._most)
         self.peak = max(self.peak, others + size + passing)
         self._held[id(holder)] = size
+        self._all = others + size
 
     def release(self, *holders: object) -> None:
         """Let holders have nothing any more."""
         for holder in holders:
-            self._held.pop(id(holder), None)
+            self._all -= self._held.pop(id(holder), 0)
 
     def check(self, passing: int) -> None:
         """Raise `LimitError` unless there is room for ``passing`` bytes beside what is held."""

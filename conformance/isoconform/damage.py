@@ -94,9 +94,10 @@ def fields_of(header: bytes) -> Fields:
         assert number is not None
         sides.append(header[at : number[1]])
         at = number[1]
-    size = {IsovalueKind.FLOAT32: 4, IsovalueKind.FLOAT64: 8}.get(IsovalueKind((flags & KIND) >> 3))
+    kind = IsovalueKind((flags & KIND) >> 3)
+    size = {IsovalueKind.FLOAT32: 4, IsovalueKind.FLOAT64: 8}.get(kind)
     if size is None:
-        number = read_varint(header, at, len(header))
+        number = read_varint(header, at + (kind == IsovalueKind.DECIMAL), len(header))
         assert number is not None
         size = number[1] - at
     return Fields(header[:PREFIX], tuple(sides), header[at : at + size], header[at + size :])

@@ -55,7 +55,7 @@ def encoded(
     mask: ArrayLike | None = None, **options,
 ) -> Draft:
     """A vector as the reference encoder writes it, but for the promise of a single tolerance."""
-    data = encode(Field(field, mask), isovalue, **{"profile": "baseline", **options})
+    data = encode(Field(field, mask), isovalue, **{"profile": "baseline", "order": "isovalues", **options})
     data = bare(data) if isinstance(options.get("precision"), float) else data
     return Draft(name, data, np.ndim(field), features, layers=states)
 

@@ -18,7 +18,7 @@ from isocodec.format.events import FrameRead, SeriesRead
 from isocodec.format.header import Header, read_header, varint
 from isocodec.format.program import Layer, ProgramReader, Progress
 from isocodec.stream.outline import Outline
-from isospec.container import ChunkType, IsovalueKind, Operation, Profile
+from isospec.container import FAR_LEAN, ChunkType, IsovalueKind, Operation, Profile, read_varint
 
 from .damage import fields_of
 from .dump import COMPLETE
@@ -96,10 +96,13 @@ class _Reader(Rows):
             self._layers(chunk)
         elif chunk.type == ChunkType.ISOVALUE and chunk.end <= len(self.data):
             isovalue, lean = read_further(self.data[chunk.start : chunk.end], chunk.start, self.isovalues)
-            self.note(chunk.start + 1, "leans on none (3.5.5)" if lean is None else f"leans on isovalue {lean} (3.5.5)")
+            near = self.data[chunk.start] & FAR_LEAN
+            far = read_varint(self.data, chunk.start + 1, chunk.end) if near == FAR_LEAN else None
+            of = "none" if lean is None else f"isovalue {lean}"
+            self.note(chunk.start + 1 if far is None else far[1], f"leans on {of} (3.5.5)")
             self.note(chunk.end, f"isovalue {len(self.isovalues)}: {isovalue!r} (3.3.4)")
             self._begin(isovalue, lean)
-        elif chunk.type == ChunkType.FRAME and chunk.end <= len(self.data):
+        elif chunk.type in (ChunkType.SERIES, ChunkType.FRAME) and chunk.end <= len(self.data):
             self._frame(chunk)
         elif chunk.type == ChunkType.MASK:
             self.note(chunk.end, "run of the mask (3.5.6)")
@@ -116,7 +119,7 @@ class _Reader(Rows):
                 )
 
     def _frame(self, chunk: Envelope) -> None:
-        """The first chunk of frames, or the beginning of an isovalue of a further frame."""
+        """The chunk of series, or the beginning of an isovalue of a further frame."""
         event = self.outline.read(chunk, self.data[chunk.start : chunk.end], chunk.end)
         if isinstance(event, SeriesRead):
             self.note(chunk.end, f"interval {event.interval} of a series (3.5.7)")

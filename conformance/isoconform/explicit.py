@@ -119,7 +119,7 @@ def whole() -> Iterator[Draft]:
             states=True,
         )
         yield _draft(
-            f"mesh_{kind}_independent", mesh, values, VALUES, "isovalues that lean on none", independent=True,
+            f"mesh_{kind}_independent", mesh, values, VALUES, "isovalues that lean on none", order="independent",
             precision="signs", progressive=False,
         )
         noise = np.array(random_numbers(23, len(mesh[0]), 8), np.int64)
@@ -172,7 +172,7 @@ def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
             )
     yield _draft(
         f"mesh_{kind}_frames_independent", mesh, frames, VALUES[:2], "series of frames", "frames that lean on none",
-        independent=True, precision="exact", progressive=False,
+        order="independent", precision="exact", progressive=False,
     )
     gaps = frames.copy()
     gaps[1] = 0
@@ -242,11 +242,13 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     yield "levels_space", "10.8.1", "levels of tetrahedra", _changed(solid, 1, b"\3\0\0")
     yield "run_short", "6.3", "a run that is too short", payload(1, signs[:2])
     yield "run_long", "6.3", "bytes left over", payload(1, signs + bytes(5))
-    late = Chunk(ChunkType.FRAME, b"\0")
-    yield "frames_late", "3.5.7", "frames behind layers", bytes(known.with_chunks(first, second, late))
+    late = Chunk(ChunkType.SERIES, b"\0")
+    yield "frames_late", "3.5.7", "a series behind layers", bytes(known.with_chunks(first, second, late))
+    frame = Chunk(ChunkType.FRAME, b"")
+    yield "frames_no_series", "3.5.7", "a frame without a series", bytes(known.with_chunks(first, second, frame))
     other = Chunk(ChunkType.ISOVALUE, b"\0\1")
     yield (
-        "frames_late_isovalue", "3.5.7", "frames behind layers and another isovalue",
+        "frames_late_isovalue", "3.5.7", "a series behind layers and another isovalue",
         bytes(known.with_chunks(first, second, other, late)),
     )
 

@@ -53,7 +53,7 @@ def whole() -> Iterator[Draft]:
             interval=2, precision="exact", profile="main", states=True,
         )
         yield encoded_series(
-            f"{space}_frames_independent", frames, VALUE, "frames: that lean on none", independent=True,
+            f"{space}_frames_independent", frames, VALUE, "frames: that lean on none", order="independent",
             precision="signs",
         )
         base: Sequence[Entry] = [("base", len(shape)), ("refine", None)]
@@ -102,18 +102,10 @@ def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[
 
 
 def _file(shape: tuple[int, ...]) -> File:
-    """A small series of two isovalues, in which each further one begins with a chunk of its own."""
-    file = split(
+    """A small series of two isovalues."""
+    return split(
         encode(Frames(_moving(shape, 3)), (VALUE, VALUE + 9), profile="baseline", interval=2, precision="signs")
     )
-    chunks: list[Chunk] = []
-    layers = 0
-    for chunk in file.chunks:
-        layers += chunk.type == ChunkType.LAYERS
-        if chunk.type == ChunkType.LAYERS and layers > 2 and chunks[-1].type != ChunkType.FRAME:
-            chunks.append(Chunk(ChunkType.FRAME, b""))
-        chunks.append(chunk)
-    return file.with_chunks(*chunks)
 
 
 def parts() -> Iterator[Draft]:
@@ -132,10 +124,11 @@ def parts() -> Iterator[Draft]:
             f"{space}_frames_begun", data, n, ("series of frames", "frames: the last isovalue without layers")
         )
         data = bytes(file)
-        yield Draft(
-            f"{space}_frames_chunks", data, n, ("series of frames", "frames: each isovalue with a chunk of its own")
-        )
         yield Draft(f"{space}_frames_truncated", data[: len(data) * 2 // 3], n, ("series of frames", "truncated"))
+        yield encoded_series(
+            f"{space}_frames_promises", _moving(shape, 3), (VALUE, VALUE + 9), "frames: promises", precision=1,
+            profile="main",
+        )
         whole = encode(Frames(_moving(shape)), VALUE, profile="main", precision="exact")
         yield Draft(
             f"{space}_frames_cut", cut_within(whole, "values"), n, ("series of frames", "frames: a cut run")
@@ -148,8 +141,9 @@ def refused() -> Iterator[Draft]:
         space, n = SPACES[len(shape)], len(shape)
         file = _file(shape)
         chunks = file.chunks
-        places = [i for i, chunk in enumerate(chunks) if chunk.type == ChunkType.FRAME]
-        first, second, third = places[0], places[1], places[2]
+        first = next(i for i, chunk in enumerate(chunks) if chunk.type == ChunkType.SERIES)
+        second, third = [i for i, chunk in enumerate(chunks) if chunk.type == ChunkType.FRAME][:2]
+        layers = next(chunk for chunk in chunks if chunk.type == ChunkType.LAYERS)
         isovalue = next(chunk for chunk in chunks if chunk.type == ChunkType.ISOVALUE)
 
         def changed(number: int, payload: bytes) -> tuple[Chunk, ...]:
@@ -159,13 +153,21 @@ def refused() -> Iterator[Draft]:
             ("no_interval", "3.5.7", "no interval", changed(first, b"")),
             ("interval_and_more", "3.5.7", "more than an interval", changed(first, b"\2\0")),
             ("interval_long", "3.5.7", "an interval not in its shortest form", changed(first, b"\x80\2")),
-            ("behind_layers", "3.5.7", "the first chunk of frames behind layers",
-             (next(c for c in chunks if c.type == ChunkType.LAYERS), chunks[first])),
+            ("behind_layers", "3.5.7", "a chunk of series behind layers", (layers, chunks[first])),
+            ("series_twice", "3.5.7", "a second chunk of series", (chunks[first], chunks[first])),
+            ("series_later", "3.5.7", "a second chunk of series in a further frame",
+             (*chunks[: second + 1], chunks[first])),
+            ("no_series", "3.5.7", "a frame in a file that is no series", (layers, chunks[second])),
+            ("second_base", "3.6", "the next frame without a chunk of frames", (chunks[first], layers, layers)),
             ("lean_on_itself", "3.5.7", "leaning on an isovalue that has not begun", changed(second, b"\1")),
             ("lean_too_far", "3.5.7", "leaning on an isovalue that has not begun", changed(third, b"\2")),
-            ("lean_and_more", "3.5.7", "more than one byte", changed(third, b"\0\0")),
-            ("ancillary", "3.5.2", "frames marked as ancillary",
+            ("lean_and_more", "3.5.7", "more than one number", changed(third, b"\0\0")),
+            ("lean_cut", "3.5.7", "a number that does not end", changed(third, b"\x81")),
+            ("lean_long", "3.5.7", "a number not in its shortest form", changed(third, b"\x80\1")),
+            ("ancillary", "3.5.2", "a frame marked as ancillary",
              tuple(replace(c, ancillary=True) if i == second else c for i, c in enumerate(chunks))),
+            ("series_ancillary", "3.5.2", "a series marked as ancillary",
+             tuple(replace(c, ancillary=True) if i == first else c for i, c in enumerate(chunks))),
             ("isovalue_later", "3.5.7", "another isovalue in a further frame", (*chunks[: second + 1], isovalue)),
             ("mask_later", "3.5.7", "a mask in a further frame", (*chunks[: second + 1], Chunk(ChunkType.MASK, b""))),
         ):

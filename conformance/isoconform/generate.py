@@ -21,6 +21,7 @@ from . import (
     mapped,
     missing,
     mixed,
+    raster,
     rules,
     special,
     surfaces,
@@ -49,7 +50,7 @@ from .tiled_dump import is_tiled
 
 _MODULES = (
     valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
-    surfaces, tiled,
+    surfaces, tiled, raster,
 )
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""

@@ -13,7 +13,7 @@ from isocodec.format.chunks import write_further
 from isocodec.format.header import Header, write_header
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.truncation import truncate
-from isospec.container import MAX_ISOVALUES, ChunkType, Operation, Profile, write_varint
+from isospec.container import LAYER_LIMIT, MAX_ISOVALUES, ChunkType, Operation, Profile, write_varint, zigzag
 
 from .draft import Draft
 from .dump import dump
@@ -37,6 +37,17 @@ def _space() -> bytes:
     return bare(b"".join(encoder_of(ball, 0.5, precision=0.1, layers=4, profile="baseline")))
 
 
+WRONG_DECIMALS = (
+    ("places_0", "a decimal without places", b"\0\x12"),
+    ("places_16", "a decimal of too many places", b"\x10\x12"),
+    ("digits_above", "a decimal of too many digits", b"\1" + write_varint(zigzag(1 << 53))),
+    ("digits_below", "a decimal of too many digits", b"\1" + write_varint(zigzag(-(1 << 53)))),
+    ("digits_most", "a decimal of too many digits", b"\1" + b"\xff" * 8 + b"\x7f"),
+    ("digits_long", "a number not in its shortest form", b"\1\x80\x12"),
+)
+"""Decimals that no isovalue may be, without their kind."""
+
+
 def _refused(name: str, data: bytes, clause: str, about: str) -> Draft:
     return Draft(f"bad_{name}", data, 3 if name.startswith("space") else 2, (f"refused: {about}",), clause)
 
@@ -51,7 +62,6 @@ def headers() -> Iterator[Draft]:
     yield _refused("read_version", bytes(plane.with_header(4, 0x11)), "3.3.1", "a newer read version")
     yield _refused("reserved_80", bytes(plane.with_header(5, flags | 0x80)), "3.3.2", "a reserved bit")
     yield _refused("space_profile", bytes(space.with_header(5, space.header[5] | 3)), "3.3.2", "an unknown profile")
-    yield _refused("isovalue_kind", bytes(plane.with_header(5, flags | 0x18)), "3.3.4", "an unknown kind of isovalue")
     yield _refused("side_zero", bytes(plane.with_header(6, 0)), "3.3.3", "no samples along an axis")
     for name, file, sides in (
         ("side_absurd", plane, ((1 << 24) + 1, 8)),
@@ -83,8 +93,11 @@ def headers() -> Iterator[Draft]:
         yield _refused(
             f"scale_{name}", bytes(replace(plane, header=head)), "3.3.5", "a scale that is not a positive number"
         )
-    unknown = plane.with_header(5, flags | 0x18).header[:6]
-    yield _refused("isovalue_kind_cut", unknown, "3.3.4", "an unknown kind of isovalue, and the file ends")
+    decimal = plane.with_header(5, flags | 0x18).header
+    for name, about, number in WRONG_DECIMALS:
+        head = decimal[:8] + number
+        yield _refused(f"isovalue_{name}", bytes(replace(plane, header=head)), "3.3.4", about)
+    yield Draft("plane_isovalue_end_in_decimal", decimal[:8] + b"\x10", 2, ("the file ends too early", "decimals"))
     head = plane.header[:8] + LONG
     yield _refused("isovalue_long", bytes(replace(plane, header=head)), "3.3.4", "a number of ten bytes")
 
@@ -94,7 +107,7 @@ def containers() -> Iterator[Draft]:
     data = _plane()
     plane = split(data)
     first = plane.chunks[0]
-    unknown = Chunk(11, b"needed")
+    unknown = Chunk(15, b"needed")
     yield _refused("critical_chunk", bytes(plane.with_chunks(first, unknown)), "3.5.2", "an unknown critical chunk")
     yield _refused("chunk_zero", bytes(plane.with_chunks(Chunk(0, b""), first)), "3.5.2", "a critical chunk of type 0")
     for kind, name in ((ChunkType.METADATA, "metadata"), (ChunkType.INDEX, "index"), (ChunkType.PROMISES, "promises")):
@@ -133,7 +146,7 @@ def programs() -> Iterator[Draft]:
         ("base_too_fine_by_escape", "a base past the full grid", ((BASE, ESCAPE), write_varint(1 << 60))),
         ("past_full_grid", "refinement past the full grid", ((BASE, 2), (REFINE, FULL - 1))),
         ("past_full_grid_again", "refinement past the full grid", ((BOTH, 2), (REFINE, ALL))),
-        ("no_rounds", "no rounds of refinement", ((BASE, 2), (REFINE, 0))),
+        ("no_rounds", "no rounds of refinement", (full, (REFINE, 0))),
         ("refine_first", "refinement before the base", ((REFINE, 2), (BASE, 0))),
         ("offsets_no_unit", "offsets on a coarse mesh without their unit", ((BASE, 2), (OFFSETS, 1))),
         ("offsets_unit_25", "offsets in too large a unit", ((BASE, 2), (OFFSETS, 1), b"\x19")),
@@ -162,8 +175,8 @@ def programs() -> Iterator[Draft]:
         # the same as a cut run of no symbols: who does not look at the program finds nothing else that is wrong
         unread = Chunk(ChunkType.CUT_LAYERS, b"\0" + steps_of(*steps))
         yield _refused(f"unread_{name}", bytes(plane.with_chunks(unread)), "3.6", f"{about}, of which nothing is read")
-    many = steps_of(full, (VALUES, 0), bits, *[(VALUES, 0)] * 4095)
-    yield _refused("layers_4097", bytes(plane.with_chunks(layers(many, b""))), "11.1", "more than 4096 layers")
+    many = steps_of(full, (VALUES, 0), bits, *[(VALUES, 0)] * (LAYER_LIMIT - 1))
+    yield _refused(f"layers_{LAYER_LIMIT + 1}", bytes(plane.with_chunks(layers(many, b""))), "11.1", "too many layers")
     for name, stated in (("bits_53", b"\x0f\x35"), ("bits_by_escape", b"\xf0\x0e")):
         program = steps_of(full, (VALUES, 1), stated)
         yield _refused(name, bytes(plane.with_chunks(layers(program, b""))), "3.6.4", "too many or too few value bits")
@@ -215,33 +228,40 @@ def isovalues() -> Iterator[Draft]:
     """Further isovalues that are wrong."""
     plane, space = split(_plane()), split(_space())
     first = plane.chunks[0]
-    ancillary = Chunk(ChunkType.ISOVALUE, write_further(9.5, None), ancillary=True)
+    ancillary = Chunk(ChunkType.ISOVALUE, write_further(1, 9.5, None), ancillary=True)
     yield _refused("ancillary_isovalue", bytes(plane.with_chunks(first, ancillary)), "3.5.2", "isovalue as ancillary")
-    half, single, double = (kind << 6 for kind in range(3))
+    half, single, double, decimal = (kind << 6 for kind in range(4))
     for name, clause, about, payload in (
         ("empty", "3.5.5", "an isovalue without bytes", b""),
         ("missing", "3.5.5", "an isovalue that is not complete", bytes([half])),
-        ("cut", "3.5.5", "an isovalue that is not complete", write_further(0.1, 0)[:-1]),
-        ("trailing", "3.5.5", "bytes behind an isovalue", write_further(9.5, 0) + b"\0"),
+        ("cut", "3.5.5", "an isovalue that is not complete", write_further(1, 1 / 3, 0)[:-1]),
+        ("trailing", "3.5.5", "bytes behind an isovalue", write_further(1, 9.5, 0) + b"\0"),
+        ("far_missing", "3.5.5", "an isovalue that is not complete", bytes([half | 63])),
+        ("far_cut", "3.5.5", "an isovalue that is not complete", bytes([half | 63, 0x81])),
+        ("far_long", "3.5.5", "a number not in its shortest form", bytes([half | 63, 0x80, 1, 9])),
+        ("far_too_far", "3.5.5", "leaning on an isovalue that has not come", bytes([half | 63, 2, 9])),
+        ("decimal_missing", "3.5.5", "an isovalue that is not complete", bytes([decimal])),
+        ("decimal_cut", "3.5.5", "an isovalue that is not complete", bytes([decimal, 1])),
+        *((name, "3.3.4", about, bytes([decimal]) + number) for name, about, number in WRONG_DECIMALS),
         ("not_shortest", "3.3.4", "a number not in its shortest form", bytes([half, 0x80, 9])),
-        ("kind_3", "3.3.4", "an unknown kind of isovalue", bytes([3 << 6, 9])),
         ("nan", "3.3.4", "an isovalue that is not finite", bytes([single]) + struct.pack(">f", float("nan"))),
         ("infinite", "3.3.4", "an isovalue that is not finite", bytes([double | 1]) + struct.pack(">d", float("inf"))),
-        ("lean_on_itself", "3.5.5", "leaning on an isovalue that has not come", write_further(9.5, 1)),
-        ("lean_63", "3.5.5", "leaning on an isovalue that has not come", bytes([half | 63, 9])),
-        ("twice", "3.5.5", "an isovalue that has come", write_further(128.5, None)),
+        ("lean_on_itself", "3.5.5", "leaning on an isovalue that has not come", write_further(2, 9.5, 0)),
+        ("lean_62", "3.5.5", "leaning on an isovalue that has not come", bytes([half | 62, 9])),
+        ("twice", "3.5.5", "an isovalue that has come", write_further(1, 128.5, None)),
+        ("twice_decimal", "3.5.5", "an isovalue that has come", bytes([decimal, 1]) + write_varint(zigzag(1285))),
         ("twice_by_kind", "3.5.5", "an isovalue that has come", bytes([double]) + struct.pack(">d", 128.5)),
     ):
         file = plane.with_chunks(first, Chunk(ChunkType.ISOVALUE, payload))
         yield _refused(f"further_{name}", bytes(file), clause, about)
     zeros = [Chunk(ChunkType.ISOVALUE, bytes([half, 0])), Chunk(ChunkType.ISOVALUE, bytes([single, 0x80, 0, 0, 0]))]
     yield _refused("further_minus_zero", bytes(plane.with_chunks(first, *zeros)), "3.5.5", "both 0 and -0")
-    many = [Chunk(ChunkType.ISOVALUE, write_further(i, None)) for i in range(MAX_ISOVALUES)]
-    yield _refused("isovalues_65", bytes(plane.with_chunks(*many)), "11.1", "more than 64 isovalues")
+    many = [Chunk(ChunkType.ISOVALUE, write_further(1, i / 2, None)) for i in range(MAX_ISOVALUES + 1) if i != 257]
+    yield _refused("isovalues_4097", bytes(plane.with_chunks(*many)), "11.1", "more than 4096 isovalues")
     cut = split(truncate(_plane(), max_bytes=60)).chunks[0]
     assert cut.type == ChunkType.CUT_LAYERS
     yield _refused("isovalue_after_cut", bytes(plane.with_chunks(cut, many[0])), "3.5.4", "an isovalue after a cut run")
-    free, leaning = (Chunk(ChunkType.ISOVALUE, write_further(120.5, lean)) for lean in (None, 0))
+    free, leaning = (Chunk(ChunkType.ISOVALUE, write_further(1, 120.5, lean)) for lean in (None, 0))
     for name, about, before, steps in (
         ("leaf_base_free", "a leaf base that leans on nothing", (first, free), ((LEAVES, 0),)),
         ("leaf_base_argument", "a leaf base with an argument", (first, leaning), ((LEAVES, 1),)),
@@ -257,9 +277,52 @@ def isovalues() -> Iterator[Draft]:
         file = plane.with_chunks(*before, unread)
         yield _refused(f"unread_{name}", bytes(file), "3.6", f"{about}, of which nothing is read")
     for name, file in (("leaf_base_start_visited", plane), ("space_leaf_base_start_visited", space)):
-        further = Chunk(ChunkType.ISOVALUE, write_further(0.0, 0))
+        further = Chunk(ChunkType.ISOVALUE, write_further(1, 0.0, 0))
         data = _searched(file, "5.3.2", steps_of((LEAVES, 0)), (file.chunks[0], further))
         yield _refused(name, data, "5.3.2", "a component behind a leaf base starts where one has been")
+
+
+def _of_base(level: int) -> Chunk:
+    """The layers of a base alone, of the field of `_plane`."""
+    plan = [("base", level)]
+    return split(b"".join(encoder_of(noise((9, 8), 31, 8), 128.5, layers=plan, profile="baseline"))).chunks[0]
+
+
+def turns() -> Iterator[Draft]:
+    """Turns that are wrong."""
+    plane = split(_plane())
+    first = plane.chunks[0]
+    further = Chunk(ChunkType.ISOVALUE, write_further(1, 120.5, 0))
+    both = Chunk(ChunkType.TURN, b"\0\2")
+    ancillary = Chunk(ChunkType.TURN, b"\0\2", ancillary=True)
+    yield _refused("ancillary_turn", bytes(plane.with_chunks(further, ancillary)), "3.5.2", "a turn as ancillary")
+    for name, about, payload in (
+        ("empty", "a turn without bytes", b""),
+        ("cut", "a turn that is not complete", b"\0"),
+        ("trailing", "bytes behind a turn", b"\0\1\0"),
+        ("long", "a number not in its shortest form", b"\0\x81\0"),
+        ("of_none", "a turn of no isovalue", b"\0\0"),
+        ("not_begun", "a turn of an isovalue that has not come", b"\0\3"),
+        ("first_not_begun", "a turn of an isovalue that has not come", b"\2\1"),
+    ):
+        file = plane.with_chunks(further, Chunk(ChunkType.TURN, payload))
+        yield _refused(f"turn_{name}", bytes(file), "3.5.9", about)
+    again = plane.with_chunks(first, further, both)
+    yield _refused("turn_again", bytes(again), "3.5.9", "a turn of an isovalue whose layers have ended")
+    free, turns_of = Chunk(ChunkType.ISOVALUE, write_further(1, 120.5, None)), [Chunk(ChunkType.TURN, b"\0\1"),
+                                                                              Chunk(ChunkType.TURN, b"\1\1")]
+    coarse, fine = (_of_base(level) for level in (2, 3))
+    for name, clause, about, steps in (
+        ("unlike", "3.5.9", "all rounds that are left, of isovalues on different levels", (REFINE, ALL)),
+        ("base", "3.6", "a base of isovalues that have one", (BASE, 2)),
+        ("rounds", "3.6", "more rounds than one of the isovalues has left", (REFINE, 6)),
+    ):
+        chunks = (free, turns_of[0], coarse, turns_of[1], fine, both, layers(steps_of(steps), b""))
+        yield _refused(f"turn_{name}", bytes(plane.with_chunks(*chunks)), clause, about)
+    series = plane.with_chunks(further, both, Chunk(ChunkType.FRAME, b"\0"))
+    yield _refused("turn_before_frames", bytes(series), "3.5.7", "a series that begins behind a turn")
+    series = plane.with_chunks(Chunk(ChunkType.SERIES, b"\0"), further, both)
+    yield _refused("turn_in_series", bytes(series), "3.5.9", "a turn in a series")
 
 
 def _least_refused(file: File, program: bytes, run: bytes) -> bytes:
@@ -284,7 +347,7 @@ def _searched(file: File, clause: str, program: bytes, before: Sequence[Chunk] =
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (headers, containers, programs, runs, isovalues):
+    for group in (headers, containers, programs, runs, isovalues, turns):
         yield from group()
     yield _lone_vertices()
 

@@ -7,10 +7,19 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from isocodec import Decoder
-from isocodec.format.chunks import write_further
+from isocodec.format.chunks import write_further, write_turn
 from isocodec.format.events import IsovalueRead
 from isocodec.stream.truncation import truncate
-from isospec.container import ALL, MAX_ISOVALUES, ChunkType, Operation
+from isospec.container import (
+    ALL,
+    FAR_LEAN,
+    MAX_ISOVALUES,
+    ChunkType,
+    IsovalueKind,
+    Operation,
+    write_varint,
+    zigzag,
+)
 
 from .adaptive import SOME, SPACES, Steps, adapt_to, base_on, random_run
 from .draft import Draft, cut_within, encoded, within
@@ -49,7 +58,7 @@ def whole() -> Iterator[Draft]:
             ("topology", (VALUE, HIGH_VALUE), "adaptive bases", {"precision": "signs", "keep_topology": True}),
             (
                 "independent", (VALUE, VALUE + 2), "independent of one another",
-                {"precision": "exact", "independent": True},
+                {"precision": "exact", "order": "independent"},
             ),
             ("empty", (VALUE, 300), "a curve without points", {"precision": "exact"}),
             ("far", (VALUE, 1e300, -1e300), "too far away for values to tell of each other", {"precision": "signs"}),
@@ -184,11 +193,79 @@ def chunks() -> Iterator[Draft]:
         bytes(file.with_chunks(unknown, first, unknown, second, unknown, last, unknown)), 2,
         ("unknown ancillary chunks around isovalues",),
     )
+    rough = noise((4, 3), 96, 6)
     # each leans on the one before
-    yield encoded(
-        "plane_isovalues_64", noise((4, 3), 96, 6), range(MAX_ISOVALUES), "the most isovalues", precision="signs",
-        layers=4,
+    yield encoded("plane_isovalues_65", rough, range(65), "65 isovalues", precision="signs", layers=4)
+    many = [*range(32, -1, -1), *range(33, 128)]
+    about = "isovalues: leaning on one 33 before"
+    yield encoded("plane_isovalues_lean_far", rough, many, about, precision="signs", layers=4)
+    start = Chunk(ChunkType.ISOVALUE, write_further(1, VALUE + 2, 0))
+    for name, back in (("near", b"\1"), ("none", b"\0")):
+        # a number of its own that is small
+        payload = bytes([start.payload[0] | FAR_LEAN]) + back + start.payload[1:]
+        data = bytes(file.with_chunks(first, Chunk(ChunkType.ISOVALUE, payload)))
+        yield Draft(f"plane_isovalues_escaped_{name}", data, 2, ("isovalues: how far back, apart",))
+    # nothing is coded of most of them: they cost next to nothing
+    empty = [Chunk(ChunkType.ISOVALUE, write_further(i, i / 10, i - 1)) for i in range(1, MAX_ISOVALUES)]
+    flat = split(encoded("flat", rough, 0, precision="signs", layers=4).data)
+    # the last one leans on isovalue 0
+    empty[-1] = Chunk(ChunkType.ISOVALUE, write_further(MAX_ISOVALUES - 1, 9.55, 0))
+    yield Draft(
+        "plane_isovalues_4096", bytes(flat.with_chunks(*flat.chunks, *empty)), 2, ("the most isovalues", "decimals"),
     )
+
+
+def decimals() -> Iterator[Draft]:
+    """Isovalues as decimals, and what their digits are rounded to."""
+    field = _mixed(SHAPES[0])
+    for name, about, isovalues in (
+        ("tenths", "tenths", (85.1, 85.2, 85.3)),
+        ("negative", "negative ones", (-0.1, -1e-15, 85.1)),
+        ("places", "one to fifteen places", tuple(float(f"85.{'1234567890123'[:k]}1") for k in range(14))),
+    ):
+        yield encoded(f"plane_isovalues_decimal_{name}", field, isovalues, f"decimals: {about}", precision="signs")
+    # others than writers take: places that are not needed, and digits that binary64 does not have
+    plain = split(encoded("plain", field, VALUE, precision="signs").data)
+    for name, places, units in (("zeros", 3, 90000), ("digits", 15, (1 << 53) - 1), ("minus", 15, 1 - (1 << 53))):
+        payload = bytes([IsovalueKind.DECIMAL << 6 | 1, places]) + write_varint(zigzag(units))
+        data = bytes(plain.with_chunks(*plain.chunks, Chunk(ChunkType.ISOVALUE, payload)))
+        yield Draft(f"plane_isovalues_decimal_{name}", data, 2, ("decimals: not in their shortest form",))
+
+
+def turns() -> Iterator[Draft]:
+    """Layers of several isovalues in turn (clause 3.5.9)."""
+    isovalues = (LOW_VALUE, VALUE, VALUE + 2, HIGH_VALUE)
+    about = "layers of isovalues in turn"
+    for shape in ((17, 14), (33, 32), (65, 9), (63, 8), (7, 8, 6), (9, 5, 8)):
+        space, field = SPACES[len(shape)], _mixed(shape)
+        size = "_".join(map(str, shape))
+        for name, options in (("signs", {"precision": "signs"}), ("values", {"precision": "exact"}), ("offsets", {})):
+            options = {"order": "levels", **options}
+            yield encoded(f"{space}_turns_{name}_{size}", field, isovalues, about, name, states=True, **options)
+    for shape in SHAPES:
+        space, field = SPACES[len(shape)], _mixed(shape)
+        yield encoded(f"{space}_turns_main", field, isovalues, about, profile="main", order="levels", precision="exact")
+        gone = np.zeros(shape, bool)
+        gone[2:5, 3:6] = True
+        yield encoded(f"{space}_turns_masked", field, isovalues, about, "missing samples", order="levels", mask=gone)
+        # small curves begin beyond the others
+        peaks = np.minimum(field, 60)
+        peaks[(3,) * len(shape)], peaks[(5,) * len(shape)] = 120, 90
+        yield encoded(f"{space}_turns_late", peaks, (30, 50, 80, 100), about, order="levels", precision="signs")
+        whole = encoded("whole", field, isovalues, order="levels", precision="signs").data
+        short = truncate(whole, max_bytes=len(whole) * 2 // 3)
+        yield Draft(f"{space}_turns_cut", short, len(shape), (about, "a cut run"))
+        file = split(whole)
+        further = Chunk(ChunkType.ISOVALUE, write_further(4, 200.5, 3))
+        yield Draft(f"{space}_turns_then_isovalue", bytes(file.with_chunks(*file.chunks, further)), len(shape),
+                    (about, "a further isovalue behind them"))
+        begun = [chunk for chunk in file.chunks if chunk.type == ChunkType.ISOVALUE]
+        turn = Chunk(ChunkType.TURN, write_turn(range(1, 4)))
+        # layers of values in turn, which encoders write isovalue by isovalue
+        program = ((Operation.BASE_AND_REFINE, 2), (Operation.VALUES, ALL))
+        data = random_run(file.with_chunks(*begun, turn, turn), steps_of(*program, b"\x44"), 12)
+        features = (about, "a run of random bytes", "the file ends too early")
+        yield Draft(f"{space}_turns_random", data, len(shape), features)
 
 
 def strange() -> Iterator[Draft]:
@@ -206,14 +283,29 @@ def strange() -> Iterator[Draft]:
             ("leaf_base", VALUE + 1, ((Operation.LEAF_BASE, 0), (Operation.ADAPT, 1), (Operation.VALUES, ALL))),
             ("adaptive", VALUE - 1, ((Operation.ADAPTIVE_BASE, 0), (Operation.ADAPT, 1), (Operation.VALUES, ALL))),
         ):
-            chunk = Chunk(ChunkType.ISOVALUE, write_further(further, 0))
+            chunk = Chunk(ChunkType.ISOVALUE, write_further(1, further, 0))
             # eight bits above and below
             data = random_run(file.with_chunks(*file.chunks, chunk), steps_of(*program, b"\x88"), len(program))
             about = ("a run of random bytes", "the file ends too early")
             yield Draft(f"{SPACES[n]}_isovalues_random_{name}", data, n, about)
 
 
+_OFF_THE_BOX = (
+    ((2, -4, -1, 0), (2, 4, 2, -1), (1, -3, 3, 0), (-1, -1, 0, -1), (5, -1, 0, 0)),
+    ((3, -4, -2, -1), (0, 1, 2, 1), (0, -4, 2, -1), (-4, 1, 1, -2), (5, -2, 0, 1)),
+    ((4, -1, 2, -1), (-1, 1, 3, 0), (-1, -2, 6, -2), (-6, 1, -1, -3), (6, -2, 2, 1)),
+)
+
+
+def off_the_box() -> Iterator[Draft]:
+    """Signs at an earlier isovalue of middles off the box, which are those of their clamped images."""
+    yield encoded(
+        "space_isovalues_off_the_box", np.array(_OFF_THE_BOX), (-5.5, 5.5), "isovalues", "topology",
+        layers="topology", precision="signs",
+    )
+
+
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (whole, planned, cuts, chunks, strange):
+    for group in (off_the_box, whole, planned, cuts, chunks, decimals, turns, strange):
         yield from group()

@@ -85,7 +85,7 @@ def places() -> Iterator[Draft]:
         yield Draft(f"{space}_missing_mask_last", data, len(shape), ("missing samples: the mask behind all layers",))
         without = [chunk for chunk in plain.chunks if chunk.type == ChunkType.LAYERS]
         later = encode(
-            Field(field, mask=gone), (VALUE, VALUE + 3), profile="baseline", independent=True, precision="exact",
+            Field(field, mask=gone), (VALUE, VALUE + 3), profile="baseline", order="independent", precision="exact",
         )
         rest = split(later).chunks
         rest = rest[next(i for i, chunk in enumerate(rest) if chunk.type == ChunkType.ISOVALUE) :]

@@ -47,7 +47,7 @@ def _leaning(
     file = File(write_header(Header(shape, next(iter(programs)), profile=profile)), ())
     for number, (isovalue, steps) in enumerate(programs.items()):
         if number:
-            further = Chunk(ChunkType.ISOVALUE, write_further(isovalue, number - 1))
+            further = Chunk(ChunkType.ISOVALUE, write_further(number, isovalue, number - 1))
             file = file.with_chunks(*file.chunks, further)
         if steps:
             file = random_layers(file, steps_of(*steps), seed + 10000 * number, size)
@@ -107,7 +107,7 @@ def isovalues() -> Iterator[Draft]:
     about = "new components after a leaf base on an adapted mesh"
     programs: dict[float, Steps] = {0.5: ((ADAPTIVE, 0),), 1.5: ((LEAVES, 0), (REFINE, ALL))}
     yield _leaning("leaf_base_turned", about, (5, 5), programs, 165, 40)
-    yield _leaning("leaf_base_turned", about, (5, 5, 5), programs, 401, 40)
+    yield _leaning("leaf_base_turned", about, (5, 5, 5), programs, 411, 40)
     programs = {0.5: ((ADAPTIVE, 0),), 1.5: ((LEAVES, 0),), 2.5: ((BASE, 3),)}
     yield _leaning(
         "leaning_on_leaf_base", "leaning on a leaf base on an adapted mesh: signs that are inferred are not certain",
@@ -163,7 +163,7 @@ def _descended(n: int, level: int) -> File:
 def main_profile() -> Iterator[Draft]:
     """Main profile: rows that stand for all larger numbers, and limits."""
     yield _random(
-        "main_large_cubes", "main profile: cubes of 2**9 samples and more", (1025, 1025), ((BASE, 1), (REFINE, 2)), 191,
+        "main_large_cubes", "main profile: cubes of 2**9 samples and more", (1025, 1025), ((BASE, 1), (REFINE, 2)), 553,
         20, profile=MAIN,
     )
     yield _random(
@@ -171,7 +171,7 @@ def main_profile() -> Iterator[Draft]:
         ((ADAPTIVE, 0),), 7, 20, profile=MAIN,
     )
     yield _random(
-        "main_sure", "main profile: opinions that are limited", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 16, 40,
+        "main_sure", "main profile: opinions that are limited", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 17, 40,
         profile=MAIN,
     )
     line = np.repeat([[0], [1]], 6000, axis=1)
@@ -189,7 +189,7 @@ def main_profile() -> Iterator[Draft]:
     )
     yield _random(
         "main_near_crossings", "main profile: crossings next to one another that are not extended", (9, 9),
-        ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 28, 40, profile=MAIN,
+        ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 278, 40, profile=MAIN,
     )
     # a curve around one corner: of the last edge's ends both have another crossing that falls together with them
     start = File(write_header(Header((65, 65), 0.5, profile=MAIN)), ())
@@ -212,18 +212,22 @@ def refused() -> Iterator[Draft]:
     nowhere = said(start, steps_of((BASE, 3)), ("origin", "0"), ("component", "1"), ("location", "11"))
     yield _draft("start_nowhere", (6, 3), nowhere, ("a component starts in a simplex that does not exist",), "5.3.2")
     for shape, name, clause, about, seed in (
-        ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 10),
+        ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 85),
         ((5, 5), "start_visited", "5.3.2", "where one has been", 0),
-        ((5, 5, 5), "start_not_mixed", "5.3.3", "where the surface does not pass", 0),
+        ((5, 5, 5), "start_not_mixed", "5.3.3", "where the surface does not pass", 51),
         ((5, 5, 5), "start_visited", "5.3.2", "where one has been", 1),
     ):
         yield _random(
             f"main_{name}", f"main profile: a component starts {about}", shape, ((BASE, 3),), seed, 14, profile=MAIN,
             clause=clause,
         )
+    yield _random(
+        "corners_torn", "two diamonds give a corner different signs", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 195, 60,
+        clause="5.4.3",
+    )
     for name, about, shape, steps, seed, size in (
         ("main_leftover", "bytes left over in a run", (5, 5), ((BASE, 1), (REFINE, 1)), 65, 20),
-        ("main_overrun", "symbols past the end of a run", (5, 5, 5), ((BASE, 3), (REFINE, ALL)), 36, 8),
+        ("main_overrun", "symbols past the end of a run", (5, 5, 5), ((BASE, 3), (REFINE, ALL)), 18, 8),
     ):
         run = layers(steps_of(*steps), bytes(random_numbers(seed, size, 8)))
         file = File(write_header(Header(shape, 0.5, profile=MAIN)), (run,))

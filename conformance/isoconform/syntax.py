@@ -15,7 +15,7 @@ from isocodec.format.program import Progress, expand
 from isospec.container import (
     ALL,
     ESCAPE,
-    MAX_ISOVALUES,
+    FAR_LEAN,
     MAX_SIDE,
     SIGNATURE,
     ChunkType,
@@ -31,7 +31,7 @@ from .streams import Chunk, File
 
 BASES = (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE, Operation.LEAF_BASE)
 OTHERS = (Operation.REFINE, Operation.ADAPT, Operation.VALUES, Operation.OFFSETS)
-UNKNOWN_TYPES = (0, 13, 20, 31)
+UNKNOWN_TYPES = (0, 14, 20, 31)
 assert not {*UNKNOWN_TYPES} & {*ChunkType}, "a type of chunk that is known by now"
 Taste = dict[int, int]
 """Operations, with how likely each is, among bases and among those behind a base."""
@@ -88,13 +88,18 @@ def any_isovalue(random: Random, before: Sequence[float]) -> tuple[float, int]:
         kinds.append(IsovalueKind.FLOAT32)
     if 2 * value == int(2 * value) and abs(value) < 2**50:
         kinds += [IsovalueKind.HALVES] * 8
-    return value, random.choice(kinds)
+    if abs(value) < 1e6:
+        kinds.append(IsovalueKind.DECIMAL)
+    kind = random.choice(kinds)
+    return float(f"{value:.2f}") if kind == IsovalueKind.DECIMAL else value, kind
 
 
 def isovalue_bytes(value: float, kind: int) -> bytes:
     """An isovalue as a header or an isovalue chunk has it."""
     if kind == IsovalueKind.HALVES:
         return write_varint(zigzag(int(2 * value)))
+    if kind == IsovalueKind.DECIMAL:
+        return b"\2" + write_varint(zigzag(round(100 * value)))
     return struct.pack(">f" if kind == IsovalueKind.FLOAT32 else ">d", value)
 
 
@@ -206,7 +211,7 @@ def _argument(random: Random, operation: int, progress: Progress) -> tuple[int, 
         return random.choice((0, 1, 2, 3, random.randint(0, full), max(full - 1, 0), full)), random.randrange(12) == 0
     if operation == Operation.REFINE:
         far = random.randint(1, 24) if progress.full_level > 14 else 2
-        return random.choice((1, 1, 2, 3, far)), random.randrange(4) == 0
+        return random.choice((1, 1, 2, 3, far, 0)), random.randrange(4) == 0
     if operation == Operation.VALUES:
         return random.choice((0, 1, 1, 2, 3)), random.randrange(4) == 0
     if operation == Operation.OFFSETS:
@@ -310,13 +315,15 @@ def _more_layers(random: Random, draft: _Draft, taste: Taste, size: int) -> byte
 def _another_isovalue(random: Random, draft: _Draft) -> None:
     value, kind = any_isovalue(random, draft.isovalues)
     count = len(draft.isovalues)
-    lean = random.randint(0, count) if random.randrange(3) == 0 else count
-    payload = bytes([kind << 6 | lean]) + isovalue_bytes(value, kind)
-    assert count < MAX_ISOVALUES
+    back = random.randint(0, count) if random.randrange(3) == 0 else 1
+    far = random.randrange(16) == 0
+    head = bytes([kind << 6 | FAR_LEAN]) + write_varint(back) if far else bytes([kind << 6 | back])
+    payload = head + isovalue_bytes(value, kind)
+    assert count < FAR_LEAN
     draft.chunks.append(Chunk(ChunkType.ISOVALUE, payload, checked=random.randrange(16) == 0))
     draft.isovalues.append(value)
     before = draft.progresses[-1]
-    draft.progresses.append(before.begin(draft.progresses[lean - 1] if lean else None))
+    draft.progresses.append(before.begin(draft.progresses[-back] if back else None))
 
 
 def _perhaps_ancillary(random: Random, draft: _Draft) -> None:

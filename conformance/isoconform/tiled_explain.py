@@ -11,11 +11,12 @@ from itertools import pairwise
 
 from isocodec.errors import FormatError
 from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
+from isocodec.format.header import HEAD_BYTES
 from isocodec.tiles.head import read_head
 from isocodec.tiles.layout import Index
 from isocodec.tiles.leaf import read_leaf
 from isocodec.tiles.numbers import Reader
-from isocodec.tiles.structure import HEAD_BYTES, Head, Kind, Leaf, Root, TileStrand
+from isocodec.tiles.structure import Head, Kind, Leaf, Root, TileStrand
 from isospec.container import ChunkType, IsovalueKind
 
 from .rows import Rows

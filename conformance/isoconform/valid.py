@@ -48,7 +48,7 @@ def shapes() -> Iterator[Draft]:
 
 
 def clamped_middles() -> Iterator[Draft]:
-    """Middles that clamping puts on an older vertex, next to members that the curve enters there (clause 5.4.4)."""
+    """Middles that clamping puts on an older vertex, next to members that the curve enters there (clause 5.4.2)."""
     for name, rows in (
         ("plane_known_middle_6x3", ("001", "011", "000", "000", "100", "010")),
         ("plane_known_middle_3x6", ("000010", "000010", "000010")),
@@ -66,6 +66,19 @@ def clamped_middles() -> Iterator[Draft]:
             f"{'plane' if len(shape) == 2 else 'space'}_known_middles_{name}", noise(shape, 60 + seed, 3), 1.5,
             "border: middles known before the round", "noise", precision="signs", layers=seed % 3,
         )
+
+
+def seams() -> Iterator[Draft]:
+    """Curves through several blocks, whose edges the sizes are near (clause 4.8)."""
+    for n, sides in ((2, (63, 64, 65, 129)), (3, (7, 8, 9))):
+        for side in sides:
+            shape = (side, side + 2) if n == 2 else (side, 10, 66)
+            name, field = f"{'plane' if n == 2 else 'space'}_seams_{side}", waves(shape, 40, side)
+            profile = "main" if side % 2 == 0 else "baseline"
+            for kind, precision in (("signs", "signs"), ("exact", "exact"), ("offsets", 0.05)):
+                yield encoded(
+                    f"{name}_{kind}", field, 19.5, "seams of blocks", kind, precision=precision, profile=profile,
+                )
 
 
 def components() -> Iterator[Draft]:
@@ -189,5 +202,5 @@ def offsets() -> Iterator[Draft]:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (bases, shapes, clamped_middles, components, values, offsets):
+    for group in (bases, shapes, clamped_middles, seams, components, values, offsets):
         yield from group()

@@ -22,15 +22,22 @@ MAX_VARINT = 9
 """Most bytes of a variable-length number: 63 bits."""
 CHECKED_CHUNK = 1 << 14
 """Chunks with at least this payload carry a checksum of their own (clause 3.5.3)."""
-LAYER_LIMIT = 4096
+LAYER_LIMIT = 1 << 17
+"""Most layers of a file, of a series of a frame (clause 11.1)."""
 MAX_RADIX = 63
 """Most parts that a digit of offsets divides a part into; an odd number (clause 3.6.5)."""
 STEP_RADIX = 27
 """Radix of the first digits of an edge that needs more parts than that (clause 5.7.3)."""
 MAX_UNIT = 24
 """Largest power of two samples that parts of offsets are counted in (clause 3.6.5)."""
-MAX_ISOVALUES = 64
+MAX_ISOVALUES = 4096
 """Most isovalues of a file (clause 11.1)."""
+MAX_PLACES = 15
+"""Most decimal places of an isovalue that is written as a decimal (clause 3.3.4)."""
+MAX_DECIMAL = 1 << 53
+"""Whole numbers of units below this are decimals (clause 3.3.4)."""
+FAR_LEAN = 63
+"""Distance of the isovalue leant on from which a number of its own follows (clause 3.5.5)."""
 PROMISE_UNIT = 1000
 """Parts of the distance of samples that promises count in (clause 3.7.3)."""
 MOST_COORDINATE = 1 << 52
@@ -52,6 +59,7 @@ class IsovalueKind(IntEnum):
     HALVES = 0
     FLOAT32 = 1
     FLOAT64 = 2
+    DECIMAL = 3
 
 
 class ChunkType(IntEnum):
@@ -67,6 +75,8 @@ class ChunkType(IntEnum):
     COORDINATES = 8
     FRAME = 9
     DOMAIN = 10
+    TURN = 11
+    SERIES = 13
 
 
 class DomainKind(IntEnum):

@@ -100,13 +100,13 @@ class Drawings(OneByOne):
         self._decoder, self._view, self._cost = decoder, view, cost
         self._kept = 0
         if view.window is not None:
-            from ..stream.recoder import ends_of
+            from ..drawing.window import ends_of
 
             ends_of(view.window, self.n)
 
     def draw(self, number: int) -> Contour:
         """Draw the contour of an isovalue, by its number, and release what was decoded of it."""
-        from ..stream.recoder import clipped
+        from ..drawing.window import clipped
 
         decoder, view = self._decoder, self._view
         contour = decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes)

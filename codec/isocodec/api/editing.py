@@ -11,8 +11,8 @@ from ..field.decoded_samples import LABELS
 from ..field.placement import read_placement
 from ..limits import Limits
 from ..stream.given import in_cells
-from ..stream.options import PROMISE, Options, Precision
-from ..stream.promises import last_promise
+from ..stream.options import INDEPENDENT, ISOVALUES, Options, Precision
+from ..stream.promises import PROMISE, last_promise
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
@@ -147,7 +147,7 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
         wanted = in_cells(wanted, placement, held.metadata, {}, held.header.shape)
     options = Options(
         precision=wanted, profile=profile or held.profile, metadata=notes, keep_topology=keep_topology,
-        independent=LABELS in held.metadata,
+        order=INDEPENDENT if LABELS in held.metadata else None if held.turned else ISOVALUES,
     )
     if wanted.default:
         return same_again(held, options)

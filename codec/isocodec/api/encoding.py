@@ -27,7 +27,7 @@ def encode(
     keep_topology: bool = False,
     profile: ProfileName = "main",
     layers: LayersGiven = None,
-    independent: bool = False,
+    order: str | None = None,
     interval: int = 0,
     metadata: Mapping[str, str] | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -54,8 +54,9 @@ def encode(
         distance in the world, on the ellipsoid where coordinates are longitudes and latitudes or projected, to which
         the file keeps everywhere; it is refused where the unit of the coordinates is not known. From 0.1 cells on the
         encoder searches for a mesh and a precision of crossings that make the file small, and proves the distance on
-        the decoded curve; below, it codes all crossings of the grid, without a search. With a criterion as ``layers``,
-        that chooses the mesh, and the distance holds for its crossings alone.
+        the decoded curve; below, it codes all crossings of the grid, without a search. In the complete file, curves of
+        several isovalues of a plane do not cross one another. With a criterion as ``layers``, that chooses the mesh,
+        and the distance holds for its crossings alone.
         "exact": values of integers next to the curve, to the last bit. "step=0.5": values of floats next to the curve
         to within half a step. "signs": which samples lie above, no geometry; crossings are drawn half-way. Falling
         distances, as [4, 1, 0.25, "exact"] or "4m,1m,exact": what the layers promise one after the other.
@@ -75,11 +76,15 @@ def encode(
         bits)``, ``("offsets", radix)``, where None means as many as possible; ``("values", None, left)`` leaves
         ``left`` bits uncoded; ``("adaptive_base", level, mesh)``, ``("adapt", births, mesh)`` with the resulting mesh
         (`grid.lattice.vertex_set.Chosen`) or the criteria by which to coarsen it (`grid.layers.plan.Criteria`),
-        ``("leaf_base",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` after layers other than values
-        records that their curve lies at most that far from the original one, without proof. A mapping gives a separate
-        plan for each isovalue.
-    independent : bool
-        Code each isovalue, and each frame of a series, without prediction from earlier ones in the file.
+        ``("leaf_base",)``, ``("raster",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` after layers other
+        than values records that their curve lies at most that far from the original one, without proof. A mapping gives
+        a separate plan for each isovalue.
+    order : str, optional
+        Order of the layers of several isovalues. "levels": level by level, so that the first bytes of the file show all
+        isovalues coarsely; "isovalues": one isovalue after the other, each predicted from earlier ones; "independent":
+        one after the other, none of them predicted from earlier ones, and no frame of a series either. By default
+        "levels" for 2 to 256 isovalues of a field on the mesh of the grid (no plan or criterion, no search for a mesh),
+        unless the values are stored exactly; "isovalues" otherwise.
     interval : int
         In a series, make every frame whose number is a multiple of this a key frame, which is not predicted from
         earlier frames, so that decoding can begin there; 0 for the first frame only.
@@ -112,6 +117,6 @@ def encode(
     check_kernels()
     options: dict[str, Any] = {
         "precision": precision, "keep_topology": keep_topology, "profile": profile, "layers": layers,
-        "independent": independent, "interval": interval, "metadata": metadata,
+        "order": order, "interval": interval, "metadata": metadata,
     }
     return b"".join(encoder_of(what, isovalue, progress=progress, **options))

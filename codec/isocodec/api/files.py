@@ -12,22 +12,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..drawing.contour import Contour
-from ..drawing.tessellation import Tessellation
-from ..errors import IsoError, OptionError, TruncatedError
+from ..drawing.window import clipped, reaching
+from ..errors import FormatError, IsoError, OptionError, TruncatedError
 from ..field.decoded_samples import LABELS
 from ..format.events import End, FrameRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
-from ..stream.recoder import clipped, reaching
-from ..stream.statistics import FileStatistics, statistics
-from ..stream.truncation import truncate
-from ..tin.tin import Tin
-from .recoding import extracted
 
 if TYPE_CHECKING:
+    from ..drawing.tessellation import Tessellation
+    from ..stream.statistics import FileStatistics
     from ..tiles.tiled import TiledFile
+    from ..tin.tin import Tin
 
 Progress = Callable[[int, int], object]
 NO_SURFACE = "this file has no triangulated surface: it stores only the samples or vertices next to its curves"
@@ -192,9 +190,14 @@ class WholeFile:
 
     def decoded(self, isovalue: float | None, view: Viewed) -> tuple[Decoder, int]:
         """Decode what a drawing of an isovalue needs; returns the decoder and the number of that isovalue."""
-        # bytes after those that are needed may be damaged
         number = 0 if isovalue is None else self.info.number_of(isovalue)
-        chain = frozenset([0]) if isovalue is None else self.info.chain(number)
+        try:
+            chain = self.info.chain(number)
+        except FormatError:
+            # bytes after those that are needed may be damaged
+            if isovalue is not None:
+                raise
+            chain = frozenset([0])
         layers = self._layers_within(number, view) if view.within is not None else view.layers
         decoder = self.received(chain, view, number, layers)
         if number >= len(decoder.isovalues):
@@ -245,6 +248,8 @@ class WholeFile:
             raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds a single surface")
         data = memoryview(self.data)[: view.max_bytes]
         if view.layers is not None:
+            from ..stream.truncation import truncate
+
             data = memoryview(truncate(self.data, layers=view.layers, limits=self.limits))
         decoder = Decoder(self.limits)
         decoder.feed(data)
@@ -305,6 +310,8 @@ class WholeFile:
             tin = self._surface_decoder(view).surface.tin()
             above = tin.values > (np.median(tin.values) if isovalue is None else isovalue)
             crossed = np.ones(len(tin.triangles), np.bool_) if whole else ~_uniform(above[tin.triangles])
+            from ..drawing.tessellation import Tessellation
+
             return _cut(Tessellation(
                 tin.points, tin.triangles[crossed], np.zeros(int(crossed.sum()), np.int64), above,
                 float("nan") if isovalue is None else isovalue, tin.shape or (), tin.complete,
@@ -317,6 +324,8 @@ class WholeFile:
 
     def statistics(self) -> FileStatistics:
         """Count what the file spends its bits on; see `IsoFile.statistics`."""
+        from ..stream.statistics import statistics
+
         return statistics(self.data, self.limits, mesh=self.mesh_given)
 
 
@@ -411,6 +420,8 @@ class TileFile:
 
     def whole(self, window: Sequence[Sequence[float]] | None = None) -> WholeFile:
         """Extract a window, or everything, as an ordinary file without tiles."""
+        from .recoding import extracted
+
         return WholeFile(extracted(self.tiled, window), self.limits)
 
     def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
@@ -503,10 +514,12 @@ def _drawn(decoder: Decoder, numbers: Sequence[int], view: Viewed) -> list[Conto
     out: list[Contour] = []
     contents = decoder.contents
     assert contents is not None
+    held = 0
     try:
         for number in numbers:
-            decoder.hold(sum(contour.points.nbytes + contour.cells.nbytes for contour in out))
+            decoder.hold(held)
             out.append(decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes))
+            held += out[-1].points.nbytes + out[-1].cells.nbytes
             decoder.discard(number)
     except IsoError:
         contents.drop()

@@ -13,25 +13,24 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import SIGNATURE, TILED_SIGNATURE
 
 from ..drawing.contour import Contour
-from ..drawing.tessellation import Tessellation
 from ..errors import IsoError, OptionError, TruncatedError
 from ..field.placement import CRS, Placement, read_placement
 from ..format.chunks import whole_bytes
+from ..format.header import HEAD_BYTES, is_tiled
 from ..limits import Limits
 from ..storage.content import Readable, content, is_url
 from ..storage.ranges import NoRangesError, ranges_of
 from ..stream.inspect import FileInfo
 from ..stream.promises import promise_of
-from ..stream.statistics import FileStatistics
-from ..tiles.structure import HEAD_BYTES, is_tiled
-from ..tin.tin import Tin
-from .editing import Edit, edited
 from .files import TileFile, Viewed, ViewOptions, WholeFile
 from .selfcheck import check_kernels
-from .verification import Verified, verified
 
 if TYPE_CHECKING:
+    from ..drawing.tessellation import Tessellation
     from ..stream.options import ProfileName
+    from ..stream.statistics import FileStatistics
+    from ..tin.tin import Tin
+    from .verification import Verified
 
 _DRAWN = 16
 """Largest number of isovalues that a notebook shows."""
@@ -338,6 +337,8 @@ class IsoFile:
         OptionError
             If the distance has a unit, and that of the coordinates is not known.
         """
+        from .verification import verified
+
         return verified(self.held, field, frame, within)
 
     def edited(
@@ -378,6 +379,8 @@ class IsoFile:
             If no change is asked for, or the file cannot be changed in this way.
         FormatError, LimitError
         """
+        from .editing import Edit, edited
+
         return edited(self.held, Edit(layers, size, window, isovalues, profile, precision, keep_topology))
 
 

@@ -14,8 +14,8 @@ from ..field.decoded_samples import LABELS
 from ..field.placement import CRS, PLACEMENT
 from ..limits import Limits
 from ..storage.content import Readable
-from ..stream.options import PROMISE, Options
-from ..stream.promises import last_promise
+from ..stream.options import Options
+from ..stream.promises import PROMISE, last_promise
 from ..stream.splicing import spliced
 from .files import TileFile, impossible
 from .isofile import open

@@ -18,7 +18,7 @@ from ..format.header import Header
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import inspect
-from ..stream.options import Options, Precision
+from ..stream.options import INDEPENDENT, ISOVALUES, Options, Precision
 from ..stream.promises import last_promise, noted, promised_at_last
 from ..stream.recoder import Source, recoded_frames, sources_of
 
@@ -73,6 +73,8 @@ class Held:
     valid : (s0, .., sn-1) bool
     promised : list of float or None
         Distance from the curve of the field that the file promises of each isovalue, in all frames.
+    turned : bool
+        Whether layers of several isovalues come in turn.
     """
 
     header: Header
@@ -82,6 +84,7 @@ class Held:
     contours: list[list[Contour]]
     valid: NDArray[np.bool_]
     promised: list[float | None]
+    turned: bool = False
 
     @property
     def kept_notes(self) -> dict[str, str]:
@@ -120,7 +123,8 @@ def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
     metadata = dict(decoder.metadata)
     info = inspect(data, symbols=any(chunk.type == "cut_layers" for chunk in inspect(data).chunks))
     promised = [promised_at_last(info, number) for number in range(len(info.isovalues))]
-    return Held(decoder.header, metadata, decoder.interval, frames, contours, decoder.grid.valid(), promised)
+    return Held(decoder.header, metadata, decoder.interval, frames, contours, decoder.grid.valid(), promised,
+                info.turned)
 
 
 def _of_note(tiled: TiledFile, window: object) -> float | None:
@@ -139,10 +143,11 @@ def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
     ``expected``, the result is compared with a file of independent isovalues instead of ``held.contours``.
     """
     steps = {source.field.scale for sources in held.frames for source in sources if source.field.number is not None}
-    options = replace(options, precision=Precision(step=next(iter(steps), None)))
+    order = options.order or (None if held.turned else ISOVALUES)
+    options = replace(options, precision=Precision(step=next(iter(steps), None)), order=order)
 
     def data_of(independent: bool) -> bytes:
-        alike = replace(options, independent=independent)
+        alike = replace(options, order=INDEPENDENT) if independent else options
         return recoded_frames(held.frames, held.interval, alike, kept=True, promised=held.promised)
 
     alone, wanted = b"", held.contours

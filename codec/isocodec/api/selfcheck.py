@@ -4,11 +4,8 @@ Needed for libraries that could not be run when they were built."""
 
 from __future__ import annotations
 
-import hashlib
 import warnings
 from functools import cache
-
-import numpy as np
 
 from ..kernel import kernels, untested
 
@@ -20,6 +17,10 @@ DIGEST = "97c4cbcfe2830ce1bae13e316ad05fa6f98b28a631d08c4223d2eab01dd7880f"
 
 def digest() -> str:
     """Compute a SHA-256 of files and curves of small fields that exercise everything that depends on floating point."""
+    import hashlib
+
+    import numpy as np
+
     from ..stream.decoder import Decoder
     from ..stream.encoder import encoder_of
 

@@ -20,8 +20,8 @@ from ..format.surface import MOST_LAYERS, values_of
 from ..search.contour_tin import near_contours
 from ..search.tin_fit import ChosenPoints, best, smallest, within
 from ..stream.given import field_of, in_cells
-from ..stream.options import PROMISE, Options, Precision
-from ..stream.promises import AT
+from ..stream.options import Options, Precision
+from ..stream.promises import AT, PROMISE
 from ..stream.surface_encoder import SurfaceEncoder, surface_of
 from ..tin.criteria import NAMES
 from ..tin.delaunay import delaunay, triangles

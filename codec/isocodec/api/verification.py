@@ -244,14 +244,18 @@ def _compared(
     """Measure how far two contours lie from each other, in cells of a ``size``; and from one of values in steps."""
     from ..search.proof import hausdorff
 
-    measured = min(MEASURED, promise.within / size * SHARE) if promise.within else MEASURED
-    limit = measured + ROUNDING
+    # fine promises are measured on curves that are enlarged: the distance is certain to so many units, no finer
+    finest = max(promise.within / size * SHARE, ROUNDING) if promise.within else MEASURED
+    scale = max(MEASURED / finest, 1.0)
+    limit = MEASURED / scale + ROUNDING
 
     def far(other: Contour) -> tuple[float, float]:
         # segments in space as triangles without an area
         both = (contour, other)
         cells, others = (one.cells[:, [0, 1, 1]] if one.points.shape[1] > one.n else one.cells for one in both)
-        return hausdorff(contour.points / size, cells, other.points / size, others, measured)
+        ours, theirs = (one.points * (scale / size) for one in both)
+        away, back = hausdorff(ours, cells, theirs, others, MEASURED)
+        return away / scale, back / scale
 
     there, back = far(first)
     broken = promise.within is not None and max(there, back) > promise.within / size + limit

@@ -6,16 +6,11 @@ needs it, when it needs it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 import click
 
-from .decode import decode_command
-from .edit import edit_command
-from .encode import encode_command
-from .info import info_command
-from .plot import plot_command
 from .report import EXIT_CODES, Program
-from .thin import thin_command
-from .verify import verify_command
 
 __all__ = ["main"]
 
@@ -35,13 +30,42 @@ def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
     context.exit()
 
 
-@click.group("isocodec", cls=Program, epilog=EXIT_CODES, context_settings={"help_option_names": ["-h", "--help"]})
+class _Commands(Mapping[str, click.Command]):
+    """The commands by name; the module of one is imported when the command is asked for."""
+
+    names = ("encode", "decode", "edit", "info", "verify", "plot", "thin")
+
+    def __getitem__(self, name: str) -> click.Command:
+        match name:
+            case "encode":
+                from .encode import encode_command as found
+            case "decode":
+                from .decode import decode_command as found
+            case "edit":
+                from .edit import edit_command as found
+            case "info":
+                from .info import info_command as found
+            case "verify":
+                from .verify import verify_command as found
+            case "plot":
+                from .plot import plot_command as found
+            case "thin":
+                from .thin import thin_command as found
+            case _:
+                raise KeyError(name)
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@click.group(
+    "isocodec", cls=Program, commands=_Commands(), epilog=EXIT_CODES,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
 def main() -> None:
     """Progressive, exact and small files (.iso) of isocontours and isosurfaces."""
-
-
-for command in (
-    encode_command, decode_command, edit_command, info_command, verify_command, plot_command, thin_command,
-):
-    main.add_command(command)

@@ -61,13 +61,13 @@ GRIDS = (*PLACES, "no_placement", "coordinates_error", "periodic", "period", "la
 """Options of sampled grids."""
 APART = {
     "values": ("frames", "frame_axis", *GRIDS),
-    "surface": ("labels", "interval", "offset", "independent", "precision", "keep_topology", "frames", "frame_axis",
-                "frame_interval", "periodic", "period", "coordinates_error", "missing"),
-    "tile": ("labels", "independent", "keep_topology", "layers", "frames", "frame_axis", "frame_interval", "periodic",
-             "period", "coordinates_error"),
+    "surface": ("labels", "interval", "offset", "order", "precision", "keep_topology", "frames",
+                "frame_axis", "frame_interval", "periodic", "period", "coordinates_error", "missing"),
+    "tile": ("labels", "order", "keep_topology", "layers", "frames", "frame_axis", "frame_interval",
+             "periodic", "period", "coordinates_error"),
 }
 """Options that do not apply to a kind of file, by the option that chooses the kind."""
-CODED = ("surface", "tile", "frames", "layers", "independent", "stored", "mesh_error", "metadata", "profile")
+CODED = ("surface", "tile", "frames", "layers", "order", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
 CONVERTED = ("what", "side", "along_holes", "layer", "higher_on", "attribute", "index", "raised", "keep_crs",
              "in_samples")
@@ -100,8 +100,11 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         help="Inside is value == K; all: of all values but 0. Of a palette the values are its indices. --precision "
         "signs by default. Repeatable.",
     )
-    independent: bool = option("--independent", heading=ISOVALUE, is_flag=True,
-                               help="Make each isovalue decodable without the others.")
+    order: str | None = option(
+        "--order", heading=ISOVALUE, metavar="O",
+        help="levels: the first bytes show all isovalues (default where possible); isovalues: one by one; independent: "
+        "each decodable alone.",
+    )
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
         help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, "
@@ -249,7 +252,7 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         """Keywords of `encode`, as far as they were given."""
         if self.surface:
             return {"profile": self.profile, "metadata": notes_of(self.metadata)}
-        names = ("precision", "keep_topology", "independent")
+        names = ("precision", "keep_topology", "order")
         given = {name: getattr(self, name) for name in names if self.given(name)}
         if self.layers is not None:
             from ..api.inputs import layers_of

@@ -32,11 +32,14 @@ class InfoArguments(Opening):
 @command("info", InfoArguments, "Show what a file holds, layer by layer.")
 def info_command(options: InfoArguments) -> None:
     """Show version, profile, shape, isovalues and the layers of IN.iso."""
-    from ..api.export import counted
-
     file = options.opened()
     with concerning(options.source):
-        info = counted(file) if options.symbols else file.info
+        if options.symbols:
+            from ..api.export import counted
+
+            info = counted(file)
+        else:
+            info = file.info
         statistics = file.statistics() if options.statistics else None
         complete, promise = file.complete, file.promise
     if options.as_json:

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import io
-import json
-import logging
 import os
 import sys
-import tempfile
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -139,6 +135,8 @@ def _report(exc: Exception, verb: str) -> int:
             return INTERRUPTED
         exc = exc.__cause__ if isinstance(exc.__cause__, Exception) else exc
     if os.environ.get("ISOCODEC_DEBUG", "0") not in ("", "0"):
+        import traceback
+
         click.echo(plain("".join(traceback.format_exception(exc)), "\n"), err=True, nl=False)
     if isinstance(exc, click.UsageError):
         # Without arguments click raises the whole help as an error.
@@ -186,7 +184,11 @@ def result(text: str, record: dict[str, Any], as_json: bool) -> None:
     On standard output, or on the error stream if the file that was written went there.
     """
     away = record.get("output") == STANDARD
-    click.echo(json.dumps(record, allow_nan=False) if as_json else plain(text, "\n"), err=away)
+    if as_json:
+        import json
+
+        text = json.dumps(record, allow_nan=False)
+    click.echo(text if as_json else plain(text, "\n"), err=away)
 
 
 def timed_result(text: str, record: dict[str, Any], as_json: bool) -> None:
@@ -260,29 +262,26 @@ def own_warnings(path: str | os.PathLike[str]) -> Iterator[None]:
         warn(path, text)
 
 
-class _Notes(logging.Handler):
-    """Collects the messages of loggers."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.WARNING)
-        self.texts: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self.texts.append(record.getMessage())
-
-
 @contextmanager
 def one_warning(path: str | os.PathLike[str], doing: str = "reading") -> Iterator[None]:
     """Collect the output of third-party libraries into one warning about ``path``, dropped if an error is raised.
 
     Must not enclose code that prints on purpose: both output streams of the process are redirected.
     """
-    notes, printed = _Notes(), io.StringIO()
+    import logging
+
+    noted: list[str] = []
+
+    class Notes(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            noted.append(record.getMessage())
+
+    printed = io.StringIO()
     loggers = [logging.getLogger(name) for name in [*logging.root.manager.loggerDict]]
     handlers = [(logger, logger.handlers) for logger in (logging.root, *loggers)]
     for logger, _ in handlers:
         logger.handlers = []
-    logging.root.handlers = [notes]
+    logging.root.handlers = [Notes(logging.WARNING)]
     raw: list[str] = []
     try:
         with (
@@ -294,7 +293,7 @@ def one_warning(path: str | os.PathLike[str], doing: str = "reading") -> Iterato
     finally:
         for logger, before in handlers:
             logger.handlers = before
-    texts = [*(str(one.message) for one in caught), *notes.texts, *printed.getvalue().splitlines(), *raw]
+    texts = [*(str(one.message) for one in caught), *noted, *printed.getvalue().splitlines(), *raw]
     lines = [*dict.fromkeys(line for text in texts if (line := one_line(text)))]
     if lines:
         more = f", and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
@@ -304,7 +303,9 @@ def one_warning(path: str | os.PathLike[str], doing: str = "reading") -> Iterato
 @contextmanager
 def _streams(lines: list[str]) -> Iterator[None]:
     """Collect lines that C and C++ libraries print, bypassing Python."""
-    with tempfile.TemporaryFile() as file:
+    from tempfile import TemporaryFile
+
+    with TemporaryFile() as file:
         saved: dict[int, int] = {}
 
         def back() -> None:

@@ -58,6 +58,8 @@ _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 1
 """Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
 _PLACED = {2: 120, 3: 135}
 """Bytes for each leaf of the full grid if the file states where the curve crosses each edge."""
+_CORNERS, _CHILDREN = 8, 16
+"""Most corners that a diamond makes known, and most children that it has."""
 
 
 def drawing_bytes(tube: Tube) -> int:
@@ -66,8 +68,13 @@ def drawing_bytes(tube: Tube) -> int:
     est = tube.estimates
     if tube.full and (est.has_values or (len(est.parts) > 0 and bool((est.parts > 1).all()))):
         leaf = _PLACED[tube.n]
-    leaves = tube.simplices if tube.settled else drawn_leaves(tube.state, tube.running != "base")
-    return vertex * tube.vertices + leaf * leaves + edge * len(est.edges)
+    vertices, leaves = tube.vertices, tube.simplices if tube.settled else drawn_leaves(tube.state)
+    coded = int(tube.state.counters.coded)
+    if coded:
+        # diamonds of a round that goes on are bisected in a copy
+        vertices, leaves = vertices + _CORNERS * coded, leaves + _CHILDREN * coded
+    listed = est.bytes_to_list(tube.state) if tube.settled else 0
+    return listed + vertex * vertices + leaf * leaves + edge * len(est.edges)
 
 
 def leaves_of(
@@ -78,9 +85,9 @@ def leaves_of(
     ``holes`` are those of a mask that was not used in coding the tube.
     """
     holes = holes or tube.holes
-    st, est = tube.state, tube.estimates
+    st, est = tube.drawn_state(), tube.estimates
     count = int(st.counters.vertices)
-    rows, levels = est.leaves(st) if tube.settled else drawn(st, int(tube.running != "base"))
+    rows, levels = est.leaves(st) if tube.settled else drawn(st)
     above = st.vertex[:count, 3] != 0
     value = None
     if est.has_values:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from isospec.tables import MOST_LOGIT, Tables, shipped, unpacked
 
 from .guesses import MOST_OPINIONS
-from .mixer import STRETCH_SHIFT, TRUST_SHIFT
 from .panel import no_panel
-from .range_coder import ONE, Blend, Coder, CoderRegisters
+from .range_coder import ONE, STRETCH_SHIFT, TRUST_SHIFT, Blend, Coder, CoderRegisters
 
 RATES = 160
 """Symbols after which an adaptive probability follows the last ones only."""
@@ -66,9 +65,9 @@ def rates() -> NDArray[np.int64]:
 class Logistic(NamedTuple):
     """``squash``, ``stretch`` and ``trust`` of a `Blend`."""
 
-    squash: NDArray[np.int64]
-    stretch: NDArray[np.int64]
-    trust: NDArray[np.int64]
+    squash: NDArray[np.int32]
+    stretch: NDArray[np.int16]
+    trust: NDArray[np.int16]
 
 
 def logistic(squash: NDArray[np.int64]) -> Logistic:
@@ -78,7 +77,9 @@ def logistic(squash: NDArray[np.int64]) -> Logistic:
     centres = (np.arange(ONE >> STRETCH_SHIFT) << STRETCH_SHIFT) + half
     stretch = np.minimum(np.searchsorted(squash, centres), 2 * MOST_LOGIT) - MOST_LOGIT
     count = np.arange(RATES)
-    return Logistic(squash, stretch, (2 * count << TRUST_SHIFT) // (2 * count + 3))
+    trust = (2 * count << TRUST_SHIFT) // (2 * count + 3)
+    # as small as may be: they are looked up all the time
+    return Logistic(squash.astype(np.int32), stretch.astype(np.int16), trust.astype(np.int16))
 
 
 @cache
@@ -88,15 +89,18 @@ def shipped_tables() -> tuple[NDArray[np.int64], dict[int, Tables]]:
 
 
 @cache
-def _shipped_logistic() -> Logistic:
+def shipped_logistic() -> Logistic:
+    """The tables of `Logistic` that coders have."""
     return logistic(shipped_tables()[0])
 
 
 def no_blend() -> Blend:
     """The blend of coders whose symbols have one context each."""
     whole = np.zeros(0, np.int64)
-    table, short = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32)
-    return Blend(np.zeros((0, 1), np.int16), short, table, whole, whole, whole, whole, short, no_panel())
+    table, short, small = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32), np.zeros(0, np.int16)
+    return Blend(
+        np.zeros((0, 1), np.int16), short, table, np.zeros(0, np.int32), small, small, whole, short, no_panel()
+    )
 
 
 def context_coder(prob: NDArray[np.int64], seen: NDArray[np.int64], room: int = 0) -> Coder:
@@ -125,10 +129,27 @@ def opinion_coder(layout: Layout, mixes: int, weight: int) -> Coder:
     """
     short = np.zeros((0, 0), np.int32)
     blend = Blend(
-        np.zeros((0, 0), np.int16), short, np.full((mixes, MOST_OPINIONS), weight, np.int64), *_shipped_logistic(),
+        np.zeros((0, 0), np.int16), short, np.full((mixes, MOST_OPINIONS), weight, np.int64), *shipped_logistic(),
         np.zeros(2 * MOST_OPINIONS + 1, np.int64), short, no_panel(),
     )
     return Coder(CoderRegisters(), np.zeros(0, np.uint8), *layout.begun(), rates(), blend)
+
+
+def put_away(coder: Coder) -> Coder:
+    """The coder's models in as few bytes as they take, without the run: for `gone_on` only."""
+    return coder._replace(
+        reg=CoderRegisters(), buf=np.zeros(0, np.uint8), prob=coder.prob.astype(np.uint16),
+        seen=coder.seen.astype(np.uint8),
+    )
+
+
+def gone_on(coder: Coder, room: int) -> Coder:
+    """A coder with copies of the models of another one, put away or not, and room for so many bytes."""
+    blend = coder.blend._replace(mix=coder.blend.mix.copy())
+    return Coder(
+        CoderRegisters(), np.zeros(room, np.uint8), coder.prob.astype(np.int64), coder.seen.astype(np.int64),
+        coder.rate, blend,
+    )
 
 
 def take_over(coder: Coder, earlier: Coder) -> None:

@@ -63,7 +63,7 @@ def decided(cd, kind, bit):
     for k in range(count):
         total += mix[k] * row[2 + 2 * k]
     total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
-    p = cd.blend.squash[total + MOST_LOGIT]
+    p = np.int64(cd.blend.squash[total + MOST_LOGIT])
     bit = emit(cd, p, bit)
     if bit < 0:
         return bit
@@ -80,7 +80,7 @@ def _share(cd, far, width):
     """Share of a bell, of 2**16, that lies below a place ``far`` beyond its centre."""
     bounded = min(max(far, -REACH), REACH)
     logit = min(max((bounded << 8) // width, -MOST_LOGIT), MOST_LOGIT)
-    return cd.blend.squash[logit + MOST_LOGIT]
+    return np.int64(cd.blend.squash[logit + MOST_LOGIT])
 
 
 @inlined
@@ -90,7 +90,7 @@ def _half(cd, guess, width, low, centre, high):
     at = _share(cd, (centre << FINE) - guess, width)
     above = _share(cd, (high << FINE) - guess, width)
     p = ((above - at + 1) << 16) // (above - below + 2)
-    return cd.blend.stretch[min(max(p, 0), 65535) >> 4]
+    return np.int64(cd.blend.stretch[min(max(p, 0), 65535) >> 4])
 
 
 @inner

@@ -15,21 +15,16 @@ from isospec.tables import HIDDEN, KINDS, MOST_LOGIT
 from ..kernel import inlined
 from .network import weighed
 from .panel import ON, corrected, listened
-from .range_coder import ONE, adapt, emit
+from .range_coder import ONE, adapt, emit, logit_of
 
 OUT_SHIFT = 8
 MIX_SHIFT = 16
 MOST_MIX = 1 << 22
 RATE = 40
 RATE_SHIFT = 20
-STRETCH_SHIFT = 4
-"""Probabilities are looked up in ``stretch`` without these last bits."""
-TRUST_SHIFT = 8
 BUCKET = 7
 BUCKETS = (2 * MOST_LOGIT >> BUCKET) + 1
 """Classes of opinions, of ``2**BUCKET`` logits each."""
-HOLES = 48
-"""Contexts of vertices that are missing by a mask; they are the last ones, in both profiles."""
 EITHER = 2
 """Encoder: a symbol that may be either; the more probable one is taken."""
 
@@ -67,8 +62,7 @@ def _opinion(bl, net):
 def stretched(cd, ctx):
     """Logit of an adaptive probability, shrunk as long as few symbols have trained it."""
     at = np.uint64(ctx)
-    found = cd.blend.stretch[np.uint64(cd.prob[at] >> STRETCH_SHIFT)]
-    return (found * cd.blend.trust[np.uint64(cd.seen[at])]) >> TRUST_SHIFT
+    return logit_of(cd, cd.prob[at], cd.seen[at])
 
 
 @inlined
@@ -101,8 +95,8 @@ def blended(cd, net, flip, kind, ctx, bit):
     opinion = _opinion(bl, net)
     if flip:
         opinion = -opinion
-    # the adaptive probabilities of classes of opinions lie between those of other contexts and those of holes
-    place = len(cd.prob) - HOLES + (kind - KINDS) * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
+    # the adaptive probabilities of classes of opinions are the last ones
+    place = len(cd.prob) + (kind - KINDS) * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
     own = stretched(cd, ctx)
     mapped = stretched(cd, place)
     mix = bl.mix[np.uint64(kind)]
@@ -112,7 +106,7 @@ def blended(cd, net, flip, kind, ctx, bit):
         total += listened(cd, opinion)
         bl.panel.about[ON] = 0
     total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
-    p = bl.squash[np.uint64(total + MOST_LOGIT)]
+    p = np.int64(bl.squash[np.uint64(total + MOST_LOGIT)])
     if bit == EITHER:
         bit = np.int64(2 * p > ONE)
     bit = emit(cd, p, bit)
@@ -140,7 +134,7 @@ def counted(cd, ctx, bit):
     total = (own << MIX_SHIFT) + listened(cd, own)
     bl.panel.about[ON] = 0
     total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
-    p = bl.squash[np.uint64(total + MOST_LOGIT)]
+    p = np.int64(bl.squash[np.uint64(total + MOST_LOGIT)])
     bit = emit(cd, p, bit)
     if bit < 0:
         return bit

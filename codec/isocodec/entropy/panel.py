@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernel import inlined
-from .range_coder import ONE, Panel, adapt_in
+from .range_coder import ONE, Panel, adapt_in, logit_of
 
 KINDS = 10
 """Kinds of symbols; each has separate weights."""
@@ -30,7 +30,6 @@ _FIRST_WEIGHT = 1 << 12
 _MOST = 1 << 22
 _SHIFT = 21
 """Weights of the panel move half as fast as the others."""
-_STRETCH_SHIFT, _TRUST_SHIFT = 4, 8
 
 
 def no_panel() -> Panel:
@@ -73,8 +72,7 @@ def listened(cd, opinion):
     total = np.int64(0)
     for i in range(VOICES):
         at = np.uint64(place[i])
-        found = cd.blend.stretch[np.uint64(panel.prob[at] >> _STRETCH_SHIFT)]
-        said[i] = (found * cd.blend.trust[np.uint64(panel.seen[at])]) >> _TRUST_SHIFT
+        said[i] = logit_of(cd, panel.prob[at], panel.seen[at])
         total += panel.mix[kind, i] * said[i]
     return total
 

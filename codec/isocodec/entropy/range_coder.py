@@ -13,7 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel import CUT, NEED, inlined, record
-from ..kernel.types import Int16Matrix, Int32Matrix, IntMatrix, IntVector, Registers, UInt8Vector
+from ..kernel.types import (
+    Int16Matrix,
+    Int16Vector,
+    Int32Matrix,
+    Int32Vector,
+    IntMatrix,
+    IntVector,
+    Registers,
+    UInt8Vector,
+)
 
 ENCODE, DECODE = 0, 1
 ONE = 1 << 16
@@ -21,6 +30,10 @@ ONE = 1 << 16
 FLOOR = 32
 """No probability is nearer to 0 or 1 than this (clause 6.5): it bounds the symbols that a byte can hold."""
 TOP = 1 << 24
+STRETCH_SHIFT = 4
+"""Probabilities are looked up in ``Blend.stretch`` without these last bits."""
+TRUST_SHIFT = 8
+"""Bits of the entries of ``Blend.trust`` behind the point."""
 WORD = 1 << 32
 BEYOND = 4
 """Bytes past its end that a run may be read for, as zeros (clause 6.3)."""
@@ -88,9 +101,9 @@ class Blend(NamedTuple):
     weight: Int16Matrix
     out: Int32Matrix
     mix: IntMatrix
-    squash: IntVector
-    stretch: IntVector
-    trust: IntVector
+    squash: Int32Vector
+    stretch: Int16Vector
+    trust: Int16Vector
     row: IntVector
     trace: Int32Matrix
     panel: Panel
@@ -142,16 +155,25 @@ def adapt_in(cd, probs, counts, ctx, bit):
     """Adapt a model of any list."""
     # unsigned: no test whether it counts from the end
     at = np.uint64(ctx)
-    p = probs[at]
-    seen = counts[at]
+    probs[at], counts[at] = adapted(cd, probs[at], counts[at], bit)
+
+
+@inlined
+def adapted(cd, p, seen, bit):
+    """Probability of a 1 and number of symbols seen after one more symbol (clause 6.5)."""
     step = cd.rate[np.uint64(seen)]
     if bit:
         p += ((ONE - p) * step) >> 16
     else:
         p -= (p * step) >> 16
-    probs[at] = min(max(p, FLOOR), ONE - FLOOR)
-    if seen < len(cd.rate) - 1:
-        counts[at] = seen + 1
+    return min(max(p, FLOOR), ONE - FLOOR), min(seen + 1, len(cd.rate) - 1)
+
+
+@inlined
+def logit_of(cd, p, seen):
+    """Logit of an adaptive probability, shrunk as long as few symbols have trained it."""
+    found = np.int64(cd.blend.stretch[np.uint64(p >> STRETCH_SHIFT)])
+    return (found * cd.blend.trust[np.uint64(seen)]) >> TRUST_SHIFT
 
 
 @inlined
@@ -190,9 +212,8 @@ def emit(cd, p, bit):
     else:
         if reg.unknown > 0:
             _pull(cd)
-            span = (np.int64(1) << reg.unknown) - 1
-            most = min(reg.code + span, width - 1)
-            if (reg.code < bound) != (most < bound):
+            most = reg.code + (np.int64(1) << reg.unknown) - 1
+            if reg.code < bound <= most:
                 return NEED
         if reg.pos > reg.end + BEYOND:
             reg.over = 1

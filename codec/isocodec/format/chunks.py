@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import math
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
 from isospec.container import (
     CHECKED_CHUNK,
+    FAR_LEAN,
     MAX_ISOVALUES,
     PROMISE_UNIT,
     Checksum,
     ChunkHead,
     ChunkType,
-    IsovalueKind,
     write_varint,
 )
 from isospec.elements import BY_LAYER
@@ -28,6 +28,7 @@ from .program import Layer
 CHECKSUM_BYTES = 4
 CRITICAL = (
     ChunkType.LAYERS, ChunkType.CUT_LAYERS, ChunkType.ISOVALUE, ChunkType.MASK, ChunkType.FRAME, ChunkType.DOMAIN,
+    ChunkType.TURN, ChunkType.SERIES,
 )
 
 
@@ -138,14 +139,16 @@ def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> int | None:
     return at if at <= len(data) else None
 
 
-def write_further(isovalue: float, lean: int | None) -> bytes:
-    """Write the payload of an isovalue chunk; it is predicted from isovalue number ``lean`` (clause 3.5.5)."""
-    kind, number = write_isovalue(isovalue)
-    return bytes([kind << 6 | (0 if lean is None else lean + 1)]) + number
+def write_further(number: int, isovalue: float, lean: int | None) -> bytes:
+    """Write the payload of the chunk of isovalue ``number``; it is predicted from isovalue ``lean`` (clause 3.5.5)."""
+    kind, form = write_isovalue(isovalue)
+    back = 0 if lean is None else number - lean
+    far = write_varint(back) if back >= FAR_LEAN else b""
+    return bytes([kind << 6 | min(back, FAR_LEAN)]) + far + form
 
 
-def read_further(payload: bytes, offset: int, earlier: Sequence[float]) -> tuple[float, int | None]:
-    """Inverse of ``write_further``, given the isovalues before it.
+def read_further(payload: bytes, offset: int, earlier: Collection[float]) -> tuple[float, int | None]:
+    """Inverse of ``write_further``, given the isovalues before it, best as something that finds them quickly.
 
     Raises
     ------
@@ -153,22 +156,50 @@ def read_further(payload: bytes, offset: int, earlier: Sequence[float]) -> tuple
         If the payload is malformed, or refers to an isovalue that has not appeared yet.
     """
     if len(earlier) == MAX_ISOVALUES:
-        raise FormatError(f"more than {MAX_ISOVALUES} isovalues", code="isovalues", offset=offset, clause="11.1")
+        raise FormatError(f"more than {MAX_ISOVALUES:,} isovalues", code="isovalues", offset=offset, clause="11.1")
     if not payload:
         raise FormatError("an isovalue is not complete", code="isovalue", offset=offset, clause="3.5.5")
-    kind, lean = payload[0] >> 6, payload[0] & 63
-    if kind not in IsovalueKind.__members__.values():
-        raise FormatError("unknown kind of isovalue", code="isovalue", offset=offset, clause="3.3.4")
-    if lean > len(earlier):
-        raise FormatError(f"an isovalue refers to isovalue {lean - 1}, which has not appeared yet",
-                          code="lean", offset=offset,
-                          clause="3.5.5")
-    found = read_isovalue(payload, 1, len(payload), kind)
+    kind, back, at = payload[0] >> 6, payload[0] & FAR_LEAN, 1
+    if back == FAR_LEAN:
+        far = varint(payload, 1, len(payload), "3.5.5")
+        if far is None:
+            raise FormatError("an isovalue is not complete", code="isovalue", offset=offset, clause="3.5.5")
+        back, at = far
+    if back > len(earlier):
+        raise FormatError(f"an isovalue refers to the one {back} before it, but only {len(earlier)} have appeared",
+                          code="lean", offset=offset, clause="3.5.5")
+    found = read_isovalue(payload, at, len(payload), kind)
     if found is None or found[1] != len(payload):
         raise FormatError("an isovalue does not fill its chunk", code="isovalue", offset=offset, clause="3.5.5")
     if found[0] in earlier:
         raise FormatError(f"the isovalue {found[0]} appears twice", code="isovalue", offset=offset, clause="3.5.5")
-    return found[0], lean - 1 if lean else None
+    return found[0], len(earlier) - back if back else None
+
+
+def write_turn(turn: range) -> bytes:
+    """Write the payload of a turn: the isovalues, by number, that layers come of (clause 3.5.9)."""
+    return write_varint(turn.start) + write_varint(len(turn))
+
+
+def read_turn(payload: bytes, offset: int, begun: int) -> range:
+    """Inverse of ``write_turn``, given how many isovalues have begun.
+
+    Raises
+    ------
+    FormatError
+        If the payload is malformed, or names an isovalue that has not begun.
+    """
+    numbers, at = [], 0
+    for _ in range(2):
+        found = varint(payload, at, len(payload), "3.5.9")
+        if found is None:
+            raise FormatError("a turn is not complete", code="turn", offset=offset, clause="3.5.9")
+        at = found[1]
+        numbers.append(found[0])
+    first, count = numbers
+    if at != len(payload) or not count or first + count > begun:
+        raise FormatError("a turn of isovalues that have not begun", code="turn", offset=offset, clause="3.5.9")
+    return range(first, first + count)
 
 
 def write_metadata(metadata: Mapping[str, str]) -> bytes:

@@ -50,6 +50,20 @@ class IsovalueRead(Event):
 
 
 @dataclass(frozen=True)
+class TurnRead(Event):
+    """The layers that follow belong to several isovalues in turn.
+
+    Attributes
+    ----------
+    first, count : int
+        Number of the first of these isovalues, and how many they are.
+    """
+
+    first: int
+    count: int
+
+
+@dataclass(frozen=True)
 class SeriesRead(Event):
     """The file holds a series of frames.
 
@@ -104,21 +118,6 @@ class LayerComplete(Event):
     layer: Layer
     symbols: dict[str, int]
     bytes: int
-
-
-@dataclass(frozen=True)
-class BaseComplete(LayerComplete):
-    """The base has been decoded."""
-
-
-@dataclass(frozen=True)
-class LevelComplete(LayerComplete):
-    """A round of refinement has been decoded."""
-
-
-@dataclass(frozen=True)
-class GeometryRefined(LayerComplete):
-    """One more bit of all values, or one more digit of all offsets, has been decoded."""
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,12 @@
-"""Chunks of frames: the interval of key frames, and what an isovalue of a frame is predicted from (3.5.7)."""
+"""Chunks of series and frames: the interval of key frames, what an isovalue of a frame is predicted from (3.5.7)."""
 
 from __future__ import annotations
 
 import zlib
 
-from isospec.container import CHECKED_CHUNK, Checksum, ChunkType, write_varint
+from isospec.container import CHECKED_CHUNK, Checksum, write_varint
 
 from ..errors import FormatError
-from .chunks import Envelope
 from .header import varint
 
 FRAME_BEFORE = -1
@@ -27,7 +26,7 @@ def key_of(frame: int, interval: int) -> int:
 
 
 def write_interval(interval: int) -> bytes:
-    """Write the payload of the first chunk of frames: every ``interval``-th is a key frame; 0 if only the first is."""
+    """Write the payload of a chunk of series: every ``interval``-th frame is a key frame; 0 if only the first is."""
     return write_varint(interval)
 
 
@@ -39,21 +38,28 @@ def read_interval(payload: bytes, start: int) -> int:
     FormatError
         If it is malformed.
     """
+    return _number(payload, start, "the interval of frames")
+
+
+def _number(payload: bytes, start: int, what: str) -> int:
+    """Read a payload that is one number; ``what`` names it in messages."""
     try:
         found = varint(payload, 0, len(payload), "3.5.7")
     except FormatError as error:
         error.offset = start
         raise
     if found is None or found[1] != len(payload):
-        raise FormatError("the interval of frames is not a single number", code="frame", offset=start, clause="3.5.7")
+        raise FormatError(f"{what} is not a single number", code="frame", offset=start, clause="3.5.7")
     return found[0]
 
 
-def write_frame(lean: int | None, key: bool) -> bytes:
-    """Write the payload of a further chunk of frames.
+def write_frame(number: int, lean: int | None, key: bool) -> bytes:
+    """Write the payload of a chunk of frames, with which an isovalue of a further frame begins.
 
     Parameters
     ----------
+    number : int
+        Number of the isovalue that begins.
     lean : int or None
         Number of the isovalue of the same frame that it is predicted from, ``FRAME_BEFORE``, or None.
     key : bool
@@ -61,7 +67,7 @@ def write_frame(lean: int | None, key: bool) -> bytes:
     """
     if lean == (None if key else FRAME_BEFORE):
         return b""
-    return bytes([0 if lean is None else lean + 1])
+    return write_varint(0 if lean is None else number - lean)
 
 
 def read_frame(payload: bytes, start: int, number: int, key: bool) -> int | None:
@@ -74,24 +80,13 @@ def read_frame(payload: bytes, start: int, number: int, key: bool) -> int | None
     """
     if not payload:
         return None if key else FRAME_BEFORE
-    if len(payload) > 1 or payload[0] > number:
+    back = _number(payload, start, "what an isovalue of a frame refers to")
+    if back > number:
         raise FormatError(
             "an isovalue of a frame refers to one that has not appeared earlier in that frame",
             code="frame", offset=start, clause="3.5.7"
         )
-    return payload[0] - 1 if payload[0] else None
-
-
-def first_operation(data: bytes | bytearray, chunk: Envelope) -> int | None:
-    """Place of the first byte of the program of a chunk of layers; None if the bytes end earlier."""
-    at = chunk.start
-    there = min(len(data), chunk.end)
-    if chunk.type == ChunkType.CUT_LAYERS:
-        number = varint(data, at, there, "3.5.4")
-        if number is None:
-            return None
-        at = number[1]
-    return at if at < there else None
+    return number - back if back else None
 
 
 def as_last(chunk: bytes) -> bytes:

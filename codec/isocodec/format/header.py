@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from decimal import Decimal
 
 from isospec import container as spec
 from isospec.container import Double, IsovalueKind, Prefix, Profile, Single, VarintError, read_varint
@@ -12,6 +13,8 @@ from ..errors import FormatError
 
 PREFIX_BYTES = 6
 LARGEST_SINGLE = (2 - 2.0**-23) * 2.0**127
+HEAD_BYTES = 1 << 14
+"""Largest size, in bytes, of head and root directory of a tiled file together."""
 _EXPONENT_ESCAPE = 0x80
 
 
@@ -76,9 +79,23 @@ def write_isovalue(value: float) -> tuple[IsovalueKind, bytes]:
     value = float(value)
     if (2 * value).is_integer() and abs(value) < 1 << 50:
         return IsovalueKind.HALVES, spec.write_varint(spec.zigzag(int(2 * value)))
+    forms = {IsovalueKind.FLOAT64: Double.build(value), IsovalueKind.DECIMAL: _decimal(value)}
     if abs(value) <= LARGEST_SINGLE and Single.parse(Single.build(value)) == value:
-        return IsovalueKind.FLOAT32, Single.build(value)
-    return IsovalueKind.FLOAT64, Double.build(value)
+        forms[IsovalueKind.FLOAT32] = Single.build(value)
+    kind = min((kind for kind, form in forms.items() if form), key=lambda kind: (len(forms[kind]), kind))
+    return kind, forms[kind]
+
+
+def _decimal(value: float) -> bytes:
+    """Write a number as a decimal with as few places as possible; nothing if it needs too many."""
+    # the shortest digits that give the number back
+    digits = Decimal(repr(value))
+    exponent = digits.as_tuple().exponent
+    assert isinstance(exponent, int)
+    unit = int(digits.scaleb(-exponent))
+    if not 1 <= -exponent <= spec.MAX_PLACES or abs(unit) >= spec.MAX_DECIMAL:
+        return b""
+    return bytes([-exponent]) + spec.write_varint(spec.zigzag(unit))
 
 
 def _write_scale(scale: float) -> bytes:
@@ -116,8 +133,6 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     flags = prefix.flags
     if flags.profile not in Profile.__members__.values():
         raise FormatError(f"unknown profile {flags.profile}", code="profile", offset=5, clause="3.3.2")
-    if flags.isovalue not in IsovalueKind.__members__.values():
-        raise FormatError("unknown kind of isovalue", code="isovalue", offset=5, clause="3.3.4")
     if flags.explicit and (flags.equal or flags.profile != Profile.MAIN):
         raise FormatError("a file on a mesh must not state a grid size, and must have the profile main",
                           code="domain", offset=5, clause="3.3.2")
@@ -169,6 +184,8 @@ def read_isovalue(data: bytes | bytearray, at: int, end: int, kind: int) -> tupl
     if kind == IsovalueKind.HALVES:
         number = varint(data, at, end, "3.3.4")
         return None if number is None else (spec.unzigzag(number[0]) / 2, number[1])
+    if kind == IsovalueKind.DECIMAL:
+        return _read_decimal(data, at, end)
     form = Single if kind == IsovalueKind.FLOAT32 else Double
     behind = at + form.sizeof()
     if end < behind:
@@ -179,9 +196,27 @@ def read_isovalue(data: bytes | bytearray, at: int, end: int, kind: int) -> tupl
     return isovalue, behind
 
 
+def _read_decimal(data: bytes | bytearray, at: int, end: int) -> tuple[float, int] | None:
+    number = varint(data, at + 1, end, "3.3.4") if at < end else None
+    if number is None:
+        return None
+    unit = spec.unzigzag(number[0])
+    if not 1 <= data[at] <= spec.MAX_PLACES or abs(unit) >= spec.MAX_DECIMAL:
+        raise FormatError("the decimal places or digits of an isovalue are out of range", code="isovalue", offset=at,
+                          clause="3.3.4")
+    # both are exact: the quotient is rounded once
+    return unit / 10 ** data[at], number[1]
+
+
 def varint(data: bytes | bytearray, at: int, end: int, clause: str) -> tuple[int, int] | None:
     """Call ``read_varint``, adding the place and the clause to its error."""
     try:
         return read_varint(data, at, end)
     except VarintError as error:
         raise FormatError(str(error), code="varint", offset=at, clause=clause) from None
+
+
+def is_tiled(data: object) -> bool:
+    """Whether these are the first bytes of a tiled file."""
+    signature = spec.TILED_SIGNATURE
+    return isinstance(data, bytes | bytearray | memoryview) and bytes(data[: len(signature)]) == signature

@@ -14,6 +14,7 @@ class LayerKind(StrEnum):
     ADAPTIVE_BASE = "adaptive_base"
     LEAF_BASE = "leaf_base"
     REFINE = "refine"
+    RASTER = "raster"
     ADAPT = "adapt"
     VALUES = "values"
     OFFSETS = "offsets"
@@ -21,7 +22,7 @@ class LayerKind(StrEnum):
     @property
     def operation(self) -> Operation:
         """The operation of a layer program that gives layers of this kind."""
-        return Operation[self.name]
+        return Operation.REFINE if self is LayerKind.RASTER else Operation[self.name]
 
 
 BASES = (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE)

@@ -117,8 +117,9 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
             operation, argument = Operation.LEAF_BASE, 0
         elif kind == LayerKind.ADAPT:
             operation, argument = Operation.ADAPT, int(layers[i].births)
-        elif kind == LayerKind.REFINE:
-            operation, argument = Operation.REFINE, None if full else j - i
+        elif kind in (LayerKind.REFINE, LayerKind.RASTER):
+            operation = Operation.REFINE
+            argument = 0 if kind == LayerKind.RASTER else None if full else j - i
         elif kind == LayerKind.VALUES:
             operation = Operation.VALUES
             if progress.bits is None:
@@ -141,14 +142,10 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
             progress.add(layer)
         i = j
     return b"".join(
-        OperationByte.build(
-            {
-                "more": s < len(steps) - 1,
-                "operation": operation,
-                "argument": ALL if argument is None else min(argument, ESCAPE),
-            }
-        )
-        + extra
+        OperationByte.build({
+            "more": s < len(steps) - 1, "operation": operation,
+            "argument": ALL if argument is None else min(argument, ESCAPE),
+        }) + extra
         for s, (operation, argument, extra) in enumerate(steps)
     )
 
@@ -226,7 +223,7 @@ class ProgramReader:
         except ValueError as error:
             raise FormatError(str(error), code="program", offset=start, clause="3.6") from None
         if state.layers + len(fresh) > LAYER_LIMIT:
-            raise FormatError(f"more than {LAYER_LIMIT} layers", code="layers", offset=start, clause="11.1")
+            raise FormatError(f"more than {LAYER_LIMIT:,} layers", code="layers", offset=start, clause="11.1")
         for layer in fresh:
             state.add(layer)
         self.layers += fresh
@@ -284,6 +281,10 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
         if argument or stated_all or state.lean_level < 0:
             raise ValueError("a leaf base, but no earlier isovalue to take leaves from")
         return [Layer(LayerKind.LEAF_BASE, state.lean_level)]
+    if operation == Operation.REFINE and argument == 0 and not stated_all:
+        if state.level == full:
+            raise ValueError("a raster layer on the full grid")
+        return [Layer(LayerKind.RASTER, full)]
     if state.level < 0:
         raise ValueError("a layer before the base")
     if operation == Operation.ADAPT:

@@ -7,17 +7,36 @@ A kernel is plain Python of numbers and arrays, with type annotations. The same 
 - as plain Python: the reference.
 
 ``ISOCODEC_KERNELS`` chooses among ``library``, ``numba`` and ``python``.
+
+The decorators are imported when they are asked for: how kernels run is known without numpy.
 """
 
 from __future__ import annotations
 
-from .declare import inlined, inner, kernel
+from typing import TYPE_CHECKING, Any
+
 from .execution import EXECUTION, Execution
 from .running import kernels, untested
 from .status import BAD, CUT, DONE, GROW, NEED
-from .types import record
+
+if TYPE_CHECKING:
+    from .constants import constant
+    from .declare import inlined, inner, kernel
+    from .types import record
 
 __all__ = [
-    "BAD", "CUT", "DONE", "EXECUTION", "GROW", "NEED", "Execution", "inlined", "inner", "kernel", "kernels", "record",
-    "untested",
+    "BAD", "CUT", "DONE", "EXECUTION", "GROW", "NEED", "Execution", "constant", "inlined", "inner", "kernel", "kernels",
+    "record", "untested",
 ]
+
+if not TYPE_CHECKING:  # or type checkers would take any name for one that is there
+
+    def __getattr__(name: str) -> Any:
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from .constants import constant
+        from .declare import inlined, inner, kernel
+        from .types import record
+
+        globals().update(constant=constant, inlined=inlined, inner=inner, kernel=kernel, record=record)
+        return globals()[name]

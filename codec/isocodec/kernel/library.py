@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import json
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import KernelError
-from .call import PROTOTYPE, Entry, Kernel
 from .execution import BUILT, NOTE
 from .sources import PACKAGES, digest_of
+
+if TYPE_CHECKING:
+    from .call import Entry, Kernel
 
 _REMEDY = "install isocodec again; ISOCODEC_KERNELS=python does without the library, slowly"
 
@@ -88,6 +89,8 @@ def _homes() -> dict[str, Path]:
 @cache
 def library() -> Library:
     """The library of this package, once it is known to be what was built."""
+    import hashlib
+
     noted = note()
     path = BUILT / noted.file
     try:
@@ -106,6 +109,8 @@ def library() -> Library:
 
 def entry(kernel: Kernel) -> Entry:
     """A kernel's entry in the library."""
+    from .call import PROTOTYPE
+
     whole = library()
     name = symbol(kernel.name)
     stated, built = str(kernel.signature), whole.note.signatures.get(name)

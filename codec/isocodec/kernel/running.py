@@ -38,6 +38,6 @@ def untested() -> bool:
     """Whether kernels are those of a library that could not be run where it was built."""
     if EXECUTION not in (Execution.LIBRARY, Execution.CHECKED):
         return False
-    from .library import library
+    from .library import note
 
-    return not library().note.ran
+    return not note().ran

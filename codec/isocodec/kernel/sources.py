@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import hashlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -20,6 +19,8 @@ def digest_of(files: Iterable[str], homes: dict[str, Path]) -> str:
     homes : dict of str to Path
         The folder of each package.
     """
+    import hashlib
+
     out = hashlib.sha256()
     for name in files:
         package, _, rest = name.partition("/")

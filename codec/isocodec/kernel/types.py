@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,10 @@ from ..errors import KernelError
 
 SLOT = 8
 """Bytes of a slot."""
-PIECES = "pieces"
-"""Under which the slots of a record's members are noted with it, by the type that it was taken for."""
+PACKED = "packed"
+"""Attribute of a record's value with its slots, by the name of the type that it was taken for."""
+FORMER = "former"
+"""Attribute of a value that was made of another one: the slots of that, and the names of the members that differ."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,10 @@ class Array:
         address, one = ctypes.addressof, ctypes.c_char.from_buffer
 
         def pack(value: Any) -> bytes:
-            if type(value) is not np.ndarray or value.dtype != dtype or value.ndim != ndim:
+            # numpy has one object for each of these types, nearly always
+            if type(value) is not np.ndarray or (value.dtype is not dtype and value.dtype != dtype) or (
+                value.ndim != ndim
+            ):
                 found = f"{value.dtype}, {value.ndim}d" if isinstance(value, np.ndarray) else type(value).__name__
                 raise TypeError(f"{found} instead of {self}")
             if not value.flags.c_contiguous:
@@ -95,27 +100,49 @@ class Record:
     def slots(self) -> int:
         return sum(kind.slots for _, kind in self.members)
 
+    @cached_property
+    def _places(self) -> dict[str, tuple[int, int, Kind]]:
+        """Number, first byte and type of each member."""
+        out, start = {}, 0
+        for number, (name, kind) in enumerate(self.members):
+            out[name] = number, start, kind
+            start += SLOT * kind.slots
+        return out
+
     def pack(self, value: Any) -> bytes:
         """Its slots; TypeError if a member is of another sort.
 
-        They are noted with the value, and with those that `record` makes of it: arrays do not move.
+        They are noted with the value: it holds its arrays, which do not move. Of a value that was made by replacing
+        members of another, only those are packed.
         """
         notes = getattr(value, "__dict__", {})
-        if self.name in notes:
-            return notes[self.name]
+        packed = notes.get(PACKED)
+        if packed is not None and self.name in packed:
+            return packed[self.name]
         if not isinstance(value, tuple) or len(value) != len(self.members):
             raise TypeError(f"{type(value).__name__} instead of {self}")
-        known = notes.setdefault(PIECES, {}).setdefault(self.name, {})
-        pieces = []
-        for (name, kind), member in zip(self.members, value, strict=True):
-            if name not in known:
-                try:
-                    known[name] = kind.pack(member)
-                except TypeError as error:
-                    raise TypeError(f"{name}: {error}") from None
-            pieces.append(known[name])
-        out = notes[self.name] = b"".join(pieces)
+        former: dict[str, bytes]
+        former, changed = notes.get(FORMER, ({}, ()))
+        if self.name in former:
+            whole = bytearray(former[self.name])
+            for name in changed:
+                number, start, kind = self._places[name]
+                piece = self._piece(name, kind, value[number])
+                whole[start : start + len(piece)] = piece
+            out = bytes(whole)
+        else:
+            out = b"".join([
+                self._piece(name, kind, member) for (name, kind), member in zip(self.members, value, strict=True)
+            ])
+        notes.setdefault(PACKED, {})[self.name] = out
         return out
+
+    @staticmethod
+    def _piece(name: str, kind: Kind, member: Any) -> bytes:
+        try:
+            return kind.pack(member)
+        except TypeError as error:
+            raise TypeError(f"{name}: {error}") from None
 
     def __str__(self) -> str:
         return self.name
@@ -128,6 +155,8 @@ class Registers:
     ----------
     values : (R,) int64
         Where they are kept: this array stays the same.
+    packed : bytes
+        Its slots.
     """
 
     names: tuple[str, ...] = ()
@@ -139,6 +168,9 @@ class Registers:
 
     def __init__(self) -> None:
         self.values = np.zeros(len(self.names), np.int64)
+        # reads and writes single numbers in a third of the time
+        self._view = memoryview(self.values)  # type: ignore[arg-type]  # ndarray is a buffer
+        self.packed = struct.pack("<2q", self.values.ctypes.data, len(self.names))
 
     def __copy__(self) -> Registers:
         out = type(self)()
@@ -152,10 +184,10 @@ class Registers:
 
 def _register(number: int) -> property:
     def read(self: Registers) -> int:
-        return int(self.values[number])
+        return self._view[number]
 
     def write(self: Registers, value: int) -> None:
-        self.values[number] = value
+        self._view[number] = value
 
     return property(read, write)
 
@@ -172,7 +204,7 @@ class Named:
         """Their slots; TypeError if it is another sort."""
         if type(value).__name__ != self.name or not isinstance(value, Registers):
             raise TypeError(f"{type(value).__name__} instead of {self}")
-        return struct.pack("<2q", value.values.ctypes.data, len(self.members))
+        return value.packed
 
     def __str__(self) -> str:
         return self.name
@@ -221,10 +253,12 @@ def record(cls: T) -> T:
 
     def _replace(self: Any, **changes: Any) -> Any:
         out = cls._replace(self, **changes)  # type: ignore[attr-defined]
-        out.__dict__[PIECES] = {
-            kind: {name: piece for name, piece in known.items() if name not in changes}
-            for kind, known in self.__dict__.get(PIECES, {}).items()
-        }
+        notes = self.__dict__
+        if PACKED in notes:
+            out.__dict__[FORMER] = notes[PACKED], frozenset(changes)
+        elif FORMER in notes:
+            former, changed = notes[FORMER]
+            out.__dict__[FORMER] = former, changed.union(changes)
         return out
 
     made = type(cls.__name__, (cls,), {"__doc__": cls.__doc__, "__module__": cls.__module__, "_replace": _replace})
@@ -235,10 +269,20 @@ def record(cls: T) -> T:
 @cache
 def members_of(cls: type) -> dict[str, Any]:
     """Names and annotations of a named tuple's members."""
-    hints = get_type_hints(cls, include_extras=True)
-    return {name: hints[name] for name in cls._fields}  # type: ignore[attr-defined]
+    scope = vars(sys.modules[cls.__module__])
+    found: dict[str, Any] = {}
+    for each in reversed(cls.__mro__):
+        found |= vars(each).get("__annotations__", {})
+    return {name: _evaluated(found[name], scope) for name in cls._fields}  # type: ignore[attr-defined]
 
 
+def _evaluated(annotation: Any, scope: dict[str, Any]) -> Any:
+    """An annotation that may be text: as of `typing.get_type_hints`, of which it needs a fraction of the time."""
+    text = getattr(annotation, "__forward_arg__", annotation)
+    return eval(text, scope) if isinstance(text, str) else text
+
+
+@cache
 def kind_of(annotation: Any) -> Kind:
     """The type that an annotation denotes."""
     if annotation in _NUMBERS:
@@ -275,12 +319,12 @@ class Signature:
     @classmethod
     def of(cls, function: Callable[..., Any]) -> Signature:
         """The signature that a function's annotations state."""
-        hints = get_type_hints(function, include_extras=True)
+        hints = {name: _evaluated(each, function.__globals__) for name, each in function.__annotations__.items()}
         result = hints.pop("return")
         kinds = tuple((name, kind_of(annotation)) for name, annotation in hints.items())
         if get_origin(result) is tuple:
             return cls(kinds, tuple(_NUMBERS[each] for each in get_args(result)))
-        return cls(kinds, None if result is type(None) else _NUMBERS[result])
+        return cls(kinds, None if result is None else _NUMBERS[result])
 
     @property
     def frame(self) -> Record:

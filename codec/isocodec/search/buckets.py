@@ -13,7 +13,7 @@ import numpy as np
 
 from ..kernel import inner, kernel, record
 from ..kernel.types import BoolVector, FloatMatrix, FloatVector, Int32Vector, IntVector, IntVolume
-from .piece import apart, closest, halve, near
+from .piece import apart, closest, crossing, halve, near
 
 SMALLEST = 1e-3
 """Radius, in cells, below which a piece is not halved again: distances are certain to twice that."""
@@ -162,6 +162,24 @@ def exceed(source: FloatMatrix, buckets: Buckets, stack: FloatMatrix, out: BoolV
             out[i] = True
             for axis in range(3):
                 places[i, axis] = (stack[row, axis] + stack[row, 3 + axis] + stack[row, 6 + axis]) / 3.0
+
+
+@kernel
+def cross(source: FloatMatrix, buckets: Buckets, out: BoolVector, places: FloatMatrix) -> None:
+    """Mark in ``out`` the segments of a plane that cross one of the sorted ones, inside both; where they do."""
+    s0, s1, s2 = buckets.shape[0], buckets.shape[1], buckets.shape[2]
+    for i in range(len(source)):
+        x = _span(source, i, 0, buckets.low, buckets.size, 0.0)
+        y = _span(source, i, 1, buckets.low, buckets.size, 0.0)
+        for p in range(max(x[0], 0), min(x[1], s0 - 1) + 1):
+            for q in range(max(y[0], 0), min(y[1], s1 - 1) + 1):
+                bucket = (p * s1 + q) * s2
+                for k in range(buckets.first[bucket], buckets.first[bucket + 1]):
+                    share = crossing(source, i, buckets.flat, 9 * np.int64(buckets.items[k]))
+                    if share > 0.0 and not out[i]:
+                        out[i] = True
+                        for axis in range(3):
+                            places[i, axis] = source[i, axis] + share * (source[i, 3 + axis] - source[i, axis])
 
 
 @inner

@@ -16,6 +16,9 @@ from ..field.decoded_samples import DecodedSamples
 from ..field.samples import Samples
 from ..grid.tube.holes import whole_cells_of
 
+_LARGE = np.finfo(np.float64).max / 2
+"""A value beside which others do not count, and whose distance from its opposite does not overflow."""
+
 
 def original(field: Samples, *, measured: bool = True) -> Contour:
     """The contour of a field: points on the grid's edges by linear interpolation; ``measured``: see `draw`."""
@@ -36,6 +39,9 @@ def original(field: Samples, *, measured: bool = True) -> Contour:
     edges, places = (np.zeros((0, 2), np.int64), np.zeros(0)) if decoded is None else _known_edges(decoded, used)
     numbered = decoded is None or decoded.number is not None
     values = field.values.reshape(-1)[used].astype(np.float64) if numbered else None
+    if values is not None:
+        # beside an infinite sample the crossing is at the finite one, as beside a large one (`Samples.between`)
+        values = np.where(np.isinf(values), np.copysign(_LARGE, values), values)
     leaves = Leaves(
         shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
         simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,

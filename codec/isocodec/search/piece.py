@@ -5,8 +5,12 @@ A segment has its second point twice.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..kernel import inner
 
+TOUCH = 1e-9
+"""A segment that reaches this far beyond another one only touches it."""
 SLIVER = 1e-12
 """Squared area, as a share of the product of two squared sides, up to which a triangle is a sliver."""
 
@@ -114,3 +118,20 @@ def halve(stack, depth):
         m = 0.5 * (u + v)
         stack[depth, axis], stack[depth, 3 + axis], stack[depth, 6 + axis] = u, m, m if segment else w
         stack[depth + 1, axis], stack[depth + 1, 3 + axis], stack[depth + 1, 6 + axis] = v, m, m if segment else w
+
+
+@inner
+def crossing(a, i, b, j):
+    """Share of a segment of the plane at which it crosses another one, inside both; 0 if it does not."""
+    u0, u1 = a[i, 3] - a[i, 0], a[i, 4] - a[i, 1]
+    v0, v1 = b[j + 3] - b[j], b[j + 4] - b[j + 1]
+    uu, vv = u0 * u0 + u1 * u1, v0 * v0 + v1 * v1
+    w0, w1 = b[j] - a[i, 0], b[j + 1] - a[i, 1]
+    # twice the areas of triangles: with both ends of either segment
+    first, second = u0 * w1 - u1 * w0, u0 * (w1 + v1) - u1 * (w0 + v0)
+    third, fourth = v1 * w0 - v0 * w1, v1 * (w0 - u0) - v0 * (w1 - u1)
+    if first * second >= 0.0 or third * fourth >= 0.0:
+        return 0.0
+    if min(abs(first), abs(second)) <= TOUCH * np.sqrt(uu) or min(abs(third), abs(fourth)) <= TOUCH * np.sqrt(vv):
+        return 0.0
+    return third / (third - fourth)

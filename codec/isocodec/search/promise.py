@@ -26,6 +26,7 @@ from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from .around import Around
 from .curvature import curvature
+from .fences import Fences
 from .fit import MOSTLY, REACHES, Drawing, Faults, fitted_offsets
 from .ground_truth import GroundTruth, truth_of
 from .original import original
@@ -53,6 +54,10 @@ class Promise:
         The mask, where samples are missing.
     fixed : callable, optional
         Which edges, by the positions of their ends, are coded as crossed where the field crosses them.
+    fences : Fences, optional
+        Curves of neighbouring isovalues, which the curve must not cross.
+    leans : bool
+        Whether what is known from an earlier isovalue affects what is coded.
     contour : Contour
         The original curve.
     phi : ndarray of float32
@@ -66,6 +71,8 @@ class Promise:
     truth: GroundTruth | None = None
     holes: Holes | None = None
     fixed: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]] | None = None
+    fences: Fences | None = None
+    leans: bool = False
     contour: Contour = derived(init=False)
     phi: NDArray[np.float32] = derived(init=False)
     _targets: dict[float, Target] = derived(init=False, default_factory=dict)
@@ -93,7 +100,12 @@ class Promise:
 
     def reduction(self, start: Chosen | None = None) -> Reduction:
         """A reduction of the full grid, or of a mesh."""
-        return Reduction(self.field.signs, self.phi, self.contour.points[self._on_grid], start, self._truth.busy)
+        return Reduction(self.field.signs, self.phi, self.crossing_points, start, self._truth.busy)
+
+    @property
+    def crossing_points(self) -> NDArray[np.float64]:
+        """Points of the original curve on edges of the grid, one of each crossed one."""
+        return self.contour.points[self._on_grid]
 
     def curvature(self) -> NDArray[np.float64]:
         """Curvature of the original curve at the points of its reductions, in 1 / cells."""
@@ -167,7 +179,12 @@ class Promise:
         ours = part.near.meets(self.contour.points, self.contour.cells) if part else None
         there = near.exceeded(self.contour.points, self.contour.cells, ours)
         here = self.target(tolerance).exceeded(points, cells, part.changed if part else None)
-        return Faults(drawing, np.concatenate([there.places, here.places]), here.cells)
+        places, pieces = [there.places, here.places], here.cells
+        if self.fences:
+            across = self.fences.crossed(points, cells)
+            places.append(across.places)
+            pieces = np.union1d(pieces, across.cells)
+        return Faults(drawing, np.concatenate(places), pieces)
 
     def _leaves(self, tube: Tube) -> Leaves:
         return leaves_of(tube, self.field.isovalue, lambda number, above: number)
@@ -193,9 +210,28 @@ class Promise:
         return field_tube(header, self.field, self._truth, holes=self.holes)
 
     def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
-        """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""
+        """Places where the two curves are not proven to lie within the tolerance of each other, (K, n).
+
+        Also those where the curve crosses one of a neighbouring isovalue that is coded.
+        """
         there = Target(contour.points, contour.cells, tolerance).exceeded(self.contour.points, self.contour.cells)
         here = self.target(tolerance).exceeded(contour.points, contour.cells)
+        across = [self.fences.coded_crossed(contour)] if self.fences else []
+        return np.concatenate([there.places, here.places, *across])
+
+    def excess_near(
+        self, contour: Contour, tolerance: float, places: NDArray[np.float64], reach: float
+    ) -> NDArray[np.float64]:
+        """Places as of `excess`, but only of pieces within a reach of some places: unlike that it proves nothing."""
+        around = Around.of(places, self.field.signs.shape, max(2.0 * tolerance, 2.0)).wider(reach)
+        if around.holds(self.contour.points).mean() >= MOSTLY:
+            return self.excess(contour, tolerance)
+        ours = around.meets(self.contour.points, self.contour.cells)
+        seen = around.wider(2.0 * tolerance).meets(contour.points, contour.cells)
+        near = Target(contour.points, contour.cells[seen], tolerance)
+        there = near.exceeded(self.contour.points, self.contour.cells, ours)
+        here = self.target(tolerance).exceeded(contour.points, contour.cells,
+                                               around.meets(contour.points, contour.cells))
         return np.concatenate([there.places, here.places])
 
     def target(self, limit: float) -> Target:

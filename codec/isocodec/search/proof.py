@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .buckets import SMALLEST, STACK, Buckets, balls, exceed, nearest, sort
+from .buckets import SMALLEST, STACK, Buckets, balls, cross, exceed, nearest, sort
 
 MOST_BUCKETS, LEAST_BUCKETS = 8, 1 << 12
 """Buckets for each piece, and beside."""
@@ -68,6 +68,13 @@ class Target:
         in_parts(len(todo), prove)
         return Excess(todo[out], places[out, :n])
 
+    def crossed(self, points: NDArray[np.float64], cells: NDArray[np.int64]) -> Excess:
+        """Pieces of another curve of the plane that cross this one; those that touch it do not."""
+        out, places = np.zeros(len(cells), np.bool_), np.zeros((len(cells), 3))
+        if not self.empty:
+            cross(pieces_of(points, cells), self.buckets, out, places)
+        return Excess(np.flatnonzero(out), places[out, :2])
+
     def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The piece next to each point, and where on it: weights of its n corners.
 
@@ -121,7 +128,7 @@ def _sorted(pieces: NDArray[np.float64], limit: float) -> Buckets:
     high = corners.max(axis=0, initial=0.0) + reach
     while True:
         shape = np.maximum(np.floor((high - low) / size).astype(np.int64) + 1, 1)
-        if shape.prod() <= MOST_BUCKETS * len(pieces) + LEAST_BUCKETS:
+        if shape.prod(dtype=np.float64) <= MOST_BUCKETS * len(pieces) + LEAST_BUCKETS:
             break
         # of a small curve in a large domain: the cost follows the curve
         size *= 2

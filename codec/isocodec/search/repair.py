@@ -80,12 +80,13 @@ def repaired(
     """
     fitted: Fitted | None = None
     faults: Faults | None = None
+    stuck = False
     for _ in range(MOST_REPAIRS):
         mesh = reduction.chosen
         fitted = promise.placed(mesh, *pitch, tolerance, fitted, lead=lead, faults=faults)
         faults, size = promise.faults(fitted.drawing, tolerance), fitted.size
         places = faults.places
-        if not len(places):
+        if stuck or not len(places):
             # so it seems: now with all that the file stores
             plan = [*lead, onto(mesh, lead), ("offsets", *pitch, fitted.place)]
             size, contour = promise.trial(plan)
@@ -97,6 +98,10 @@ def repaired(
             return None
         leaves = reduction.leaves_at(places)
         hopeless = size + LEAF * len(distinct(promise.n, leaves)[0]) > most
-        if hopeless or not reduction.restore(places, share=SHARES[promise.n], leaves=leaves):
+        if hopeless or stuck:
+            return None
+        # where no more can be put back the curve may still keep its promise, but for curves that are not coded yet
+        stuck = not reduction.restore(places, share=SHARES[promise.n], leaves=leaves)
+        if stuck and not promise.fences:
             return None
     return None

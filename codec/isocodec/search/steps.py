@@ -16,9 +16,10 @@ from ..errors import OptionError
 from ..format.kinds import ADAPTIVE, LayerKind
 from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import PROMISE
+from .choice import smallest
 from .promise import Promise
 from .repair import MOST_REPAIRS, Plan, repaired
-from .strategy import NotKeptError, base_of, smallest, whole_mesh
+from .strategy import NotKeptError, base_of, whole_mesh
 from .tolerance import EXACT, NO_OFFSETS, grid_offsets, pitches, radices
 
 FULL: Plan = [("refine", None)]

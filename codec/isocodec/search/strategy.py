@@ -1,4 +1,4 @@
-"""Choice of layers that keep a promise in the fewest bytes (row S3-distortion; spec annex G).
+"""Plans of layers that keep a promise (row S3-distortion; spec annex G); `choice` takes the smallest.
 
 A user states how far the decoded curve may lie from the original one, and whether its topology is to be kept. The
 encoder reduces the mesh, chooses how finely crossings are stored, draws what a decoder will draw, proves the distance
@@ -8,17 +8,17 @@ both ways, and puts vertices back where it is not proven.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from isospec.container import MAX_RADIX
 
 from ..errors import OptionError
 from ..grid.lattice.vertex_set import Chosen
 from .promise import Promise
-from .repair import BEHIND, MOST_REPAIRS, Course, Plan, repaired
-from .tolerance import Slack, grid_offsets, pitches, radices
+from .repair import MOST_REPAIRS, Plan
+from .tolerance import EDGE, Slack, grid_offsets, radices
 
-_Found = tuple[float, Plan]
+Found = tuple[float, Plan]
 """Bytes of the runs of a plan, and the plan."""
 BASE_CYCLES = 1
 """The default base has cubes of half the root's edge: refinements find what is small more cheaply than it does."""
@@ -34,8 +34,6 @@ HOPELESS = 1.1
 """A reduced mesh that grows to this many times the smallest file so far is given up: another base may save some."""
 HEADERS = 8
 """Bytes by which files with the same runs may differ."""
-EDGE = 1e-6
-"""Share of a tolerance that is below its rounding."""
 
 
 class NotKeptError(OptionError):
@@ -61,67 +59,23 @@ def grid_plan(n: int, full: int, base_level: int | None) -> Plan:
     return plan
 
 
-def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
-    """The plan with the fewest bytes, of those tried, whose decoded curve is proven to keep to the tolerance."""
-    full = promise.full_level
-    grids = [whole_mesh(promise, topology)]
+def grids(promise: Promise, tolerance: float, topology: bool) -> Found:
+    """The plan to the full grid with the fewest bytes; without layers if none keeps to the tolerance."""
+    grid = [whole_mesh(promise, topology)]
     if topology:
         # one layer, which cannot go wrong
-        grids.append([("base", full)])
+        grid.append([("base", promise.full_level)])
     offsets = grid_offsets(tolerance, promise.free)
-    best: _Found = (math.inf, [])
-    for plan in [*([*grid, *offsets] for grid in grids), *grids]:
-        best = _better(promise, tolerance, plan, best)
-    best = _coarsest(promise, grids[0], tolerance, best)
-    if not best[1]:
-        raise NotKeptError(
-            f"no mesh was proven to stay within {tolerance:g} cells", code="tolerance",
-            remedy="use a tolerance below 0.1, which needs no search for a mesh",
-        )
-    if full == 0:
-        return best[1]
-    course, helped, tried = Course(), False, list(pitches(tolerance, promise.n))
-    for start, lead in () if topology else even_starts(promise, tolerance):
-        found, good = _meshed(promise, tolerance, start, lead, best, tried, course)
-        if helped and found is best:
-            # even larger cubes would give the same
-            break
-        helped |= found is not best
-        # parts that store crossings well on one mesh do so on the others
-        best, tried = found, good or tried
-    start = loose_start(promise, tolerance, topology)
-    return _meshed(promise, tolerance, start, [], best, tried, course, topology)[0][1]
+    best: Found = (math.inf, [])
+    for plan in [*([*each, *offsets] for each in grid), *grid]:
+        best = better(promise, tolerance, plan, best)
+    return _coarsest(promise, grid[0], tolerance, best)
 
 
-def _better(promise: Promise, tolerance: float, plan: Plan, best: _Found) -> _Found:
+def better(promise: Promise, tolerance: float, plan: Plan, best: Found) -> Found:
     """A plan, if it keeps to the tolerance in fewer bytes than the best so far, else that one."""
     size, contour = promise.trial(plan)
     return (size, plan) if size < best[0] and not len(promise.excess(contour, tolerance)) else best
-
-
-def _meshed(
-    promise: Promise, tolerance: float, start: Chosen, lead: Plan, best: _Found, tried: Sequence[tuple[int, int]],
-    course: Course, topology: bool = False,
-) -> tuple[_Found, list[tuple[int, int]]]:
-    """The best plan, or a better one on a mesh to begin with; which of the parts and units ``tried`` do well there.
-
-    ``lead`` leads to a part of the mesh.
-    """
-    sizes: dict[tuple[int, int], int] = {}
-    for pitch in tried:
-        most = best[0] if lead else HOPELESS * best[0]
-        kept = repaired(promise, promise.reduction(start), tolerance, pitch, lead, most=most, course=course)
-        course.done(kept is not None and kept.size < best[0])
-        if kept is None:
-            continue
-        sizes[pitch] = kept.size
-        if kept.size < best[0]:
-            best = kept.size, kept.plan
-        coarse = base_of(promise.n, promise.full_level)
-        if not (lead or topology) and coarse < promise.full_level:
-            # a coarse uniform base has vertices that the mesh may lack: proven anew
-            best = _better(promise, tolerance, [("base", coarse), ("adapt", 1, kept.mesh), kept.plan[-1]], best)
-    return best, [pitch for pitch, size in sizes.items() if size <= BEHIND * min(sizes.values())]
 
 
 def loose_start(promise: Promise, tolerance: float, topology: bool) -> Chosen:
@@ -132,25 +86,36 @@ def loose_start(promise: Promise, tolerance: float, topology: bool) -> Chosen:
     return reduction.chosen
 
 
-def even_starts(promise: Promise, tolerance: float) -> Iterator[tuple[Chosen, Plan]]:
-    """Uniform meshes to begin with, and what leads there, the finest first: even squares and cubes code little.
+def even_exponents(promise: Promise, tolerance: float) -> Iterator[int]:
+    """Exponents of the edges of uniform meshes to begin with, the finest first: even squares and cubes code little.
 
     Where the tolerance is large against the domain, the coarsest.
     """
     most = promise.full_level // promise.n - 1
-    for cycles in range(1, most + 1):
-        if min(EDGES[0] * tolerance, (1 << most) - 1) < 1 << cycles <= EDGES[1] * tolerance:
-            level = promise.full_level - cycles * promise.n
-            uniform = promise.reduction()
-            uniform.reduce(level=level)
-            base = base_of(promise.n, level)
-            lead: Plan = [("base", base)]
-            if base < level:
-                lead.append(("refine", level - base))
-            yield uniform.chosen, lead
+    for exponent in range(1, most + 1):
+        if min(EDGES[0] * tolerance, (1 << most) - 1) < 1 << exponent <= EDGES[1] * tolerance:
+            yield exponent
 
 
-def _coarsest(promise: Promise, grid: Plan, tolerance: float, best: _Found) -> _Found:
+def even_start(promise: Promise, exponent: int) -> tuple[Chosen, Plan]:
+    """A uniform mesh of an edge to begin with, and what leads there."""
+    level = promise.full_level - exponent * promise.n
+    uniform = promise.reduction()
+    uniform.reduce(level=level)
+    base = base_of(promise.n, level)
+    lead: Plan = [("base", base)]
+    if base < level:
+        lead.append(("refine", level - base))
+    return uniform.chosen, lead
+
+
+def even_starts(promise: Promise, tolerance: float) -> Iterator[tuple[Chosen, Plan]]:
+    """Uniform meshes to begin with, and what leads there."""
+    for exponent in even_exponents(promise, tolerance):
+        yield even_start(promise, exponent)
+
+
+def _coarsest(promise: Promise, grid: Plan, tolerance: float, best: Found) -> Found:
     """The best plan, or the full grid with crossings stored as coarsely as can be, with slack also at a slant."""
     # as few parts as can be, even if in the worst case a crossing on their border is stored a rounding too far away
     fewest = max(math.ceil(0.5 / tolerance * (1 - EDGE)), 1) | 1
@@ -201,7 +166,7 @@ def within(
     original = promise.target(distance)
     parts, unit = told
     reduction.reduce(topology=topology, distortion=distance, original=original, parts=parts, unit=unit)
-    best: _Found = (math.inf, [])
+    best: Found = (math.inf, [])
     for _ in range(MOST_REPAIRS):
         plan: Plan = [("adaptive_base", 0, reduction.chosen), *geometry]
         size, contour = promise.trial(plan)
@@ -212,7 +177,7 @@ def within(
         if not reduction.restore(places):
             break
     # headers differ by a few bytes, which trials do not count
-    best = _better(promise, distance, grid, (best[0] + HEADERS, best[1]))
+    best = better(promise, distance, grid, (best[0] + HEADERS, best[1]))
     if not best[1]:
         raise NotKeptError(
             f"no mesh was proven to stay within a distortion of {distance:g} cells", code="criterion",

@@ -8,25 +8,22 @@ tiles share the mesh follows from the samples there, and nothing has slack.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..field.samples import OFFSET_BITS
 from ..grid.lattice.depth import levels_of
+from .mesh_slack import Edges, on_edges, slanted
 from .promise import Promise, onto
 from .strategy import NotKeptError, Plan
 from .tile_faces import Faces, bisected, is_rough
-from .tolerance import slopes_at
 
 LARGEST = 4.0
 """Edge of the largest cubes that are tried, in tolerances."""
 PARTS = 3
 """Into which a crossed edge of a cube is divided."""
-SLANT = 2.5
-"""Crossings are stored at most this many tolerances off along their edges, where the surface meets these at a slant."""
 LEAST = 0.2
 """Slack that has been taken back to less than this share counts as zero."""
 MOST_TURNS = 32
@@ -112,10 +109,7 @@ class _Slack:
         Which edges, by the positions of their ends, have none.
     """
 
-    def __init__(
-        self, phi: NDArray[np.float32], tolerance: float,
-        fixed: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]],
-    ) -> None:
+    def __init__(self, phi: NDArray[np.float32], tolerance: float, fixed: Edges) -> None:
         self._phi, self._tolerance, self._fixed = phi, tolerance, fixed
         self._share = np.ones(phi.shape, np.float32)
 
@@ -134,15 +128,6 @@ class _Slack:
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
         """Crossings, as ``Samples.crossings``."""
-        way = (high - low).astype(np.float64)
-        middle = (low + high) >> 1
-        slope = slopes_at(self._phi, middle)
-        steep = np.sqrt((slope**2).sum(axis=1))
-        along = np.abs((slope * way).sum(axis=1)) / np.sqrt((way**2).sum(axis=1))
-        least = np.maximum(steep / SLANT, np.finfo(np.float64).tiny)
-        slanted = np.clip(steep / np.maximum(along, least), 1.0, SLANT)
-        share = np.where(np.isfinite(slanted), slanted, 1.0) * self._share[tuple(middle.T)]
-        # as a fraction of the edge
-        slack = self._tolerance * share / np.abs(way).max(axis=1)
-        slack = np.where(self._fixed(low, high), 0.0, np.minimum(slack, 1.0))
-        return np.floor(slack * (1 << OFFSET_BITS)).astype(np.int64)
+        share = self._share[tuple(((low + high) >> 1).T)]
+        slack = self._tolerance * (slanted(self._phi, low, high) * share)
+        return on_edges(np.where(self._fixed(low, high), 0.0, slack), low, high)

@@ -23,6 +23,8 @@ NO_OFFSETS = 1, 40
 """Parts and unit of crossings that are not stored: middles of edges, all of them shorter than the unit."""
 MOST_SLACK = 2.0
 """Crossings are stored at most this many tolerances off along their edges."""
+EDGE = 1e-6
+"""Share of a tolerance that is below its rounding."""
 
 
 class Slack:
@@ -52,12 +54,9 @@ class Slack:
         slack = np.full(len(low), self._tolerance)
         if self._phi is not None:
             slope = slopes_at(self._phi, low) + slopes_at(self._phi, high)
-            steep = np.sqrt((slope**2).sum(axis=1))
-            along = np.abs((slope * (high - low)).sum(axis=1))
-            least = np.maximum(steep / MOST_SLACK, np.finfo(np.float64).tiny)
-            slanted = self._tolerance * np.clip(steep / np.maximum(along, least), 1.0, MOST_SLACK)
+            slanted = self._tolerance * at_a_slant(slope, high - low, MOST_SLACK)
             tight = np.isin(np.ravel_multi_index(tuple(low.T), self._phi.shape), self._tight)
-            slack = np.where(tight | ~np.isfinite(slanted), slack, slanted)
+            slack = np.where(tight, slack, slanted)
         # places are rounded to the same unit
         return np.maximum(np.floor(np.minimum(slack, 1.0) * (1 << OFFSET_BITS)).astype(np.int64) - 2, 0)
 
@@ -71,6 +70,24 @@ def slopes_at(phi: NDArray[np.float32], position: NDArray[np.int64]) -> NDArray[
         down[:, axis] = np.maximum(down[:, axis] - 1, 0)
         out[:, axis] = phi[tuple(up.T)].astype(np.float64) - phi[tuple(down.T)]
     return out
+
+
+def at_a_slant(slope: NDArray[np.float64], way: NDArray[np.int64], most: float) -> NDArray[np.float64]:
+    """Ratios of how far crossings may move along their edges and across the curve, at most a given one, (E,).
+
+    Parameters
+    ----------
+    slope : (E, n) float64
+        Of the field at the crossings.
+    way : (E, n) int64
+        From one end of the edges to the other.
+    most : float
+    """
+    steep = np.sqrt((slope**2).sum(axis=1))
+    along = np.abs((slope * way).sum(axis=1)) / np.sqrt((way**2).sum(axis=1))
+    least = np.maximum(steep / most, np.finfo(np.float64).tiny)
+    times = np.clip(steep / np.maximum(along, least), 1.0, most)
+    return np.where(np.isfinite(times), times, 1.0)
 
 
 def grid_offsets(tolerance: float | None, free: bool) -> list[Entry]:
@@ -106,6 +123,11 @@ def radices(tolerance: float | None) -> list[int]:
         if rest == 1:
             return factors[::-1]
         parts += 2
+
+
+def parts_on(length: int, parts: int, unit: int) -> int:
+    """Parts of an edge of so many samples where there are ``parts`` in ``2**unit`` samples (spec clause 5.7.3(1))."""
+    return -(-parts * length >> unit) | 1
 
 
 def pitches(tolerance: float, n: int) -> Iterator[tuple[int, int]]:

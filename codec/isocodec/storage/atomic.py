@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -111,7 +110,7 @@ def _replacing(target: Path, mode: int) -> Iterator[BinaryIO]:
     # In the same directory, since renaming is atomic only within a file system.
     # The length of names is limited, in bytes.
     start = os.fsdecode(os.fsencode(target.name)[:100])
-    beside = target.with_name(f".{start}.{secrets.token_hex(8)}.part")
+    beside = target.with_name(f".{start}.{os.urandom(8).hex()}.part")
     with undoing(partial(beside.unlink, missing_ok=True)):
         with open(beside, "xb", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
             yield file

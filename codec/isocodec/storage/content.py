@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import re
-import tempfile
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -145,7 +144,9 @@ def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterat
 
 @contextmanager
 def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="isocodec-") as folder:
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory(prefix="isocodec-") as folder:
         first = _first(file, HEAD)
         suffix = suffix_of(name, first)
         if suffix is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import re
 from collections.abc import Callable, Coroutine, Sequence
@@ -12,6 +11,8 @@ from typing import Any, Self, TypeVar
 from ..errors import InputError, one_line
 from ..extras import optional
 from ..limits import TIMEOUT, patience
+
+# asyncio takes longer to import than a small file to decode: it is imported by what needs it
 
 Range = tuple[int, int]
 Answer = TypeVar("Answer")
@@ -84,6 +85,8 @@ class WebFile:
         return answer
 
     async def _ranges(self, ranges: Sequence[Range]) -> list[bytes]:
+        import asyncio
+
         lanes = asyncio.Semaphore(LANES)
 
         async def one(start: int, end: int) -> bytes:
@@ -99,6 +102,8 @@ class WebFile:
 
     async def _again(self, ask: Callable[[float], Coroutine[Any, Any, Answer]]) -> Answer:
         """Ask again if the server is busy, or a connection is lost, as long as anyone would wait."""
+        import asyncio
+
         clock = asyncio.get_running_loop().time
         until = clock() + patience()
         for pause in PAUSES:
@@ -116,6 +121,8 @@ class WebFile:
 
     async def _answer(self, headers: dict[str, str], until: float) -> Any:
         """Ask for the file; returns the answer, whose body has not been read and which has to be closed."""
+        import asyncio
+
         session = await self._system.set_session()
         async with asyncio.timeout_at(until):
             answer = await session.get(self._url, headers={"Accept-Encoding": "identity", **headers})
@@ -203,6 +210,8 @@ def _status(answer: Any) -> str:
 
 async def _body(answer: Any, most: int, until: float | None = None) -> bytes:
     """Read a body, but no more than some bytes of it; each piece has to arrive in time, the first one until then."""
+    import asyncio
+
     body, clock = bytearray(), asyncio.get_running_loop().time
     async with asyncio.timeout_at(clock() + patience() if until is None else until) as time:
         while len(body) < most and (part := await answer.content.read(min(most - len(body), PIECE))):

@@ -182,7 +182,7 @@ class _SeriesFrames:
                 Field(field.values, field.mask, labels=first.labels, missing=first.missing), file.series.isovalues,
                 file.options, placement, series=True,
             )
-            self._found |= _inside(samples)
+            self._found |= _inside(samples) if first.labels is not None else set()
             return self._grid.chunks(samples)
         isovalues = levels_of(field, self._isovalue, self._options, self._known)
         options = options_of(field, self._isovalue, self._options)
@@ -195,7 +195,7 @@ class _SeriesFrames:
         values = np.asarray(field.values)
         like = np.broadcast_to(np.zeros((), values.dtype), values.shape)
         self._grid = grid
-        self._found = _inside(samples)
+        self._found = _inside(samples) if field.labels is not None else set()
         self._first = Field(like, None, field.placement, labels=field.labels, missing=field.missing)
         return out
 

@@ -23,8 +23,9 @@ from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Pl
 from ..field.sampled import Field
 from ..field.samples import Samples, check_field, isovalue_of, missing_of, without_holes
 from .isovalues import isovalues_of, range_of
-from .options import COORDINATES_SHARE, PROMISE, Options, Precision
+from .options import COORDINATES_SHARE, INDEPENDENT, LEVELS, Options, Precision
 from .placing import check_axes, without_folds
+from .promises import PROMISE
 
 
 def taken(what: Any) -> Any:
@@ -134,6 +135,9 @@ def in_cells(
 
 def _of_labels(field: Field, options: Options) -> Options:
     """Complete the options for a file of labels, which are coded independently."""
+    if options.order == LEVELS:
+        raise OptionError("order 'levels' does not apply to labels, which are coded independently", code="order",
+                          remedy="leave it out")
     precision = options.precision
     if options.layers.planned:
         plans = [options.layers.plan, *(options.layers.plans or {}).values()]
@@ -146,7 +150,7 @@ def _of_labels(field: Field, options: Options) -> Options:
     if field.placement is not None and (field.placement.coordinates is not None or field.placement.periodic):
         raise OptionError("labels on a grid with coordinates cannot be encoded together", code="labels",
                           remedy="encode the mask of each label separately")
-    return replace(options, independent=True)
+    return replace(options, order=INDEPENDENT)
 
 
 def levels_of(
@@ -219,9 +223,30 @@ def _ends(frames: Iterable[Any]) -> tuple[float, float]:
 
 def samples_of(
     field: Field, isovalues: Sequence[float], options: Options, placement: Placement | None, series: bool = False
-) -> list[Samples]:
-    """Prepare the samples of a field at each isovalue; see `sampler_of`."""
-    return [*map(sampler_of(field, isovalues, options, placement, series), isovalues)]
+) -> Sequence[Samples]:
+    """Prepare the samples of a field at each isovalue; see `sampler_of`.
+
+    Those of labels, which a field may lack, are all made at once, others when they are needed.
+    """
+    sampler = sampler_of(field, isovalues, options, placement, series)
+    return [*map(sampler, isovalues)] if field.labels is not None else _Sampled(sampler, isovalues)
+
+
+class _Sampled(Sequence[Samples]):
+    """Samples of a field at each isovalue; only those asked for last are in memory."""
+
+    def __init__(self, sampler: Callable[[float], Samples], isovalues: Sequence[float]) -> None:
+        self._sampler, self._isovalues = sampler, isovalues
+        self._last = 0, sampler(isovalues[0])
+
+    def __len__(self) -> int:
+        return len(self._isovalues)
+
+    def __getitem__(self, number: Any) -> Any:
+        number = range(len(self))[number]
+        if number != self._last[0]:
+            self._last = number, self._sampler(self._isovalues[number])
+        return self._last[1]
 
 
 def sampler_of(

@@ -24,7 +24,6 @@ from ..field.mapped import Mapped
 from ..field.placement import Placement
 from ..format.chunks import Envelope
 from ..format.events import ChunkSkipped, Event, FrameRead, IsovalueRead, MaskComplete, SeriesRead
-from ..format.frames import first_operation
 from ..format.header import Header
 from ..format.program import Layer, Progress
 from ..grid.layers.layer_reader import LayerReader
@@ -73,11 +72,10 @@ class GridContents:
         self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
         self._reader = LayerReader(
             session.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers,
-            session.account,
+            session.account, strands,
         )
         self.runs = self._reader.runs
         self._coordinates = DecodedCoordinates(self._budget, session.limits)
-        self._looked = False
         strands.begin(header, None, session.at)
 
     # -- chunks ---------------------------------------------------------------------------------------------------
@@ -86,29 +84,20 @@ class GridContents:
         """See `Contents.expect`."""
         if chunk.type == ChunkType.MASK:
             self._strands.begin_mask(self._header, at)
+        self.outline.begun |= chunk.type in LAYER_CHUNKS
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`."""
-        layers = chunk.type in LAYER_CHUNKS
-        if layers and not self._looked:
-            place = first_operation(self._data, chunk)
-            if place is None and len(self._data) < chunk.end:
-                return None, False
-            self._looked = True
-            frame = None if place is None else self.outline.begin_layers(self._data[place], place)
-            if frame is not None:
-                self._begin(frame)
-                return frame, False
         if not self._mask.go_on(chunk, at):
             return None, False
-        if layers and self._tube is not None:
+        if chunk.type in LAYER_CHUNKS and self._tube is not None:
             event = self._reader.go_on(chunk, at)
             return event, not self._reader.waiting
         return None, True
 
     def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
         """See `Contents.take`."""
-        skipped, self._looked = chunk.type in LAYER_CHUNKS and self._tube is None, False
+        skipped = chunk.type in LAYER_CHUNKS and self._tube is None
         self._reader.leave()
         if self._mask.coming:
             self._strands.end_mask(self._header)
@@ -132,7 +121,7 @@ class GridContents:
             self._strands.begin_series()
         elif isinstance(event, FrameRead):
             if event.number == 0 and not self._strands.past:
-                self._reader.next_frame(self._strands.before)
+                self._reader.next_frame()
                 self._strands.next_frame()
             self._strands.begin_frame(self._header, event)
 
@@ -150,7 +139,7 @@ class GridContents:
 
     @property
     def _progress(self) -> Progress:
-        return self._progresses[-1]
+        return self._progresses[self.outline.turn[0]]
 
     @property
     def tubes(self) -> list[Tube | None]:
@@ -374,7 +363,8 @@ class GridContents:
     def discard(self, number: int | None = None) -> None:
         """Drop the decoded state of an isovalue, or of all, once drawn; nothing that follows may depend on it.
         """
-        for i, tube in enumerate(self._tubes):
-            if tube is not None and number in (None, i):
+        for i in range(len(self._tubes)) if number is None else (number,):
+            tube = self._tubes[i] if 0 <= i < len(self._tubes) else None
+            if tube is not None:
                 self._budget.release(tube, tube.estimates)
                 self._reader.drop(i)

@@ -5,15 +5,22 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isospec.container import ChunkType, Profile
 
-from ..drawing.snapshot import drawing_bytes
+from ..drawing.contour import Contour
+from ..drawing.drawing import draw
+from ..drawing.snapshot import drawing_bytes, leaves_of
+from ..entropy.range_coder import Coder
+from ..entropy.run import WritingRun
 from ..errors import FormatError, InputError, OptionError
+from ..field.decoded_samples import LABELS
 from ..field.placement import Placement
 from ..field.samples import Samples, mask_field
 from ..format.chunks import (
@@ -23,37 +30,49 @@ from ..format.chunks import (
     write_further,
     write_index,
     write_promises,
+    write_turn,
 )
 from ..format.frames import write_frame, write_interval
 from ..format.header import Header
 from ..format.kinds import LayerKind
-from ..format.program import Layer, Progress, write_program
+from ..format.program import Layer, Progress
 from ..grid.lattice.tables import cube_exponent
-from ..grid.layers.layer_writer import LayerWriter, encoded_mask, field_tube
+from ..grid.layers.layer_writer import RUN_BYTES, LayerWriter, encoded_mask, field_tube
 from ..grid.layers.plan import Entry
+from ..grid.passes.raster import refusal
 from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from ..limits import Limits, in_units
 from ..search import strategy
-from ..search.ground_truth import truth_of
+from ..search.choice import smallest
+from ..search.fences import Fences
+from ..search.ground_truth import GroundTruth, truth_of
+from ..search.original import original
 from ..search.promise import Promise
 from ..search.reduced import LINEAR_POINTS
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from .container import ContainerEncoder, beginning
-from .options import DEFAULT_TOLERANCE, SEARCHED, Options
+from .options import DEFAULT_TOLERANCE, LEVELS, SEARCHED, Options
 from .placing import coordinates_payload
 from .plan_file import check_plan
 from .plan_meshes import with_meshes
 from .series import LeanOn, Series
+from .turns import bases, coarse, coarsely, finer
 
 Report = Callable[[int, int], object]
 """Called with the number of layers done and the total; during the search for a mesh, with the curves tried and 0."""
 
 FINE_SHARE = 0.25
 """With the criterion distortion, crossings are stored to within this fraction of its distance, or more precisely."""
+DENSE = 0.05
+"""From this number of crossed edges a sample on, signs of a plane may be smaller row by row."""
 LEVELS_WORTH = 0.95
 """A frame begins with the leaves of the one before if that takes less than this fraction of the bytes of levels."""
+MOST_IN_TURN = 256
+"""Isovalues whose layers come in turn at most: decoders hold the states of all of them at once."""
+MOST_SIGNS = 1 << 29
+"""They do by default where the encoder holds at most so many signs of samples."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
 
@@ -116,7 +135,7 @@ class GridFile:
         if self.holes:
             yield write_chunk(ChunkType.MASK, self.mask)
         if self.series.interval is not None:
-            yield write_chunk(ChunkType.FRAME, write_interval(self.series.interval))
+            yield write_chunk(ChunkType.SERIES, write_interval(self.series.interval))
 
 
 def grid_file(
@@ -190,16 +209,26 @@ class GridFrame:
 
     def __init__(self, file: GridFile, fields: Sequence[Samples], before: Sequence[LayerWriter] = ()) -> None:
         self.file = file
-        self._fields = list(fields)
-        self._truths = [truth_of(one) for one in self._fields]
+        self._fields = fields
+        self._known: tuple[int, GroundTruth] | None = None
         self._before = before
-        self._tried = 0
+        self._tried = self._encoded = self._announced = 0
+        self._keeps_order = _is_outward(file.series.isovalues)
+        n = len(file.header.shape)
+        self._level = strategy.base_of(n, file.full_level)
+        self._coarse = coarse(self._level, file.full_level, n)
+        self._bases = bases([field.signs for field in fields], self._level, file.full_level) if self._by_levels else []
+        self._plans: list[tuple[Sequence[Entry], LeanOn | None]] = []
+        self._originals: dict[int, Contour] = {}
+        self._drawn: dict[int, Contour] = {}
+        self._on_full: set[int] = set()
+        self._halfway = True
         self.strands: list[LayerWriter] = []
         self._lean = self._begin(Progress(file.full_level))
 
     @property
     def layers(self) -> list[Layer]:
-        """Number of layers known so far, of all isovalues."""
+        """Layers known so far, of all isovalues."""
         return [layer for strand in self.strands for layer in strand.layers]
 
     @property
@@ -209,6 +238,15 @@ class GridFrame:
 
     def chunks(self) -> Iterator[bytes]:
         """Yield the chunks of all isovalues; in a file without frames, the last chunk is marked as such."""
+        if self._by_levels:
+            yield from self._in_turn()
+        elif self._fenced:
+            yield from self._uncrossed()
+        else:
+            yield from self._in_order()
+
+    def _in_order(self) -> Iterator[bytes]:
+        """Yield the chunks of one isovalue after the other."""
         series = self.file.series
         count, key = len(series.isovalues), series.is_key(series.frame)
         for number, isovalue in enumerate(series.isovalues):
@@ -216,29 +254,156 @@ class GridFrame:
                 self._lean = self._begin(self.strands[-1].progress)
             lean = None if self._lean is None else self._lean.coded
             if series.frame > 0:
-                payload = write_frame(lean, key)
-                alone = bool(self.strands[number].layers) and (number == 0 or bool(self.strands[number - 1].layers))
-                # layers that begin with a base begin the next isovalue by themselves, promises before them do not
-                if payload or not alone or self.file.promise(number) or self.strands[number].within:
-                    yield write_chunk(ChunkType.FRAME, payload)
+                yield write_chunk(ChunkType.FRAME, write_frame(number, lean, key))
             elif number > 0:
-                yield write_chunk(ChunkType.ISOVALUE, write_further(isovalue, lean))
+                yield write_chunk(ChunkType.ISOVALUE, write_further(number, isovalue, lean))
             yield from self._layers(number, series.interval is None and number == count - 1)
+            if self._fenced:
+                leaves = leaves_of(self.strands[number].tube, isovalue, lambda number, above: number)
+                self._drawn[number] = draw(leaves, measured=True)
+            if number < count - 1:
+                self.strands[number].rest()
         _warn_of_memory([strand.tube for strand in self.strands])
+
+    @cached_property
+    def _fenced(self) -> bool:
+        """Whether curves of several isovalues that are near one another must not cross."""
+        file, o = self.file, self.file.options
+        single = len(file.series.isovalues) == 1 or file.series.interval is not None or LABELS in file.metadata
+        searched = o.layers.default and o.precision.steps is None and o.precision.searched is not None
+        return searched and not single and file.header.n == 2
+
+    def _uncrossed(self) -> Iterator[bytes]:
+        """Yield the chunks of all isovalues, made anew until no two curves cross.
+
+        Those that cross nevertheless are coded on the full grid, all to the same parts of edges, half-way if that will
+        do: they can touch there, but not cross.
+        """
+        while True:
+            made = list(self._in_order())
+            crossing = self._crossing()
+            more = crossing - self._on_full
+            if crossing and not more and self._halfway:
+                more, self._halfway = set(self._on_full), False
+            if not more:
+                yield from made
+                return
+            self._on_full |= more
+            del self._plans[min(more) :]
+            self.strands.clear()
+            self.file.series.forget_frame()
+            self._encoded = self._announced = 0
+            self._lean = self._begin(Progress(self.file.full_level))
+
+    def _crossing(self) -> set[int]:
+        """Find the isovalues whose curve crosses that of the next one in size."""
+        sizes, found = self.file.series.isovalues, set()
+        for one, other in pairwise(sorted(self._drawn, key=lambda number: sizes[number])):
+            if len(Fences(sizes[other], [self._drawn[one]], []).coded_crossed(self._drawn[other])):
+                found |= {one, other}
+        return found
+
+    def _fences(self, number: int) -> Fences:
+        """The curves next to that of an isovalue, coded ones and others."""
+        sizes = self.file.series.isovalues
+        rank = sorted(range(len(sizes)), key=lambda one: sizes[one])
+        place = rank.index(number)
+        coded, waiting = [], []
+        for side in (rank[:place][::-1], rank[place + 1 :]):
+            coded += [self._drawn[one] for one in side if one < number][:1]
+            waiting += [self._original(one) for one in side[:1] if one > number]
+        return Fences(sizes[number], coded, waiting)
+
+    def _original(self, number: int) -> Contour:
+        """The original curve of an isovalue."""
+        if number not in self._originals:
+            self._originals[number] = original(self._fields[number])
+        return self._originals[number]
+
+    @cached_property
+    def _by_levels(self) -> bool:
+        """Whether layers of all isovalues come in turn, coarse ones first."""
+        o, series = self.file.options, self.file.series
+        count, samples = len(series.isovalues), math.prod(self.file.header.shape)
+        possible = 1 < count <= MOST_IN_TURN and series.interval is None and self._on_grid and not o.independent
+        if o.order == LEVELS and not possible:
+            raise OptionError(
+                f"the order levels is for 2 to {MOST_IN_TURN} isovalues of one field on the mesh of the grid, "
+                "predicted from one another", code="order", remedy="leave it out",
+            )
+        # values of integers give most signs of the next isovalue, which comes cheaper after them
+        kept = any(entry[0] == LayerKind.VALUES for plan in self.file.geometry or () for entry in plan)
+        apart = o.precision.exact or (kept and self._fields[0].integer) or count * samples > MOST_SIGNS
+        return possible and (o.order == LEVELS or (o.order is None and not apart))
+
+    def _in_turn(self) -> Iterator[bytes]:
+        """Yield the chunks of all isovalues: signs level by level, then what places the crossings."""
+        file, series, count = self.file, self.file.series, len(self.file.series.isovalues)
+        for number, isovalue in enumerate(series.isovalues):
+            self._lean = self._begin(self.strands[-1].progress) if number else self._lean
+            if number:
+                lean = None if self._lean is None else self._lean.coded
+                yield write_chunk(ChunkType.ISOVALUE, write_further(number, isovalue, lean))
+            strand = self.strands[number]
+            if promise := file.promise(number):
+                promises = write_promises(Promises({len(strand.layers): promise}, False))
+                yield write_chunk(ChunkType.PROMISES, promises, ancillary=True)
+        turn = range(count - 1, count)
+        steps = self._steps()
+        for i, (now, target) in enumerate(steps):
+            if now != turn:
+                yield write_chunk(ChunkType.TURN, write_turn(now))
+            turn = now
+            yield from self._turn(now, target, i == len(steps) - 1)
+        _warn_of_memory([strand.tube for strand in self.strands])
+
+    def _steps(self) -> list[tuple[range, int | None]]:
+        """List the turns: numbers of isovalues, and the level up to which their signs come, or None for all layers."""
+        full, count = self.file.full_level, len(self.strands)
+        turns: list[tuple[range, int | None]] = [
+            *coarsely(self._bases, self._coarse), *finer(self._bases, self._coarse, full)
+        ]
+        if self._fields[0].integer and self.strands[0].has_values:
+            # values of integers give most signs of the next isovalue
+            return [*coarsely(self._bases, self._coarse), *((range(i, i + 1), None) for i in range(count))]
+        signs = [strand.to_level(full) for strand in self.strands]
+        left = [strand.planned - there for strand, there in zip(self.strands, signs, strict=True)]
+        behind = {tuple(strand.layers[there:]) for strand, there in zip(self.strands, signs, strict=True)}
+        if set(left) == {1} and len(behind) == 1 and behind != {()}:
+            return [*turns, (range(count), None)]
+        return turns + [(range(i, i + 1), None) for i in range(count) if left[i]]
+
+    def _turn(self, turn: range, target: int | None, last: bool) -> Iterator[bytes]:
+        """Yield chunks of layers of some isovalues: up to a level, or all that are left."""
+        strands = [self.strands[number] for number in turn]
+        first = strands[0]
+        while (done := len(first.records)) < first.to_level(target):
+            run, begun = WritingRun(first.tube.coder), 0
+            while len(first.records) < first.to_level(target) and begun < RUN_BYTES:
+                for number, strand in zip(turn, strands, strict=True):
+                    if not strand.records and (lean := self.file.series.lean(number)) is not None:
+                        # what it is predicted from may have a base by now; the models are shared
+                        strand.tube = self._fresh(number, lean, strand.tube.coder)
+                    begun = strand.encode_layer(run, len(strand.records), begun)
+                    self._done()
+            data, count = run.end(), len(first.records) - done
+            programs = [strand.program(len(strand.records) - count, len(strand.records)) for strand in strands]
+            ends = last and len(first.records) == first.to_level(target)
+            yield write_chunk(ChunkType.LAYERS, programs[0] + data, last=ends)
 
     def part(self) -> list[LayerWriter]:
         """Keep what the next frame is predicted from, once all chunks are made."""
-        for strand in self.strands:
-            strand.tube.part()
-        self._before = ()
-        self._fields.clear()
-        self._truths.clear()
+        self.strands[-1].rest()
+        self._before, self._fields, self._known = (), (), None
         return self.strands
 
     def _begin(self, progress: Progress) -> LeanOn | None:
         """Prepare the next isovalue for encoding; returns what it is predicted from."""
         series = self.file.series
         number = len(self.strands)
+        if self.strands:
+            self._encoded += len(self.strands[-1].records)
+            self._announced += len(self.strands[-1].layers)
         lean = series.choose(number, self.file.options.independent)
         strand, lean = self._strand(number, lean, progress)
         series.add(lean)
@@ -253,23 +418,35 @@ class GridFrame:
         """Prepare the layers of an isovalue; returns them, and the isovalue that it is predicted from."""
         if lean is not None and self._leant_on(lean).tube.full and self._on_grid:
             return self._smaller(number, lean, progress), lean
-        try:
-            plan = self._plan_of(number, lean)
-        except strategy.NotKeptError:
-            if lean is None:
-                raise
-            lean = None
-            plan = self._plan_of(number, None)
+        if lean is None and self._on_grid and self._dense(number):
+            return self._row_by_row(number, progress), None
+        if number < len(self._plans):
+            plan, lean = self._plans[number]
+        else:
+            try:
+                plan = self._plan_of(number, lean)
+            except strategy.NotKeptError:
+                if lean is None:
+                    raise
+                plan = self._plan_of(number, None)
+                lean = lean if number in self._on_full else None
+            self._plans.append((plan, lean))
         begun = progress.begin(None if lean is None else self._leant_on(lean).progress)
         return LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun), lean
 
-    def _fresh(self, number: int, lean: LeanOn | None) -> Tube:
+    def _truth(self, number: int) -> GroundTruth:
+        """Ground truth of an isovalue; only the last one asked for is kept."""
+        if self._known is None or self._known[0] != number:
+            self._known = number, truth_of(self._fields[number])
+        return self._known[1]
+
+    def _fresh(self, number: int, lean: LeanOn | None, coder: Coder | None = None) -> Tube:
         """Make the tube of an isovalue before its first layer."""
-        field, truth, file = self._fields[number], self._truths[number], self.file
+        field, truth, file = self._fields[number], self._truth(number), self.file
         if lean is None:
             return field_tube(file.header, field, truth, holes=file.holes)
         tube, isovalue = self._leant_on(lean).tube, file.series.isovalues[lean.number]
-        return field_tube(file.header, field, truth, tube, isovalue, file.holes, lean.before)
+        return field_tube(file.header, field, truth, tube, isovalue, file.holes, lean.before, coder)
 
     def _plan_of(self, number: int, lean: LeanOn | None) -> Sequence[Entry]:
         """Make the plan for one isovalue from the options."""
@@ -285,9 +462,13 @@ class GridFrame:
         behind = [*values, *grid_offsets(fine, free)] if file.geometry is None else file.geometry[number]
         searched = precision.searched if level is None else None
         if searched is precision.steps is o.layers.criterion is None and not o.keep_topology:
+            level = self._bases[number] if self._bases else level
             return [*strategy.grid_plan(len(file.header.shape), file.full_level, level), *behind]
-        truth = self._truths[number]
-        promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, file.holes)
+        truth = self._truth(number)
+        promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, file.holes,
+                          leans=lean is not None)
+        if self._fenced:
+            return self._beside_others(promise, number, lean)
         if precision.steps is not None:
             return stepwise(promise, precision.steps, o.keep_topology)
         criterion, parameter = o.layers.criterion, o.layers.parameter
@@ -297,15 +478,33 @@ class GridFrame:
             mesh: strategy.Plan = strategy.reduced(promise, criterion, parameter, o.keep_topology)
             return mesh + values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
         if searched is not None:
-            return strategy.smallest(promise, searched, o.keep_topology)
+            return smallest(promise, searched, o.keep_topology)
         return [*strategy.whole_mesh(promise, True, level), *behind]
+
+    def _beside_others(self, promise: Promise, number: int, lean: LeanOn | None) -> Sequence[Entry]:
+        """Make the plan for an isovalue whose curve must not cross those next to it."""
+        o = self.file.options
+        assert o.precision.searched is not None
+        if number not in self._on_full:
+            promise.fences = self._fences(number)
+            try:
+                return smallest(promise, o.precision.searched, o.keep_topology)
+            except strategy.NotKeptError:
+                if lean is not None:
+                    # without prediction first
+                    raise
+                self._on_full.add(number)
+        grid = strategy.whole_mesh(promise, o.keep_topology)
+        if self._halfway and not len(promise.excess(promise.trial(grid)[1], o.precision.searched)):
+            return grid
+        return [*grid, *grid_offsets(o.precision.searched, False)]
 
     def _planned(self, plan: Sequence[Entry], number: int, lean: LeanOn | None) -> Sequence[Entry]:
         """Replace criteria in a given plan by meshes."""
         file = self.file
         if not len(plan) and number == len(file.series.isovalues) - 1:
             raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
-        field, truth = self._fields[number], self._truths[number]
+        field, truth = self._fields[number], self._truth(number)
         level = -1 if lean is None else self._leant_on(lean).progress.level
         return with_meshes(plan, file.full_level, level, lambda: Promise(field, truth=truth, holes=file.holes))
 
@@ -353,17 +552,34 @@ class GridFrame:
         chosen.go_on(self._plan_of(number, lean)[len(grid) :])
         return chosen
 
+    def _dense(self, number: int) -> bool:
+        """Whether so many edges of a plane are crossed that a raster layer may be smaller, and nothing leans on it."""
+        series, signs = self.file.series, self._fields[number].signs
+        alone = series.interval is None and (len(series.isovalues) == 1 or self.file.options.independent)
+        if not alone or refusal(self.file.header.shape, False):
+            return False
+        crossed = sum(int(np.count_nonzero(np.diff(signs, axis=axis))) for axis in range(2))
+        return crossed >= DENSE * signs.size
+
+    def _row_by_row(self, number: int, progress: Progress) -> LayerWriter:
+        """Make layers for a dense field: signs level by level or row by row, whichever is smaller."""
+        grid = strategy.grid_plan(2, self.file.full_level, None)
+        writers = []
+        for plan in (grid, [(LayerKind.RASTER,)]):
+            writer = LayerWriter(self._fields[number], self._fresh(number, None), plan, progress.begin(None))
+            writers.append((writer.trial(), writer))
+        chosen = min(writers, key=lambda each: each[0])[1]
+        chosen.go_on(self._plan_of(number, None)[len(grid) :])
+        return chosen
+
     def _slack_keeps_order(self, tolerance: float | None) -> bool:
         """Whether the crossings of several isovalues stay in order if they are coded with slack (spec annex G.3).
 
         First digits cannot pass those of the isovalue that is used for prediction, so each isovalue must lie beyond all
         earlier ones.
         """
-        isovalues = self.file.series.isovalues
-        before = [isovalues[:i] for i in range(1, len(isovalues))]
-        outward = all(not min(b) < v < max(b) for b, v in zip(before, isovalues[1:], strict=True))
-        return len(isovalues) == 1 or (
-            not self.file.options.independent and outward and len(radices(tolerance)) <= 1
+        return len(self.file.series.isovalues) == 1 or (
+            not self.file.options.independent and self._keeps_order and len(radices(tolerance)) <= 1
         )
 
     def _layers(self, number: int, last: bool) -> Iterator[bytes]:
@@ -374,7 +590,6 @@ class GridFrame:
         if strand.within:
             promises = write_promises(Promises(strand.within, self.file.options.keep_topology))
             yield write_chunk(ChunkType.PROMISES, promises, ancillary=True)
-        program = replace(strand.progress.begin(None), lean_level=strand.progress.lean_level)
         done = 0
         while done < len(strand.layers):
             try:
@@ -386,11 +601,11 @@ class GridFrame:
                     "an adaptive layer of the plan omits new components of the field", code="plan",
                     remedy='("adapt", 1, mesh)',
                 ) from error
-            payload = write_program(strand.layers[done:end], program, strand.bits) + run
+            payload = strand.program(done, end) + run
             done = end
             ends = last and done == len(strand.layers)
             index = write_index(self.layers, self.records) if ends else b""
-            if len(index) * INDEX_SHARE > sum(s.run_bytes for s in self.strands):
+            if ends and len(index) * INDEX_SHARE > sum(s.run_bytes for s in self.strands):
                 index = b""
             yield write_chunk(ChunkType.LAYERS, payload, last=ends and not index)
             if index:
@@ -403,8 +618,24 @@ class GridFrame:
 
     def _done(self) -> None:
         if self.file.report:
-            waiting = len(self.file.series.isovalues) - len(self.strands)
-            self.file.report(len(self.records), len(self.layers) + waiting * len(self.strands[0].layers))
+            if self._by_levels:
+                self.file.report(len(self.records), sum(strand.planned for strand in self.strands))
+                return
+            waiting, last = len(self.file.series.isovalues) - len(self.strands), self.strands[-1]
+            self.file.report(
+                self._encoded + len(last.records),
+                self._announced + len(last.layers) + waiting * len(self.strands[0].layers),
+            )
+
+
+def _is_outward(isovalues: Sequence[float]) -> bool:
+    """Whether each isovalue lies beyond all earlier ones."""
+    low = high = isovalues[0]
+    for value in isovalues[1:]:
+        if low < value < high:
+            return False
+        low, high = min(low, value), max(high, value)
+    return True
 
 
 def _warn_of_memory(tubes: Sequence[Tube]) -> None:

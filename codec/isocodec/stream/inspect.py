@@ -16,7 +16,7 @@ from ..format.chunks import Envelope, LayerRecord, Promises, whole_bytes
 from ..format.coordinate_record import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
 from ..format.events import Event, FrameRead, IsovalueRead, LayerComplete
-from ..format.frames import first_operation, is_key
+from ..format.frames import is_key
 from ..format.header import Header, varint
 from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, read_program
@@ -28,6 +28,8 @@ from .session import Session
 
 POINTS = DomainKind.POINTS
 _NAMES = {t.value: t.name.lower() for t in ChunkType}
+_NAMED = 6
+"""Most isovalues that an error names."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +149,8 @@ class FileInfo:
         For a tiled file, the number of samples along each axis of a tile.
     tiles : tuple of int or None
         For a tiled file, the number of tiles along each axis.
+    turned : bool
+        Whether layers of several isovalues come in turn, so that these can only be decoded together.
     """
 
     version: int
@@ -173,6 +177,7 @@ class FileInfo:
     surface: TinHead | None = None
     tile: int | None = None
     tiles: tuple[int, ...] | None = None
+    turned: bool = False
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, or of the first if None.
@@ -187,14 +192,18 @@ class FileInfo:
         if isovalue not in self.isovalues:
             if not self.complete:
                 raise TruncatedError(f"the file ends before isovalue {isovalue!r} begins", code="truncated")
+            near = sorted(sorted(self.isovalues, key=lambda one: abs(one - isovalue))[:_NAMED])
+            others = f", and {len(self.isovalues) - len(near):,} others" if len(near) < len(self.isovalues) else ""
             raise OptionError(
                 f"the file has no isovalue {isovalue!r}", code="isovalue",
-                remedy=f"it has {', '.join(map(repr, self.isovalues))}",
+                remedy=f"it has {', '.join(map(repr, near))}{others}",
             )
         return self.isovalues.index(isovalue)
 
     def chain(self, number: int) -> frozenset[int]:
         """Numbers of all isovalues needed to decode one of them, in any frame."""
+        if self.turned:
+            return frozenset(range(len(self.isovalues)))
         out = {number}
         for leans in [self.leans, *(frame.leans for frame in self.frames)]:
             # an isovalue is predicted only from earlier ones
@@ -294,6 +303,7 @@ class _Survey:
             self._begun |= chunk.type == ChunkType.DOMAIN
         elif chunk.type == ChunkType.MASK:
             self.outline.begin_mask(at)
+        self.outline.begun |= chunk.type in LAYER_CHUNKS
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`."""
@@ -305,7 +315,7 @@ class _Survey:
             self.mask_bytes = there
             self.coded += there
         elif self._cells is None and chunk.type in LAYER_CHUNKS:
-            self._grid_layers(chunk, at, chunk.start + there)
+            self._grid_layers(chunk, chunk.start + there)
         elif chunk.type == ChunkType.LAYERS and there == chunk.end - chunk.start:
             self._mesh_layer(chunk)
         elif chunk.type == ChunkType.DOMAIN and self._cells == 2 and there and data[chunk.start] >> 4 == POINTS:
@@ -341,24 +351,33 @@ class _Survey:
         name, outline = _NAMES.get(chunk.type, f"unknown {chunk.type}"), self.outline
         self.chunks.append(ChunkInfo(name, at, behind - at, outline.frame, outline.number))
 
-    def _grid_layers(self, chunk: Envelope, at: int, end: int) -> None:
+    def _grid_layers(self, chunk: Envelope, end: int) -> None:
         """List the layers of a chunk as far as it has arrived."""
         outline, data = self.outline, self._session.data
-        operation = first_operation(data, chunk)
-        begun = None if operation is None else outline.begin_layers(data[operation], operation)
-        if begun is not None:
-            self.strands.begin(begun, at)
-        first = len(outline.layers)
-        run = _run_start(data, chunk, end, self.strands.progresses[-1], outline.layers)
-        if run is None:
-            return
+        plain: list[list[Layer]] = []
+        run = chunk.start
+        for number in outline.turn:
+            progress, lean = self.strands.progresses[number], outline.leans[number]
+            if outline.turned and lean is not None:
+                progress.lean_level = self.strands.progresses[lean].level
+            read = _program(data, chunk, end, progress)
+            outline.layered.add(number)
+            if read is None:
+                return
+            if plain and (read[1] != run or len(read[0]) != len(plain[0])):
+                raise FormatError("a program differs among the isovalues of a turn", code="program", offset=chunk.start,
+                                  clause="3.5.9")
+            plain.append(read[0])
+            run = read[1]
         self.coded += end - run
+        rounds = zip(*plain, strict=True)
+        found = [(number, layer) for each in rounds for number, layer in zip(outline.turn, each, strict=True)]
         if chunk.type == ChunkType.CUT_LAYERS:
-            count = len(outline.layers) - first
-            self.uncertain |= set(range(len(self.layers), len(self.layers) + count))
-        for i, layer in enumerate(outline.layers[first:]):
+            self.uncertain |= set(range(len(self.layers), len(self.layers) + len(found)))
+        for i, (number, layer) in enumerate(found):
+            outline.layers.append(layer)
             self.layers.append(LayerInfo(
-                layer.kind, layer.level, layer.plane, layer.parts, None if i else run, isovalue=outline.number,
+                layer.kind, layer.level, layer.plane, layer.parts, None if i else run, isovalue=number,
                 frame=outline.frame,
             ))
 
@@ -366,7 +385,6 @@ class _Survey:
         """List a layer of a file on a mesh."""
         head, begins = read_mesh_layer(bytes(self._session.data[chunk.start : chunk.end]), chunk.start)
         size, outline = chunk.end - chunk.start - begins, self.outline
-        outline.begun = True
         self.coded += size
         self.layers.append(LayerInfo(
             head.kind.name.lower(), -1, head.rounds, 0, chunk.start + begins, size, isovalue=outline.number,
@@ -444,7 +462,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         survey.chunks, outline.metadata, isovalues, leans, [one.topology for one in outline.promises[: len(isovalues)]],
         survey.mask_bytes if outline.masked else None, outline.interval,
         survey.strands.frames(outline.interval, session.at), _in_words(outline.coordinates), outline.domain,
-        kind, surface,
+        kind, surface, turned=outline.turned,
     )
 
 
@@ -477,20 +495,17 @@ def _promised(
     return out
 
 
-def _run_start(
-    data: bytes | bytearray, chunk: Envelope, end: int, progress: Progress, plain: list[Layer]
-) -> int | None:
+def _program(
+    data: bytes | bytearray, chunk: Envelope, end: int, progress: Progress
+) -> tuple[list[Layer], int] | None:
+    """Read the program of a chunk and where its run begins; None if more bytes are needed."""
     at = chunk.start
     if chunk.type == ChunkType.CUT_LAYERS:
         number = varint(data, at, end, "3.5.4")
         if number is None:
             return None
         at = number[1]
-    program = read_program(data, at, end, progress)
-    if program is None:
-        return None
-    plain += program[0]
-    return program[1]
+    return read_program(data, at, end, progress)
 
 
 def _with_index(records: Sequence[LayerRecord], layers: list[LayerInfo]) -> list[LayerInfo]:

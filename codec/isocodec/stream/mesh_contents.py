@@ -343,7 +343,7 @@ class MeshContents:
         self.outline.begun = True
         self._layers += 1
         if self._layers > LAYER_LIMIT:
-            raise FormatError(f"more than {LAYER_LIMIT} layers", code="layers", offset=start, clause="11.1")
+            raise FormatError(f"more than {LAYER_LIMIT:,} layers", code="layers", offset=start, clause="11.1")
         if self._layers > self.limits.layers:
             raise LimitError(f"more than {self.limits.layers} layers", code="limit-layers", clause="11.2")
         head, at = read_mesh_layer(payload, start)

@@ -32,7 +32,8 @@ from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
 from .container import ContainerEncoder, beginning
 from .mesh_contents import coordinates_of
-from .options import PROMISE, Options
+from .options import LEVELS, Options
+from .promises import PROMISE
 from .series import Series
 
 FINER = 3
@@ -160,7 +161,7 @@ class MeshFrames:
         yield from beginning(self.header, self._metadata)
         yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
         if self.series.interval is not None:
-            yield write_chunk(ChunkType.FRAME, write_interval(self.series.interval))
+            yield write_chunk(ChunkType.SERIES, write_interval(self.series.interval))
 
     def _frame(self, fields: Sequence[Samples], before: Sequence[MeshIsovalue]) -> Iterator[bytes]:
         """Yield the chunks of all isovalues of a frame."""
@@ -171,9 +172,9 @@ class MeshFrames:
             series.add(lean)
             coded = None if lean is None else lean.coded
             if frame:
-                yield write_chunk(ChunkType.FRAME, write_frame(coded, series.is_key(frame)))
+                yield write_chunk(ChunkType.FRAME, write_frame(number, coded, series.is_key(frame)))
             elif number:
-                yield write_chunk(ChunkType.ISOVALUE, write_further(value, coded))
+                yield write_chunk(ChunkType.ISOVALUE, write_further(number, value, coded))
             earlier = []
             then = before[number] if lean is not None and lean.before else None
             while lean is not None and not lean.before:
@@ -377,7 +378,7 @@ def _check_options(options: Options) -> None:
     precision = options.precision
     for name, given in (
         ("keep_topology", options.keep_topology), ("layers", not options.layers.default),
-        ("profile", options.entropy != Profile.MAIN),
+        ("profile", options.entropy != Profile.MAIN), (f"order {options.order!r}", options.order == LEVELS),
         (f"precision {precision.text!r}", precision.steps is not None or "," in precision.world),
     ):
         if given:

@@ -18,6 +18,7 @@ from ..field.units import distance_of
 from ..grid.layers.plan import Entry
 from ..search.tolerance import EXACT
 from .plan_file import CRITERIA, read_plan
+from .promises import STEP
 
 ProfileName: TypeAlias = Literal["main", "baseline"]
 """Profiles of entropy coding."""
@@ -34,13 +35,11 @@ DEFAULT_TOLERANCE = 0.05
 """Default distance, in cells, between decoded and extracted curve."""
 SEARCHED = 0.1
 """From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be coded anyway."""
-PROMISE = "promise"
-"""Name of the note with the distances that a file promises as they were asked for: ``4m,1m``."""
 COORDINATES_SHARE = 0.05
 """Coordinates of samples may take this share of a distance in the world, unless it is stated how precise they are."""
-STEP = "step="
-"""Prefix of a precision that is a step of values."""
 _CRITERIA = ("crossing", "topology", "curvature", "distortion", "level")
+LEVELS, ISOVALUES, INDEPENDENT = ORDERS = ("levels", "isovalues", "independent")
+"""Orders of the layers of several isovalues."""
 
 
 class EncodeOptions(TypedDict, total=False):
@@ -50,7 +49,7 @@ class EncodeOptions(TypedDict, total=False):
     keep_topology: bool
     profile: ProfileName
     layers: LayersGiven
-    independent: bool
+    order: str | None
     interval: int
     metadata: Mapping[str, str] | None
 
@@ -284,8 +283,8 @@ class Options:
     profile : str
         Entropy coding profile.
     layers : Layers
-    independent : bool
-        Whether isovalues and frames are coded without prediction from earlier ones.
+    order : str or None
+        Order of the layers of several isovalues, one of `ORDERS`; None: "levels" where possible, else "isovalues".
     interval : int
         Frames whose number is a multiple of this are key frames.
     metadata : mapping of str to str
@@ -296,7 +295,7 @@ class Options:
     keep_topology: bool = False
     profile: str = "main"
     layers: Layers = Layers()
-    independent: bool = False
+    order: str | None = None
     interval: int = 0
     metadata: Mapping[str, str] = field(default_factory=dict)
 
@@ -321,6 +320,8 @@ class Options:
             raise OptionError(
                 f"unknown profile {options.profile!r}", code="profile", remedy=f"choose one of: {names}"
             )
+        if options.order not in (None, *ORDERS):
+            raise OptionError(f"unknown order {options.order!r}", code="order", remedy=f"one of: {', '.join(ORDERS)}")
         options._check_combined()
         return options
 
@@ -332,6 +333,11 @@ class Options:
         if precision.steps is not None and not layers.default:
             raise OptionError(f"layers and precision {precision.text!r} cannot be combined", code="options",
                               remedy="choose one")
+
+    @property
+    def independent(self) -> bool:
+        """Whether isovalues and frames are coded without prediction from earlier ones."""
+        return self.order == INDEPENDENT
 
     @property
     def entropy(self) -> Profile:

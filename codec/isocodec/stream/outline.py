@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from isospec.container import ChunkType, Operation
+from isospec.container import ChunkType
 
 from ..errors import FormatError
 from ..format.chunks import (
@@ -16,6 +16,7 @@ from ..format.chunks import (
     read_index,
     read_metadata,
     read_promises,
+    read_turn,
 )
 from ..format.coordinate_record import CoordinatesRecord, read_coordinates
 from ..format.domain import DomainHead, read_domain
@@ -29,6 +30,7 @@ from ..format.events import (
     MetadataRead,
     PromisesRead,
     SeriesRead,
+    TurnRead,
 )
 from ..format.frames import FRAME_BEFORE, is_key, read_frame, read_interval
 from ..format.header import Header
@@ -38,9 +40,6 @@ REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
 """Critical chunks that a file on a mesh cannot have."""
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they arrive, as masks are; the others are read when they are complete."""
-
-_BASES = (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE, Operation.LEAF_BASE)
-"""Operations that begin the layers of an isovalue."""
 
 
 @dataclass
@@ -65,10 +64,14 @@ class Outline:
         For a series, the interval of key frames (see `SeriesRead`); None for a file without frames.
     frame, number : int
         The current frame and isovalue, whose layers are being read.
-    based : bool
-        Whether a chunk of layers of the current isovalue has begun with a base.
+    turn : range
+        Numbers of the isovalues that the next chunk of layers belongs to.
+    turned : bool
+        Whether a turn has been read.
+    layered, closed : set of int
+        Numbers of isovalues that have had layers since an isovalue began last, and of those that get none any more.
     begun : bool
-        For a mesh, whether a chunk of layers has been read.
+        Whether a chunk of layers has been read.
     coordinates : CoordinatesRecord or None
         Where the samples lie.
     shape : tuple of int
@@ -83,6 +86,7 @@ class Outline:
 
     isovalues: list[float] = field(default_factory=list)
     leans: list[int | None] = field(default_factory=list)
+    _begun: set[float] = field(default_factory=set, repr=False)
     promises: list[Promises] = field(default_factory=list)
     metadata: dict[str, str] = field(default_factory=dict)
     layers: list[Layer] = field(default_factory=list)
@@ -91,7 +95,10 @@ class Outline:
     interval: int | None = None
     frame: int = 0
     number: int = 0
-    based: bool = False
+    turn: range = range(0)
+    turned: bool = False
+    layered: set[int] = field(default_factory=set)
+    closed: set[int] = field(default_factory=set)
     begun: bool = False
     coordinates: CoordinatesRecord | None = None
     shape: tuple[int, ...] = ()
@@ -131,24 +138,6 @@ class Outline:
         event = None if reader is None else reader(self, payload, chunk.start, behind)
         return event or ChunkSkipped(behind, chunk.type, len(payload))
 
-    def begin_layers(self, operation: int, start: int) -> FrameRead | None:
-        """Record a chunk of layers; in a series, it begins a further isovalue if it begins with a base.
-
-        Parameters
-        ----------
-        operation : int
-            The first byte of its program, and the offset of that byte in the file.
-        start : int
-        """
-        if operation >> 4 & 7 not in _BASES:
-            return None
-        again, self.based = self.based, True
-        if self.interval is None or not again:
-            return None
-        event = self.begin_next(b"", start, start + 1)
-        self.based = True
-        return event
-
     def begin_next(self, payload: bytes, start: int, behind: int) -> FrameRead:
         """Begin the next isovalue of a series, in the current frame or the next one.
 
@@ -165,14 +154,19 @@ class Outline:
         if frame > self.frame:
             self.layers.clear()
             self.promises[:] = [Promises({}, False) for _ in self.promises]
-        self.frame, self.number, self.based = frame, number, False
+        self.frame, self.number = frame, number
+        self.turn = range(number, number + 1)
         before = lean == FRAME_BEFORE
         return FrameRead(behind, frame, number, number if before else lean, before)
 
     def _add(self, isovalue: float, lean: int | None) -> None:
         self.isovalues.append(isovalue)
+        self._begun.add(isovalue)
         self.leans.append(lean)
-        self.number, self.based = len(self.leans) - 1, False
+        self.number = len(self.leans) - 1
+        self.turn = range(self.number, self.number + 1)
+        self.closed |= self.layered
+        self.layered.clear()
         self.promises.append(Promises({}, False))
 
 
@@ -183,18 +177,33 @@ Reader = Callable[[Outline, bytes, int, int], Event | None]
 def _isovalue(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
     if outline.frame > 0:
         raise FormatError("a new isovalue after the first frame", code="frame", offset=start, clause="3.5.7")
-    isovalue, lean = read_further(payload, start, outline.isovalues)
+    isovalue, lean = read_further(payload, start, outline._begun)
     outline._add(isovalue, lean)
     return IsovalueRead(behind, len(outline.isovalues) - 1, isovalue, lean)
 
 
-def _frame(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
+def _turn(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
     if outline.interval is not None:
-        return outline.begin_next(payload, start, behind)
-    if outline.layers or outline.based or outline.begun:
-        raise FormatError("frames after layers", code="frame", offset=start, clause="3.5.7")
+        raise FormatError("a turn of isovalues in a series", code="turn", offset=start, clause="3.5.9")
+    turn = read_turn(payload, start, len(outline.isovalues))
+    if not outline.closed.isdisjoint(turn):
+        raise FormatError("a turn of an isovalue whose layers have ended", code="turn", offset=start, clause="3.5.9")
+    outline.turn, outline.turned = turn, True
+    return TurnRead(behind, turn.start, len(turn))
+
+
+def _series(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
+    if outline.begun or outline.turned or outline.interval is not None:
+        what = "a second chunk of series" if outline.interval is not None else "a series after layers"
+        raise FormatError(what, code="frame", offset=start, clause="3.5.7")
     outline.interval = read_interval(payload, start)
     return SeriesRead(behind, outline.interval)
+
+
+def _frame(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
+    if outline.interval is None:
+        raise FormatError("a frame in a file that is not a series", code="frame", offset=start, clause="3.5.7")
+    return outline.begin_next(payload, start, behind)
 
 
 def _metadata(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
@@ -231,7 +240,9 @@ def _domain(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
 
 READERS: Mapping[int, Reader] = {
     ChunkType.ISOVALUE: _isovalue,
+    ChunkType.SERIES: _series,
     ChunkType.FRAME: _frame,
+    ChunkType.TURN: _turn,
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,
     ChunkType.INDEX: _index,

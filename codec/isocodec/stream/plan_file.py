@@ -13,6 +13,9 @@ before; the finest level, the full grid, reaches every sample. Lines are
     A base on the mesh of the earlier isovalue that this one is predicted from.
 ``refine [ROUNDS]``
     Uniform rounds of refinement, one layer each; without a number, as many as lead to the full grid.
+``raster``
+    All signs that are not known yet, row by row, in one layer: for text, plots and other fields of two axes without
+    shapes to follow. It may also be the first layer.
 ``adapt CRITERION .. [same-components]``
     A layer that refines the mesh to one coarsened under criteria; with ``same-components`` it may add no component.
 ``values [BITS]``, ``values left=BITS``
@@ -96,8 +99,9 @@ def check_plan(
         Naming the line, and what would work instead.
     """
     ends: list[Progress] = []
+    nearest = nearest_before(isovalues)
     for number, isovalue in enumerate(isovalues):
-        lean = ends[nearest_before(isovalues, number)] if number and leaning else None
+        lean = ends[nearest[number]] if number and leaning else None
         progress = Progress(full_level, lean_level=-1 if lean is None else lean.level)
         for entry in plan[isovalue] if isinstance(plan, Mapping) else plan:
             _check(entry, progress)
@@ -112,10 +116,12 @@ def _check(entry: Entry, progress: Progress) -> None:
     argument, more = _number_at(entry, 1), _number_at(entry, 2) or 0
     if kind == LayerKind.OFFSETS:
         argument = (argument or 0) // 2
-    elif kind == LayerKind.LEAF_BASE:
+    elif kind in (LayerKind.LEAF_BASE, LayerKind.RASTER):
         argument = 0
     elif kind == LayerKind.VALUES and more:
         argument = max(progress.plane - more, 0)
+    if kind == LayerKind.REFINE and argument == 0:
+        raise OptionError(f"{where(entry)}0 rounds of refinement", code="plan", remedy=_remedy(kind, progress))
     try:
         layers = expand(kind.operation, argument or 0, argument is None, progress, more)
     except ValueError as error:
@@ -140,8 +146,8 @@ def _remedy(kind: LayerKind, progress: Progress) -> str:
             return "leaf-base needs an isovalue that is predicted from an earlier one"
         return f"give a level from 0 to {progress.full_level}"
     if progress.level < 0:
-        return "begin with base, adaptive-base or leaf-base"
-    if kind in (LayerKind.REFINE, LayerKind.ADAPT):
+        return "begin with base, adaptive-base, leaf-base or raster"
+    if kind in (LayerKind.REFINE, LayerKind.RASTER, LayerKind.ADAPT):
         if left == 0:
             return "leave it out: the mesh is already the full grid"
         return f"give at most {left} rounds, or omit the number to do all of them"
@@ -191,6 +197,12 @@ def _plain_base(at: Line, rest: list[str]) -> Sequence[object]:
     if rest:
         raise _wrong(at, "leaf-base takes no arguments")
     return (LayerKind.LEAF_BASE,)
+
+
+def _raster(at: Line, rest: list[str]) -> Sequence[object]:
+    if rest:
+        raise _wrong(at, "raster takes no arguments")
+    return (LayerKind.RASTER,)
 
 
 def _adaptive_base(at: Line, rest: list[str]) -> Sequence[object]:
@@ -263,6 +275,7 @@ _LINES: dict[str, Callable[[Line, list[str]], Sequence[object]]] = {
     "adaptive-base": _adaptive_base,
     "leaf-base": _plain_base,
     "refine": _counted(LayerKind.REFINE, "a number of rounds"),
+    "raster": _raster,
     "adapt": _adapt,
     "values": _values,
     "offsets": _offsets,

@@ -77,6 +77,8 @@ def _uniform_levels(plan: Sequence[Entry], full_level: int, lean_level: int) -> 
             level = full_level if number is None else number
         elif kind == LayerKind.LEAF_BASE:
             level = max(lean_level, 0)
+        elif kind == LayerKind.RASTER:
+            level = full_level
         elif kind == LayerKind.REFINE:
             level = full_level if number is None else level + number
         out.append(min(level, full_level))

@@ -11,8 +11,11 @@ from ..field.units import distance_of
 from ..format.kinds import LayerKind
 from ..grid.lattice.tables import cube_exponent
 from .inspect import FileInfo
-from .options import PROMISE, STEP
 
+PROMISE = "promise"
+"""Name of the note with the distances that a file promises as they were asked for: ``4m,1m``."""
+STEP = "step="
+"""Prefix of a precision that is a step of values."""
 SIGNS, EXACT = "all signs", "all values exactly"
 AT = " at "
 """Precedes, in the note of a surface, the isovalues whose contours it was made for."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -53,6 +54,7 @@ class Series:
         self.isovalues = list(isovalues)
         self.interval = interval
         self._leans: list[list[LeanOn | None]] = [[]]
+        self._nearest: list[int] = []
 
     @property
     def frame(self) -> int:
@@ -108,7 +110,9 @@ class Series:
             return None
         if not self.is_key(self.frame):
             return LeanOn(number, True)
-        return LeanOn(nearest_before(self.isovalues, number)) if number else None
+        if not self._nearest:
+            self._nearest = nearest_before(self.isovalues)
+        return LeanOn(self._nearest[number]) if number else None
 
     def chain(self, number: int, frame: int = 0) -> frozenset[int]:
         """Numbers of the isovalues, in any frame, that are needed to decode this one of a frame, itself included."""
@@ -121,6 +125,13 @@ class Series:
         return frozenset(found)
 
 
-def nearest_before(isovalues: Sequence[float], number: int) -> int:
-    """Number of the earlier isovalue in the file that lies nearest to this one."""
-    return min(range(number), key=lambda i: abs(isovalues[i] - isovalues[number]))
+def nearest_before(isovalues: Sequence[float]) -> list[int]:
+    """For each isovalue, the number of the earlier one in the file that lies nearest to it; -1 for the first."""
+    found: list[int] = []
+    sorted_before: list[tuple[float, int]] = []
+    for number, value in enumerate(isovalues):
+        place = bisect(sorted_before, (value, number))
+        beside = sorted_before[max(place - 1, 0) : place + 1]
+        found.append(min(beside, key=lambda one: (abs(one[0] - value), one[1]))[1] if beside else -1)
+        sorted_before.insert(place, (value, number))
+    return found

@@ -14,8 +14,7 @@ from ..format.header import Header, read_header
 from .container import beginning as beginning_of
 from .container import with_checksum
 from .inspect import FileInfo, inspect
-from .options import PROMISE
-from .promises import last_promise
+from .promises import PROMISE, last_promise
 
 ANCILLARY = 0x80
 """Bit of a chunk's head that marks it as ancillary, so that readers may skip it."""
@@ -76,6 +75,8 @@ def parts_of(data: bytes, what: str = "the file") -> Parts:
     assert found is not None
     if not info.complete or any(chunk.type == "cut_layers" for chunk in info.chunks):
         raise OptionError(f"{what} is not complete", code="splice", remedy="edit the whole file")
+    if info.turned:
+        raise OptionError(f"{what} has layers of several isovalues in turn", code="lean", remedy="keep all of them")
     if info.kind == "surface":
         raise OptionError(f"{what} holds a surface, which has no isovalues", code="splice")
     strands = [
@@ -185,13 +186,14 @@ def _joined(
     """Assemble the file from these chunks."""
     chunks = [*shared]
     if info.interval is not None:
-        chunks.append(write_chunk(ChunkType.FRAME, write_interval(info.interval)))
+        chunks.append(write_chunk(ChunkType.SERIES, write_interval(info.interval)))
     for f, strands in enumerate(frames):
         for i, strand in enumerate(strands):
             if f:
-                chunks.append(write_chunk(ChunkType.FRAME, write_frame(strand.lean, is_key(f, info.interval or 0))))
+                key = is_key(f, info.interval or 0)
+                chunks.append(write_chunk(ChunkType.FRAME, write_frame(i, strand.lean, key)))
             elif i:
-                chunks.append(write_chunk(ChunkType.ISOVALUE, write_further(strand.isovalue, strand.lean)))
+                chunks.append(write_chunk(ChunkType.ISOVALUE, write_further(i, strand.isovalue, strand.lean)))
             chunks += strand.chunks
     chunks[-1] = as_last(chunks[-1]) if chunks else write_chunk(ChunkType.METADATA, write_metadata({}), last=True)
     begun = beginning_of(replace(header, isovalue=frames[0][0].isovalue), metadata)

@@ -15,8 +15,7 @@ from ..format.program import write_program
 from ..limits import Limits
 from .decoder import Decoder
 from .inspect import FileInfo, inspect
-from .options import PROMISE
-from .promises import last_promise
+from .promises import PROMISE, last_promise
 from .surface_contents import write_surface
 
 _CLOSING = 24
@@ -166,10 +165,16 @@ def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
         )
     contents = decoder.grid
     run = contents.runs[-1]
-    kept = run.layers[: number - run.done]
-    payload = write_program(kept, run.before.copy(), contents.value_bits) + cut(contents.coder)
+    whole, part = divmod(number - run.done, len(run.turn))
+    kind, stated = ChunkType.LAYERS, b""
+    kept = write_program(run.layers[:whole], run.before.copy(), contents.value_bits)
+    if part:
+        # the last layer of some of the isovalues only
+        kind, stated = ChunkType.CUT_LAYERS, write_varint(contents.run_symbols)
+        kept = data[run.program_start : run.start]
+    payload = stated + kept + cut(contents.coder)
     mask = _later_mask(data, run.chunk_start)
-    chunks = write_chunk(ChunkType.LAYERS, payload, last=mask is None)
+    chunks = write_chunk(kind, payload, last=mask is None)
     if mask is not None:
         chunks += write_chunk(ChunkType.MASK, mask, last=True)
     return _closed(data[: run.chunk_start] + chunks)

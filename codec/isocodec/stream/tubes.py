@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import cast
 
+import numpy as np
+
+from ..entropy.range_coder import Coder
 from ..entropy.run import Account
 from ..errors import LimitError, OptionError
 from ..format.events import FrameRead
@@ -62,11 +66,56 @@ class Tubes:
         self._only = only
         self._frame = frame
         self._progresses_before: list[Progress] = []
+        self._header: Header | None = None
+        self._settled = 0
+        self._known: dict[int, tuple[int, int]] = {}
+        self._sum = np.zeros(2, np.int64)
+        self._at: int | None = None
+        self._layered: set[int] = set()
 
     @property
     def present(self) -> Tube | None:
-        """The tube of the isovalue whose layers are being read; None if it is skipped."""
-        return self.all[-1] if self.all and not self.past else None
+        """A tube of the isovalues whose layers are being read; None if they are skipped."""
+        if not self.all or self.past:
+            return None
+        turn = self._outline.turn
+        found = [self.all[number] for number in turn if number < len(self.all)]
+        if None in found and any(found):
+            raise OptionError("layers of isovalues in turn can only be decoded together", code="only")
+        return found[0] if found else None
+
+    @property
+    def turn(self) -> range:
+        """Numbers of the isovalues that the next chunk of layers belongs to."""
+        return self._outline.turn
+
+    def lean(self, number: int) -> int | None:
+        """Number of the isovalue of a turn that this one leans on, which may have had layers since this one began."""
+        return self._outline.leans[number] if self._outline.turned else None
+
+    def layered(self, number: int) -> None:
+        """A chunk of layers of an isovalue has begun."""
+        self._outline.layered.add(number)
+        self._layered.add(number)
+
+    def ready(self, number: int) -> Tube:
+        """The tube of an isovalue whose next layer begins; it is made anew if it was made before what it leans on."""
+        tube = self.all[number]
+        assert tube is not None and self._header is not None
+        self._outline.number = number
+        if number != self._at:
+            self._recount(number)
+            tube.limits = self._left(number)
+        if not tube.begun:
+            lean = self._outline.leans[number]
+            stale = tube.holes is not self.mask.holes or (
+                lean is not None and tube.lean is None and cast("Tube", self.all[lean]).level >= 0
+            )
+            if self._outline.frame == 0 and (stale or number < self._settled):
+                self._budget.release(tube, tube.estimates)
+                tube = self.all[number] = self._fresh(self._header, number, lean, coder=tube.coder)
+                self._recount(number)
+        return tube
 
     @property
     def past(self) -> bool:
@@ -87,8 +136,8 @@ class Tubes:
             raise LimitError(
                 f"more than {self._limits.isovalues} isovalues", code="limit-isovalues", offset=offset, clause="11.2"
             )
-        if self.present is not None:
-            self.present.rest()
+        self._settle()
+        self._header = header
         before = self.progresses[-1] if self.progresses else Progress(0)
         if not self._is_wanted(number):
             self.all.append(None)
@@ -107,13 +156,13 @@ class Tubes:
             if tube is not None and not self._is_wanted(number):
                 self._budget.release(tube, tube.estimates)
                 self.all[number] = None
+        self._forget()
 
     def begin_frame(self, header: Header, event: FrameRead) -> None:
         """Begin an isovalue of a further frame; the tubes of the previous frame are in ``before``."""
         if self.past:
             return
-        if self.present is not None:
-            self.present.rest()
+        self._settle()
         number, lean = event.number, event.lean
         if not self._is_wanted(number):
             self.all.append(None)
@@ -133,30 +182,59 @@ class Tubes:
         for tube in self.before:
             if tube is not None:
                 self._budget.release(tube, tube.estimates)
-        for tube in self.all:
-            if tube is not None:
-                tube.part()
+        self._settle()
         self.before[:], self._progresses_before = self.all, list(self.progresses)
         self.all.clear()
         self.progresses.clear()
+        self._forget()
+        self._sum[:] = sum((np.array(_size(tube)) for tube in self.before if tube), np.zeros(2, np.int64))
 
-    def _fresh(self, header: Header, number: int, lean: int | None, before: bool = False) -> Tube:
+    def _fresh(
+        self, header: Header, number: int, lean: int | None, before: bool = False, coder: Coder | None = None
+    ) -> Tube:
         """Make the tube of an isovalue, predicted from one of its frame or of the previous one, if any."""
         isovalues = self._outline.isovalues
         tubes = self.before if before else self.all
         earlier, other = (None, 0.0) if lean is None else (tubes[lean], isovalues[lean])
         return leaning_tube(
             header, isovalues[number], earlier, other, _ROOM, self._left(), budget=self._budget, holes=self.mask.holes,
-            frame=before,
+            frame=before, coder=coder,
         )
 
-    def _left(self) -> Limits:
-        """Limits for one more tube: all tubes of a file together must stay within the limits of one."""
-        whole, tubes = self._limits, [tube for tube in (*self.before, *self.all, self.mask.tube) if tube]
-        return replace(
-            whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),
-            simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),
-        )
+    def _left(self, number: int | None = None) -> Limits:
+        """Limits for one more tube, or for one that goes on: all of a file together stay within the limits of one."""
+        self._recount(self._at)
+        mask = self.mask.tube
+        held = self._sum - self._known.get(-1 if number is None else number, (0, 0)) + (_size(mask) if mask else 0)
+        vertices, simplices = np.maximum((self._limits.vertices, self._limits.simplices) - held, 0).tolist()
+        return replace(self._limits, vertices=vertices, simplices=simplices)
+
+    def _recount(self, number: int | None) -> None:
+        """Count what the tube holds whose layers came so far; those of another isovalue come from now on."""
+        for at in {self._at, number} - {None}:
+            assert at is not None
+            tube = self.all[at] if at < len(self.all) else None
+            size = _size(tube) if tube else (0, 0)
+            self._sum += np.subtract(size, self._known.get(at, (0, 0)), dtype=np.int64)
+            self._known[at] = size
+        self._at = number
+
+    def _forget(self) -> None:
+        """Count nothing: a further frame begins."""
+        self._settled, self._at = 0, None
+        self._known.clear()
+        self._layered.clear()
+        self._sum[:] = 0
+
+    def _settle(self) -> None:
+        """Let the isovalues rest to which no further layers come, and those that have none yet."""
+        for number in {*self._layered, *range(self._settled, len(self.all))}:
+            tube = self.all[number]
+            if tube is not None:
+                tube.rest()
+        self._layered.clear()
+        self._settled = len(self.all)
+        self._recount(None)
 
     def begin_mask(self, header: Header, offset: int) -> None:
         """Begin the chunk of the mask."""
@@ -166,8 +244,8 @@ class Tubes:
     def end_mask(self, header: Header) -> None:
         """Use the complete mask for isovalues whose layers have not begun."""
         self.mask.end()
-        present = self.present
-        if present is not None and present.level < 0 and not present.running:
-            self._budget.release(present, present.estimates)
-            number = len(self.all) - 1
-            self.all[-1] = self._fresh(header, number, self._outline.leans[number])
+
+
+def _size(tube: Tube) -> tuple[int, int]:
+    """Vertices and simplices of a tube."""
+    return tube.vertices, tube.simplices

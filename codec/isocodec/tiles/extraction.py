@@ -68,9 +68,11 @@ class Extract:
         found = [self._file.tiles([index], number, len(head.stages) - 1)[0] for number in numbers]
         if any(kind != Kind.CODED for _, kind, _, _ in found):
             return None
-        _, _, mask, segments = found[0]
-        for number, (_, _, _, own) in zip(numbers[1:], found[1:], strict=True):
-            segments = [*segments, write_chunk(ChunkType.ISOVALUE, write_further(head.isovalues[number], None)), *own]
+        _, _, mask, first = found[0]
+        segments = [*first]
+        for place, (number, (_, _, _, own)) in enumerate(zip(numbers[1:], found[1:], strict=True), start=1):
+            further = write_further(place, head.isovalues[number], None)
+            segments += [write_chunk(ChunkType.ISOVALUE, further), *own]
         return plain(head, index, numbers[0], mask, segments, last_promise(self.notes))
 
     def sources(self, numbers: Sequence[int]) -> list[Source]:

@@ -17,20 +17,19 @@ from isospec.container import (
     Profile,
     write_varint,
 )
+from isospec.container import TILED_SIGNATURE as SIGNATURE
 
 from ..errors import FormatError, InputError, TruncatedError
 from ..format.chunks import write_metadata
-from ..format.header import write_isovalue
+from ..format.header import HEAD_BYTES, write_isovalue
 from .layout import TileGrid
 from .numbers import Reader, wrong
 from .structure import (
     EXPONENTS,
     FIXED_BYTES,
-    HEAD_BYTES,
     MOST_IN_BLOCK,
     MOST_SIDE,
     MOST_STAGES,
-    SIGNATURE,
     Head,
     Root,
     Stage,

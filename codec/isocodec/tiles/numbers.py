@@ -58,7 +58,7 @@ class Reader:
     def isovalue(self) -> float:
         """Read an isovalue: its kind, and the number."""
         kind = self.byte()
-        if kind not in IsovalueKind.__members__.values():
+        if kind > max(IsovalueKind):
             raise wrong("unknown kind of isovalue", "isovalue", self.at - 1, "12.3")
         found = read_isovalue(self.data, self.at, self.end, kind)
         if found is None:

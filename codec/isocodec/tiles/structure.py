@@ -9,13 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import TILED_SIGNATURE as SIGNATURE
 from isospec.container import Profile
 
 from .layout import TileGrid
 
-HEAD_BYTES = 1 << 14
-"""Largest size, in bytes, of head and root directory together."""
 FIXED_BYTES = 8
 """Signature, versions, flags and length of the head."""
 EXPONENTS = range(5, 21)
@@ -180,11 +177,6 @@ class TileStrand:
 
 Leaf = list[TileStrand]
 """A leaf directory: the strand of the mask, if there is one, then those of the isovalues."""
-
-
-def is_tiled(data: object) -> bool:
-    """Whether these are the first bytes of a tiled file."""
-    return isinstance(data, bytes | bytearray | memoryview) and bytes(data[: len(SIGNATURE)]) == SIGNATURE
 
 
 def groups_of(lengths: NDArray[np.int64]) -> NDArray[np.int64]:

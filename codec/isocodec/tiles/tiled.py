@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from isospec.container import ChunkType
 
 from ..drawing.contour import Contour
+from ..drawing.window import bounds_of, clipped
 from ..errors import LimitError, OptionError
 from ..field.placement import read_placement
 from ..format.chunks import write_chunk, write_metadata
-from ..format.header import Header, write_header
+from ..format.header import HEAD_BYTES, Header, write_header
 from ..limits import Limits
 from ..storage.ranges import Fetch, Pieces, Range
 from ..stream.container import with_checksum
-from ..stream.recoder import bounds_of, clipped
 from ..stream.shared_limits import Shared
 from .closing import TilePart
 from .head import read_head
@@ -27,7 +27,7 @@ from .joining import joined
 from .layout import Index
 from .leaf import read_leaf, sizes_of
 from .numbers import wrong
-from .structure import HEAD_BYTES, Head, Kind, Leaf, TileStrand
+from .structure import Head, Kind, Leaf, TileStrand
 
 KEPT = 1 << 24
 """Number of bytes of the file, and of what its directories take, that are kept for further windows."""

@@ -1,5 +1,6 @@
 /** Bases: origin, components, localisation, traversal (5.3, 5.8.1 to 5.8.3, 5.9.4). */
-import { COMPONENT, CURVE, FIRST, HOLE, LEVEL, LEVEL_PATH, ORIGIN, PATH, ROOT, SEED, SURFACE } from "./models.js";
+import { COMPONENT, CURVE, FIRST, LEVEL, LEVEL_PATH, ORIGIN, PATH, ROOT, SEED, SURFACE } from "./models.js";
+import { coordinates, places, sorted } from "./order.js";
 import { Trail } from "./parabola.js";
 import { EXPLICIT, KNOWN, OUT, SIGN, Ints } from "./store.js";
 import type { Pass, Tube } from "./tube.js";
@@ -44,6 +45,21 @@ class Visited {
   private put(d: Int32Array, i: number): void {
     this.table[this.slot(d[4 * i]!, d[4 * i + 1]!, d[4 * i + 2]!, d[4 * i + 3]!, this.table)] = i + 1;
   }
+}
+
+/** Leaves as seeds: by level, by the order of their middles, of unit cells by that of their lowest corners, by their vertices (5.9.4(2)). */
+function seedsOf({ leaves: { data: d, length }, grid, n }: Tube): Uint32Array {
+  const count = length / 4, levels = new Uint32Array(count), at = new Int32Array(3 * count), sums = new Int32Array(3 * count);
+  for (let i = 0; i < count; i++) {
+    const level = (levels[i] = d[4 * i]! >> 8), cls = d[4 * i]! & 255, { middle, off } = grid.phases[level % n]!;
+    const g = grid.edge(level) / 2;
+    for (let a = 0; a < 3; a++) {
+      const from = d[4 * i + 1 + a]!;
+      at[3 * i + a] = Math.floor((from + middle[3 * cls + a]! * g) / Math.max(g, 1));
+      for (let j = 0; j <= n; j++) sums[3 * i + a]! += from + off[12 * cls + 3 * j + a]! * g;
+    }
+  }
+  return sorted(count, [levels, ...places(n, at), ...coordinates(sums)]);
 }
 
 export class Base {
@@ -218,8 +234,9 @@ export class Base {
   }
 
   private *seeds(): Pass {
-    const { t } = this, { data, length } = t.lean!.leaves;
-    for (let i = 0; i < length; i += 4) {
+    const { t } = this, { data } = t.lean!.leaves;
+    for (const row of seedsOf(t.lean!)) {
+      const i = 4 * row;
       this.set(data[i]! >> 8, data[i]! & 255, data[i + 1]!, data[i + 2]!, data[i + 3]!);
       t.meter.step(4);
       for (let j = 0; j <= t.n; j++) {
@@ -252,18 +269,18 @@ export class Base {
       const { list, ends } = found;
       for (let i = 3; i < list.length; i += 3) {
         if (!(t.store.get(list[i]!, list[i + 1]!, list[i + 2]!) & OUT)) continue;
-        if (i >= ends[1]!) t.mark(x, y, z, OUT);
+        if (i >= ends[1]!) t.leave(x, y, z);
         return 0;
       }
     } else {
-      t.mark(x, y, z, OUT);
+      t.leave(x, y, z);
       return 0;
     }
     const bit = t.main ? t.main.question(what, level, x, y, z, this.before, context) : t.coder.bit(context);
     if (bit < 0) return bit;
     this.before = 2 * (this.before & 1) + bit;
     if (bit) t.add(found);
-    else t.mark(x, y, z, OUT);
+    else t.leave(x, y, z);
     return bit;
   }
 
@@ -339,12 +356,11 @@ export class Base {
       }
       if (this.kind === ADAPTIVE && level < grid.full) {
         const w = this.middle();
-        t.mark(w[0], w[1], w[2], OUT);
+        t.leave(w[0], w[1], w[2]);
       }
       const [vx, vy, vz] = this.vertex(o), known = t.see(vx, vy, vz), r = level % n, c = grid.edge(level);
       const earlier = t.earlier(vx, vy, vz);
       let predicted: number, context: number, kase: number, gx = 0, gy = 0;
-      const hole = t.missing(vx, vy, vz);
       if (n === 2) {
         if (!this.turned && stack.data[stack.length - 1] === 1 && t.leaves.length / 4 - 1 !== this.first) {
           this.turned = true;
@@ -355,7 +371,7 @@ export class Base {
         const [jx, jy] = this.vertex(j);
         gx = ix + jx;
         gy = iy + jy;
-        const result = trail.choose(true, c, gx, gy, vx + ix, vy + iy, vx + jx, vy + jy);
+        const result = trail.choose(c, gx, gy, vx + ix, vy + iy, vx + jx, vy + jy);
         predicted = result < 0 ? 1 - signI : signI;
         kase = 4 * Math.abs(result) + this.history;
         context = CURVE + kase;
@@ -387,12 +403,11 @@ export class Base {
       let sign: number, bit: number;
       if (known & KNOWN) {
         sign = known & SIGN ? 1 : 0;
-        coder.update(hole ? HOLE + this.history : context, sign === predicted ? 1 : 0);
+        coder.update(context, sign === predicted ? 1 : 0);
       } else {
         sign = t.follows(earlier, vx, vy, vz);
         if (sign < 0) {
-          if (hole) context = HOLE + this.history;
-          else if (earlier >= 0) context += ((earlier & 1) === predicted ? 2 : 1) * (n === 2 ? 16 : 192);
+          if (earlier >= 0) context += ((earlier & 1) === predicted ? 2 : 1) * (n === 2 ? 16 : 192);
           const at = [vx, vy, vz] as const;
           while ((bit = t.main ? t.main.sign(level, cls, x, y, z, o, predicted, kase, earlier, context, at) : coder.bit(context)) < 0)
             yield;

@@ -16,7 +16,7 @@ export interface Contents {
 /** Takes an ancillary chunk, its checksums verified; false if it means nothing. */
 export type Note = (type: number, payload: Uint8Array, bytes: number) => boolean;
 
-const CRITICAL = [1, 2, 5, 7, 9, 10];
+const CRITICAL = [1, 2, 5, 7, 9, 10, 11, 13];
 
 export function* readChunks(s: Session, contents: Contents, note: Note): Steps {
   const { r, meter } = s;

@@ -4,7 +4,7 @@ import type { Decoder } from "./decoder.js";
 import { apart, Crossings, EdgeIndex, leafVertices } from "./edges.js";
 import type { GridFile } from "./gridfile.js";
 import { cutOut } from "./holes.js";
-import { ADDED, KNOWN, NEW, OLD, SIGN } from "./store.js";
+import { Cells, KNOWN, SIGN } from "./store.js";
 import { Leaves, type Tube } from "./tube.js";
 
 /** A contour: curves (n = 2) or a surface (n = 3). */
@@ -42,25 +42,39 @@ class List {
   }
 }
 
-/** Leaves that are drawn at the moment (9.1(1)). */
-function drawnLeaves(t: Tube): Leaves {
-  const round = t.round;
-  if (!round) return t.leaves;
-  const drawn = new Leaves(t.meter), d = t.leaves.data, { middle } = t.grid.phases[round.level % t.n]!;
-  const g = t.grid.edge(round.level) / 2;
-  for (let i = round.turn; i < t.leaves.length; i += 4) {
-    const level = d[i]! >> 8, cls = d[i]! & 255, x = d[i + 1]!, y = d[i + 2]!, z = d[i + 3]!;
-    if (level === round.level) {
-      const wx = x + middle[3 * cls]! * g, wy = y + middle[3 * cls + 1]! * g, wz = z + middle[3 * cls + 2]! * g;
-      const marks = t.store.get(wx, wy, wz);
-      if (round.adaptive ? (marks & (ADDED | OLD)) === ADDED && t.see(wx, wy, wz) & KNOWN : t.see(wx, wy, wz) & NEW)
-        continue;
+/** During a raster layer: the simplices found so far, and the leaves of the mesh before that lie behind them. */
+function inRaster(t: Tube, row: number, next: Leaves): Leaves {
+  const drawn = new Leaves(t.meter), p = new Int32Array(12);
+  for (const leaves of [t.leaves, next])
+    for (let l = 0; l < leaves.length / 4; l++) {
+      leafVertices(t, leaves, l, p);
+      const [key, x, y, z] = leaves.data.subarray(4 * l, 4 * l + 4) as unknown as [number, number, number, number];
+      if (leaves === next || Math.min(p[0]!, p[3]!, p[6]!) >= row) drawn.add(key >> 8, key & 255, x, y, z);
     }
-    drawn.add(level, cls, x, y, z);
+  return drawn;
+}
+
+/** A tube with the leaves that are drawn at the moment: in a round the middles that have come are bisected, in a copy (9.1(1)). */
+function atPresent(t: Tube): Tube {
+  const { round, raster, grid, n, meter, leaves } = t;
+  if (raster) return Object.assign(t.copy(), { leaves: inRaster(t, raster.row, raster.next) });
+  if (!round) return t;
+  const { level, active: { data: active }, coded } = round, drawn = t.copy(), side = 2 ** grid.k + 1;
+  const bisected = new Cells(meter, side, side, n === 2 ? 1 : side), own = (drawn.leaves = new Leaves(meter)), next = new Leaves(meter);
+  for (let i = 0; i < coded; i += 4) {
+    if (active[i + 3]) bisected.add(active[i]!, active[i + 1]!, active[i + 2]!);
+    drawn.bisectActive({ ...round, next }, i);
   }
-  for (let i = 0; i < round.next.length; i += 4)
-    drawn.add(round.next.data[i]! >> 8, round.next.data[i]! & 255, round.next.data[i + 1]!, round.next.data[i + 2]!,
-      round.next.data[i + 3]!);
+  const g = grid.edge(level) / 2, { middle } = grid.phases[level % n]!;
+  const add = ({ data: d, length }: Leaves, stays: (cls: number, x: number, y: number, z: number) => boolean): void => {
+    for (let i = 0; i < length; i += 4) {
+      const cls = d[i]! & 255, x = d[i + 1]!, y = d[i + 2]!, z = d[i + 3]!;
+      if (d[i]! >> 8 !== level || stays(cls, x, y, z)) own.add(d[i]! >> 8, cls, x, y, z);
+    }
+  };
+  add(leaves, (cls, x, y, z) =>
+    !bisected.find(x + middle[3 * cls]! * g, y + middle[3 * cls + 1]! * g, z + middle[3 * cls + 2]! * g));
+  for (const made of [round.next, next]) add(made, () => true);
   return drawn;
 }
 
@@ -179,7 +193,7 @@ class Points {
 
 /** The contour of an isovalue as it is known at the moment, in a series that of the present frame or of another one. */
 export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.length - 1, ends = false): Drawing {
-  const { grid, domain, meter, meter: { memory } } = decoder;
+  const { grid, domain, meter, meter: { memory, vertices, blocks } } = decoder;
   try {
     if (domain) return domain.draw(isovalue, frame);
     const contour = grid?.series.frames[frame]?.[isovalue];
@@ -188,11 +202,13 @@ export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.leng
   } finally {
     // what drawing took is no part of the state
     meter.memory = memory;
+    meter.vertices = vertices;
+    meter.blocks = blocks;
   }
 }
 
-function drawn(file: GridFile, t: Tube, ends: boolean): Drawing {
-  const { n, grid } = t, leaves = drawnLeaves(t), { missing, periodic } = file;
+function drawn(file: GridFile, tube: Tube, ends: boolean): Drawing {
+  const t = atPresent(tube), { n, grid, leaves } = t, { missing, periodic } = file;
   const full = (t.baseDone && t.onFullGrid) || (n === 3 && wholeCubes(t, leaves));
   const whole = missing ? (x: number, y: number, z: number): boolean => {
     for (let i = 0; i < 1 << n; i++) if (missing.missing(x + (i & 1), y + ((i >> 1) & 1), z + (i >> 2))) return false;

@@ -1,4 +1,5 @@
 /** Edges that leaves cross, which of them are implied, and which are sent (5.7.2). */
+import { edgesInOrder } from "./order.js";
 import { SIGN, type Ints } from "./store.js";
 import type { Tube } from "./tube.js";
 
@@ -34,6 +35,12 @@ export class EdgeIndex {
     if (ax - bx || ay - by ? ax > bx || (ax === bx && ay > by) : az > bz)
       return this.table[this.slot(bx, by, bz, ax, ay, az)]! - 1;
     return this.table[this.slot(ax, ay, az, bx, by, bz)]! - 1;
+  }
+
+  /** Their numbers in order: by the lower ends, those of one by the upper ends lexicographically (5.7.2). */
+  inOrder(): Uint32Array {
+    const { count } = this, ends = this.ends.subarray(0, 6 * count);
+    return edgesInOrder(this.t.n, ends);
   }
 
   add(ax: number, ay: number, az: number, bx: number, by: number, bz: number): number {
@@ -80,11 +87,11 @@ export function leafVertices(t: Tube, leaves: Ints, i: number, p: Int32Array): n
 /** The ring of an implied edge: positions, three coordinates each. */
 type Ring = Int32Array;
 
-/** All edges that some leaves cross, in the order of 5.7.2(3), with the rings of those that are implied. */
+/** All edges that some leaves cross, with the rings of those that are implied. */
 export class Crossings {
   readonly index: EdgeIndex;
   readonly rings: (Ring | undefined)[] = [];
-  /** For n = 2: the edges of each leaf, two each, and the leaves of each edge, two each (-1: none). */
+  /** For n = 2: the edges of each leaf, two each; the leaves of each edge, two each, that with the lesser sum of vertices first (-1: none). */
   leafEdges = new Int32Array(0);
   edgeLeaves: number[] = [];
 
@@ -93,9 +100,12 @@ export class Crossings {
     const p = new Int32Array(12), whole: number[][] = [], squares: number[][] = [];
     meter.take(leaves.length * 16);
     if (n === 2) this.leafEdges = new Int32Array(2 * count).fill(-1);
+    const sums = new Int32Array(n === 2 ? 2 * count : 0);
+    const before = (l: number, m: number): boolean => (sums[2 * l]! - sums[2 * m]! || sums[2 * l + 1]! - sums[2 * m + 1]!) < 0;
     for (let l = 0; l < count; l++) {
       const signs = leafVertices(t, leaves, l, p), level = leaves.data[4 * l]! >> 8, r = level % n, d = n - r;
       meter.step(8);
+      if (n === 2) for (let i = 0; i < 6; i++) sums[2 * l + (i & 1)]! += p[3 * (i >> 1) + (i & 1)]!;
       let sides = 0;
       for (let i = 0; i < n; i++) for (let j = i + 1; j <= n; j++) {
         if (!(((signs >> i) ^ (signs >> j)) & 1)) continue;
@@ -104,8 +114,9 @@ export class Crossings {
           this.leafEdges[2 * l + sides++] = id;
           this.edgeLeaves[2 * id] ??= -1;
           this.edgeLeaves[2 * id + 1] ??= -1;
-          if (this.edgeLeaves[2 * id]! < 0) this.edgeLeaves[2 * id] = l;
-          else if (this.edgeLeaves[2 * id + 1]! < 0) this.edgeLeaves[2 * id + 1] = l;
+          const other = this.edgeLeaves[2 * id]!;
+          if (other >= 0) this.edgeLeaves[2 * id + 1] = before(l, other) ? other : l;
+          if (other < 0 || before(l, other)) this.edgeLeaves[2 * id] = l;
         }
         if (i === 0 && j === d && r !== (n === 2 ? 2 : 1)) (whole[id] ??= []).push(l);
         if (n === 3 && ((r === 0 && j === i + 2) || (r === 1 && i === 0 && j === 2)))

@@ -28,6 +28,7 @@ export type IsoEvent =
   | { type: "header"; bytes: number; header: Header }
   | { type: "layer"; bytes: number; kind: LayerKind; number: number; frame: number; isovalue: number; level: number }
   | { type: "isovalue"; bytes: number; index: number; isovalue: number; lean: number | undefined }
+  | { type: "turn"; bytes: number; first: number; count: number }
   | { type: "series"; bytes: number; interval: number }
   | { type: "frame"; bytes: number; frame: number; index: number; isovalue: number; lean: FrameLean }
   | { type: "domain"; bytes: number; kind: "known" | "coded" | "delaunay" | "surface" }

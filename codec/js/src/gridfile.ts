@@ -4,7 +4,7 @@ import { type CoordinateChunk, readCoordinates } from "./coordinates.js";
 import type { Header } from "./events.js";
 import { Grid } from "./grid.js";
 import type { MainProfile } from "./main/profile.js";
-import { Progress, readProgram } from "./program.js";
+import { type Layer, Progress, readProgram } from "./program.js";
 import type { Steps } from "./reader.js";
 import { Series } from "./series.js";
 import type { Session } from "./session.js";
@@ -14,6 +14,7 @@ import { type Missing, type Pass, Tube } from "./tube.js";
 /** One isovalue of a file. */
 export interface Contour {
   isovalue: number;
+  lean: Contour | undefined;
   strand: Strand;
   progress: Progress;
 }
@@ -36,8 +37,9 @@ export class GridFile implements Contents, Engine {
       begin: (isovalue, lean, framed) => {
         const strand = this.engine.strand(isovalue, lean?.strand, framed);
         if (this.missing) strand.masked(this.missing, this.mask!);
-        return { isovalue, strand, progress: new Progress(this.grid.full, lean?.progress) };
+        return { isovalue, lean: framed ? undefined : lean, strand, progress: new Progress(this.grid.full, lean?.progress) };
       },
+      rest: ({ strand }) => strand.rest(),
       finish: ({ strand, progress }) => {
         strand.finish();
         progress.lean = undefined;
@@ -51,10 +53,20 @@ export class GridFile implements Contents, Engine {
     return this.place?.periodic ?? [];
   }
 
-  strand(isovalue: number, lean: Strand | undefined, framed: boolean): Strand {
+  strand(isovalue: number, lean: Strand | undefined, framed: boolean, own?: Strand): Strand {
     const { meter, coder } = this.s;
     meter.take(65536);
-    return new Passes(new Tube(this.grid, meter, coder, this.main, isovalue, this.header.scale !== undefined, lean?.tube, framed), coder);
+    const scaled = this.header.scale !== undefined;
+    return new Passes(new Tube(this.grid, meter, coder, this.main, isovalue, scaled, lean?.tube, framed, own?.tube), coder);
+  }
+
+  /** The strand of an isovalue whose next layer begins; made anew if what it leans on has begun since. */
+  private ready(contour: Contour): Strand {
+    const { strand, lean, isovalue } = contour;
+    if (strand.tube.hasBase || (!strand.resting && (!lean || strand.tube.lean !== undefined || !lean.strand.tube.hasBase))) return strand;
+    contour.strand = this.engine.strand(isovalue, lean?.strand, false, strand);
+    if (this.missing) contour.strand.masked(this.missing, this.mask!);
+    return contour.strand;
   }
 
   expect(type: number): void {
@@ -74,6 +86,8 @@ export class GridFile implements Contents, Engine {
     const { series, s } = this;
     if (type === 5) yield* series.another(stop, bytes);
     else if (type === 9) yield* series.frame(payload, stop, bytes);
+    else if (type === 13) yield* series.series(stop, bytes);
+    else if (type === 11) yield* series.turns(stop, bytes);
     else if (type === 10) throw s.r.error("3.5.8", "a domain in a file of a grid");
     else if (type === 7) {
       const mask = this.mask!, { tube } = mask;
@@ -93,23 +107,35 @@ export class GridFile implements Contents, Engine {
 
   private *layers(most: number): Steps {
     const { series, s, s: { r } } = this;
-    if (series.begun && r.at < r.stop && series.last.progress.uniform >= 0) {
-      // a base begins the next isovalue, if the present one has had one
-      yield* r.need(1);
-      if ([0, 4, 5, 7].includes((r.input.data[r.at]! >> 4) & 7)) series.next(undefined, r.offset + 1);
-    }
-    const { strand, progress } = series.last;
-    progress.begun = true;
-    const program = yield* readProgram(r, progress, s.planned);
-    s.planned += program.length;
-    const run = strand.run(r.at, r.stop - r.at, most);
-    for (const layer of program) {
-      if (!(yield* this.steps(strand.begin(layer, progress.bits), run))) break;
-      const level = strand.completed();
-      s.layer(r.offset + run.used, layer.kind, series.frames.length - 1, series.contours.length - 1, level);
-      yield;
+    const [first, count] = series.turn, turn = series.contours.slice(first, first + count), programs = yield* this.programs(turn);
+    for (let i = first; i < first + count; i++) series.fresh.add(i);
+    let run = this.ready(turn[0]!).run(r.at, r.stop - r.at, most);
+    decoding: for (const k of programs[0]!.keys()) {
+      for (const [i, contour] of turn.entries()) {
+        const strand = this.ready(contour), layer = programs[i]![k]!;
+        run = strand.goOn(run);
+        if (!(yield* this.steps(strand.begin(layer, contour.progress.bits), run))) break decoding;
+        s.layer(r.offset + run.used, layer.kind, series.frames.length - 1, first + i, strand.completed());
+        yield;
+      }
     }
     yield* s.finish(run);
+  }
+
+  /** The program of a chunk, as it applies to each isovalue of its turn (3.5.9). */
+  private *programs(turn: Contour[]): Steps<Layer[][]> {
+    const { s, s: { r } } = this, start = r.at, found: Layer[][] = [];
+    let end = 0;
+    for (const { progress } of turn) {
+      progress.begun = true;
+      r.at = start;
+      const program = yield* readProgram(r, progress, s.planned);
+      if (found.length && (r.at !== end || program.length !== found[0]!.length)) throw r.error("3.5.9", "a program differs among the isovalues of a turn");
+      end = r.at;
+      s.planned += program.length;
+      found.push(program);
+    }
+    return found;
   }
 
   private *readMask(): Steps {

@@ -11,7 +11,6 @@ export function* readHeader(r: Reader): Steps<Header> {
   if ((version & 15) > 0) throw r.error("3.3.1", "a later version of the format");
   if ((flags & 3) > 1) throw r.error("3.3.2", "an unknown profile");
   const kind = (flags >> 3) & 3, n = 2 + ((flags >> 2) & 1), explicit = (flags & 128) !== 0;
-  if (kind === 3) throw r.error("3.3.4", "an unknown kind of isovalue");
   if (explicit && (flags & 67) !== 1) throw r.error("3.3.2", "flags that exclude one another");
   const shape: number[] = [];
   for (let a = 0; !explicit && a < (flags & 64 ? 1 : n); a++) {

@@ -26,26 +26,29 @@ export class Kernels {
     const shared: Shared = { m, meter, input, grid, coders: new Coders(m, grid.n, main?.of(grid.n)), states: new States(m, meter, grid), finished: [] };
     let before: CompiledStrand[] = [];
     return {
-      strand: (isovalue, lean, framed) => {
+      strand: (isovalue, lean, framed, own) => {
         if (shared.finished.length) {
           // another frame begins: the last one stays, the one before goes unless it is wanted
           if (!s.keepFrames) before.forEach((each) => each.drop());
           [before, shared.finished] = [shared.finished, []];
         }
-        return strand(shared, scaled, isovalue, lean as CompiledStrand | undefined, framed);
+        return strand(shared, scaled, isovalue, lean as CompiledStrand | undefined, framed, own as CompiledStrand | undefined);
       },
     };
   }
 }
 
-function strand(shared: Shared, scaled: boolean, isovalue: number, lean: CompiledStrand | undefined, framed: boolean): Strand {
+function strand(shared: Shared, scaled: boolean, isovalue: number, lean: CompiledStrand | undefined, framed: boolean,
+                own: CompiledStrand | undefined): Strand {
   let leaning: Leaning | undefined;
   if (lean?.begun) {
     const shift = scaled || framed ? undefined : BigInt(Math.floor(isovalue)) - BigInt(Math.floor(lean.isovalue));
     const near = shift !== undefined && shift < MOST_SHIFT && shift > -MOST_SHIFT;
     leaning = { on: lean, shift: near ? Number(shift) : undefined, side: framed ? FRAME : isovalue > lean.isovalue ? 1 : -1 };
   }
-  return new CompiledStrand(shared, isovalue, scaled, lean, framed, leaning);
+  // the models of an isovalue without layers are those of the ones that lean on it, too (5.9.2)
+  const same = own ?? (lean && !framed && !lean.begun ? lean : undefined);
+  return new CompiledStrand(shared, isovalue, scaled, same ?? lean, framed, leaning, same !== undefined);
 }
 
 let fetched: Promise<Kernels> | undefined;

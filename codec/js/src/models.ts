@@ -2,9 +2,8 @@
 
 /** First numbers of the contexts of each name (7.10(2)). */
 export const ORIGIN = 0, COMPONENT = 3, ROOT = 4, PATH = 5, FIRST = 7, CURVE = 31, SURFACE = 79, TREE = 655, LEAF = 730,
-  BORDER = 790, CROSSED = 1630, VALUE = 4150, OFFSET = 4462, LEVEL = 4606, LEVEL_PATH = 4630, SPLIT = 4694,
-  CONTINUE = 4886, SEED = 4887, OFFSET_LEAN = 4903, TURNED = 5031, VALUE_NEAR = 5032, OFFSET_NEAR = 5544, CLASS = 5800,
-  HOLE = 7368, CONTEXTS = 7416;
+  SIGN = 790, VALUE = 1910, OFFSET = 2222, LEVEL = 2366, LEVEL_PATH = 2390, SPLIT = 2454, CONTINUE = 2646, SEED = 2647,
+  OFFSET_LEAN = 2663, TURNED = 2791, VALUE_NEAR = 2792, OFFSET_NEAR = 3304, CLASS = 3560, CONTEXTS = 5128;
 
 /** Probabilities and counters by context. */
 export interface Contexts {
@@ -20,8 +19,8 @@ const BEGINNINGS: readonly (readonly [number, number, number, number])[] = [
   [CURVE, 48, 52429, 8],
   [SURFACE, 576, 52429, 4],
   [LEAF, 60, 13107, 2],
-  [BORDER, 840, 13107, 4],
-  [CROSSED, 2520, 52429, 4],
+  [SIGN, 560, 13107, 4],
+  [SIGN + 560, 560, 52429, 4],
   [VALUE, 312, 32768, 2],
   ...Array.from({ length: 52 }, (_, plane) => [VALUE + 6 * plane, 3, plane > 2 ? 6554 : plane ? 16384 : 26214, 2] as const),
   [OFFSET, 144, 32768, 2],
@@ -34,8 +33,6 @@ const BEGINNINGS: readonly (readonly [number, number, number, number])[] = [
   [TURNED, 1, 1311, 2],
   // VALUE_NEAR and OFFSET_NEAR: a `p` of 0 stands for that of the context above (7.1(4))
   [VALUE_NEAR, 768, 0, 0],
-  [HOLE, 24, 62259, 2],
-  [HOLE + 24, 24, 3277, 2],
 ];
 
 /** Probabilities and counters of all contexts of an isovalue (7.1). */

@@ -37,6 +37,7 @@ export class Offsets {
     if (this.listed === t.changes) return;
     this.listed = t.changes;
     const edges = new EdgeIndex(t), old = this.edges;
+    let all = new EdgeIndex(t), rings: Crossings["rings"] = [];
     if (full) {
       const d = t.leaves.data, [lastX, lastY, lastZ] = t.grid.last, { off } = t.grid.phases[0]!;
       for (let i = 0; i < t.leaves.length; i += 4) {
@@ -48,7 +49,7 @@ export class Offsets {
           const qy = Math.max(0, Math.min(lastY, d[i + 2]! + off[o + 3 * j + 1]! / 2));
           const qz = Math.max(0, Math.min(lastZ, d[i + 3]! + off[o + 3 * j + 2]! / 2));
           const s = t.store.get(qx, qy, qz) & SIGN;
-          if (j > 0 && s !== sign && wholeEdge(t, x, y, z, qx, qy, qz)) edges.add(x, y, z, qx, qy, qz);
+          if (j > 0 && s !== sign && wholeEdge(t, x, y, z, qx, qy, qz)) all.add(x, y, z, qx, qy, qz);
           x = qx;
           y = qy;
           z = qz;
@@ -57,17 +58,17 @@ export class Offsets {
       }
       this.crossings = this.vertices = undefined;
     } else {
-      const all = (this.crossings = new Crossings(t, t.leaves)), e = all.index.ends;
-      const count = all.index.count;
-      this.crossing = new Int32Array(count);
-      this.place = new Int32Array(count).fill(-1);
+      ({ index: all, rings } = this.crossings = new Crossings(t, t.leaves));
       this.vertices = new EdgeIndex(t);
-      for (let id = 0; id < count; id++) {
-        if (all.rings[id]) continue;
-        const o = 6 * id;
-        this.place[id] = edges.add(e[o]!, e[o + 1]!, e[o + 2]!, e[o + 3]!, e[o + 4]!, e[o + 5]!);
-        this.crossing[this.place[id]!] = id;
-      }
+    }
+    this.crossing = new Int32Array(full ? 0 : all.count);
+    this.place = new Int32Array(full ? 0 : all.count).fill(-1);
+    for (const id of all.inOrder()) {
+      if (rings[id]) continue;
+      const o = 6 * id, e = all.ends, place = edges.add(e[o]!, e[o + 1]!, e[o + 2]!, e[o + 3]!, e[o + 4]!, e[o + 5]!);
+      if (full) continue;
+      this.place[id] = place;
+      this.crossing[place] = id;
     }
     const count = edges.count;
     t.meter.take(8 * count);

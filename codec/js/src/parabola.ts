@@ -1,10 +1,10 @@
 /** Where a curve goes on: extrapolation of points and choice between two edges (7.3.1). */
 
-/** Weights of (2) by the number of points, with their denominators at the end; and those of (3). */
-const AHEAD: Float64Array[] = [], ONWARD: Float64Array[] = [];
+/** Weights by the number of points, with their denominators at the end. */
+const ONWARD: Float64Array[] = [];
 
 for (let m = 0; m <= 20; m++) {
-  const ahead = new Float64Array(m + 1), onward = new Float64Array(m + 1);
+  const onward = new Float64Array(m + 1);
   let s2 = 0, s3 = 0, s4 = 65536;
   for (let t = -m; t < 0; t++) {
     s2 += t * t;
@@ -12,13 +12,10 @@ for (let m = 0; m <= 20; m++) {
     s4 += t * t * t * t;
   }
   for (let i = 0; i < m; i++) {
-    ahead[i] = 3 * ((m - 1) * (m - 2) - (8 * m - 6) * i + 10 * i * i);
     const t = i - m;
     onward[i] = t * (s4 - s3 + (s2 - s3) * t);
   }
-  ahead[m] = m * (m - 1) * (m - 2);
   onward[m] = s2 * s4 - s3 * s3;
-  AHEAD.push(ahead);
   ONWARD.push(onward);
 }
 
@@ -54,22 +51,13 @@ export class Trail {
     x.forEach((value, i) => this.push(value, y[i]!));
   }
 
-  get lastX(): number {
-    return this.x[(this.from + this.length - 1) & 31]!;
-  }
-
-  get lastY(): number {
-    return this.y[(this.from + this.length - 1) & 31]!;
-  }
-
   /**
-   * The case of 7.3.1(4): negative if A is nearer. Differences are multiplied by 2 and divided by `unit`, rounding down;
-   * a unit of 2 leaves them as they are.
+   * The case of 7.3.1(3): negative if A is nearer. Differences are multiplied by 2 and divided by `unit`, rounding down.
    */
-  choose(onward: boolean, unit: number, gx: number, gy: number, ax: number, ay: number, bx: number, by: number): number {
+  choose(unit: number, gx: number, gy: number, ax: number, ay: number, bx: number, by: number): number {
     const m = this.length;
-    if (m < (onward ? 1 : 3)) return 0;
-    const w = (onward ? ONWARD : AHEAD)[m]!, D = w[m]!;
+    if (m < 1) return 0;
+    const w = ONWARD[m]!, D = w[m]!;
     let aheadX = 0, aheadY = 0;
     for (let i = 0; i < m; i++) {
       const at = (this.from + i) & 31;

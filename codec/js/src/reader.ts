@@ -90,10 +90,16 @@ export class Reader implements Bytes {
 
   /** An isovalue (3.3.4). */
   *isovalue(kind: number, clause: string): Steps<number> {
-    const c = kind === 0 ? (yield* this.signed(clause)) / 2
+    const c = kind === 0 ? (yield* this.signed(clause)) / 2 : kind === 3 ? yield* this.decimal(clause)
       : kind === 1 ? (yield* this.fixed(4, clause)).getFloat32(0) : yield* this.binary64(clause);
     if (!Number.isFinite(c)) throw this.error("3.3.4", "an isovalue that is not finite");
     return c;
+  }
+
+  private *decimal(clause: string): Steps<number> {
+    const places = yield* this.byte(clause), units = yield* this.signed(clause);
+    if (places < 1 || places > 15 || Math.abs(units) >= 2 ** 53) throw this.error("3.3.4", "a decimal out of range");
+    return units / Number(`1e${places}`);
   }
 
   /** The checksum that comes next, of the bytes of the chunk so far or, with `all`, of those of the file. */

@@ -1,9 +1,9 @@
 /** Rounds of refinement, uniform and adaptive, and new components (5.4, 5.5, 5.8.4). */
-import { BORDER, CONTINUE, CROSSED, HOLE, LEAF, SPLIT, TREE, TURNED } from "./models.js";
-import { Trail } from "./parabola.js";
-import { ADDED, EXPLICIT, KNOWN, NEW, OLD, OUT, SIGN } from "./store.js";
+import { CONTINUE, LEAF, SIGN as SIGNS, SPLIT, TREE, TURNED } from "./models.js";
+import { eachOnce } from "./order.js";
+import { EXPLICIT, Ints, KNOWN, OUT, SIGN } from "./store.js";
 import { MIDDLE } from "./tables.js";
-import { Leaves, type Pass, type Tube } from "./tube.js";
+import { Leaves, type Pass, type Round, seen, type Tube } from "./tube.js";
 
 function popcount(x: number): number {
   let count = 0;
@@ -11,14 +11,21 @@ function popcount(x: number): number {
   return count;
 }
 
+/** From a middle to those of its level that are nearest before it, in units of `g`, three each, by axes less 2 and phase (7.9(2)). */
+const BEFORE: readonly (readonly (readonly number[])[])[] = [2, 3].map((n) => {
+  const straight: number[] = [], across: number[] = [];
+  for (let a = 0; a < n; a++) {
+    straight.push(...[0, 1, 2].map((i) => (i === a ? -2 : 0)));
+    for (let b = a + 1; b < n; b++) for (const way of [-1, 1]) across.push(...[0, 1, 2].map((i) => (i === a ? -1 : i === b ? way : 0)));
+  }
+  return [straight, across, across];
+});
+
 export class Rounds {
-  private readonly trail = new Trail();
+  private readonly active: Ints;
   private next!: Leaves;
   private level = 0;
   private adaptive = false;
-  private settled = 0;
-  private histories = [0, 0];
-  private splits = 0;
   /** Cubes of the round along each axis. */
   private cubes: [number, number, number] = [0, 0, 0];
   /** What `candidate` found of its slot: the middle, its nearness, its earlier sign. */
@@ -27,7 +34,9 @@ export class Rounds {
   private wz = 0;
   private nearness = 0;
 
-  constructor(private readonly t: Tube) {}
+  constructor(private readonly t: Tube) {
+    this.active = new Ints(t.meter);
+  }
 
   /** One uniform round (5.4). */
   *uniform(): Pass {
@@ -51,153 +60,123 @@ export class Rounds {
   }
 
   private *round(level: number, adaptive: boolean, births: boolean): Pass {
-    const { t } = this, { grid, view, store } = t;
+    const { t, active } = this, { view, store } = t;
     this.level = level;
     this.adaptive = adaptive;
-    this.next = new Leaves(t.meter);
-    t.settle(this.settled);
-    this.settled = t.known.length;
-    const round = (t.round = { level, next: this.next, turn: 0, adaptive });
+    const next = (this.next = new Leaves(t.meter)), round: Round = (t.round = { level, active, coded: 0, next });
+    active.length = 0;
     if (births) yield* this.components();
-    this.histories = [0, 0];
-    this.splits = 0;
-    this.trail.clear();
-    const leaves = t.leaves, phase = grid.phases[level % t.n]!, g = grid.edge(level) / 2;
-    for (; round.turn < leaves.length; round.turn += 4) {
-      const d = leaves.data, i = round.turn, key = d[i]!, bx = d[i + 1]!, by = d[i + 2]!, bz = d[i + 3]!;
-      const cls = key & 255;
+    this.activate();
+    const { data } = active;
+    for (; round.coded < active.length; round.coded += 4) {
+      const x = data[round.coded]!, y = data[round.coded + 1]!, z = data[round.coded + 2]!;
       t.meter.step(4);
-      if (key >> 8 !== level) {
-        this.next.add(key >> 8, cls, bx, by, bz);
-        continue;
-      }
-      const x = bx + phase.middle[3 * cls]! * g, y = by + phase.middle[3 * cls + 1]! * g;
-      const z = bz + phase.middle[3 * cls + 2]! * g;
       if (adaptive) {
-        let marks = store.get(x, y, z);
-        if (!(marks & (ADDED | OUT))) {
-          const found = t.unbarred(level, x, y, z);
-          if (!found) t.mark(x, y, z, OUT);
-          else {
-            let bit: number;
-            while ((bit = this.split(x, y, z)) < 0) yield;
-            if (bit) {
-              t.add(found);
-              t.mark(x, y, z, ADDED | (t.see(x, y, z) & KNOWN ? OLD : 0));
-            } else t.mark(x, y, z, OUT);
-          }
-          marks = store.get(x, y, z);
+        if (!(store.get(x, y, z) & (EXPLICIT | OUT))) {
+          const added = t.unbarred(level, x, y, z);
+          let bit = 0;
+          if (added) while ((bit = this.split(x, y, z)) < 0) yield;
+          if (bit) t.add(added!);
+          else t.leave(x, y, z);
         }
-        if (marks & OUT) {
-          this.next.add(level, cls, bx, by, bz);
-          continue;
-        }
-        if (marks & OLD) {
-          this.again(cls, x, y, z);
-          continue;
-        }
-        if (t.see(x, y, z) & KNOWN) continue;
-      } else {
-        const marks = t.see(x, y, z);
-        if (marks & NEW) continue;
-        if (marks & KNOWN) {
-          this.again(cls, x, y, z);
-          continue;
-        }
+        if (store.get(x, y, z) & OUT) continue;
       }
       view.look(level, x, y, z);
-      while (this.middle(x, y, z) < 0) yield;
+      let found: number;
+      while ((found = this.middle(x, y, z)) < 0) yield;
+      data[round.coded + 3] = found;
     }
-    t.leaves = this.next;
+    this.corners(round);
+    this.keep(next);
+    t.leaves = next;
     t.round = undefined;
   }
 
-  /** Sign of the middle of the diamond in `view`, and its bisection (5.4.3(3) to (5)). */
+  /** Middles of the leaves of the level become active (5.4.1). */
+  private activate(): void {
+    const { t, level, active } = this, { data: d, length } = t.leaves, { middle } = t.grid.phases[level % t.n]!;
+    const shift = Math.log2(t.grid.edge(level) / 2), room = new Int32Array((3 * length) / 4);
+    let count = 0;
+    for (let i = 0; i < length; i += 4) {
+      t.meter.step(4);
+      if (d[i]! >> 8 !== level) continue;
+      for (let a = 0; a < 3; a++) room[count++] = (d[i + 1 + a]! >> shift) + middle[3 * (d[i]! & 255) + a]!;
+    }
+    for (const row of eachOnce(t.n, room.subarray(0, count))) {
+      for (let a = 0; a < 3; a++) active.push(room[3 * row + a]! << shift);
+      active.push(0);
+    }
+  }
+
+  /** A middle becomes known, if it is not: what is known of its diamond then, or -1 without the symbol (5.4.2). */
   private middle(x: number, y: number, z: number): number {
-    const { t } = this, { view, coder, n } = t, level = this.level, r = level % n;
-    const { known, above } = t.corners(), d = view.diamond;
+    const { t } = this, { view } = t, { known, above } = t.corners(), d = view.diamond, marks = t.see(x, y, z);
+    const here = (above >> d.anchor) & 1, signs = t.assumed(known, above);
+    let sign = marks & SIGN ? 1 : 0;
+    if (!(marks & KNOWN)) {
+      if ((sign = this.sign(x, y, z, known, above, here, signs)) < 0) return sign;
+      t.learn(x, y, z, sign);
+    }
+    return seen(known | MIDDLE, sign ? signs | MIDDLE : signs);
+  }
+
+  /** Sign of the middle of the diamond in `view`: `here` is that of its anchor, `signs` are those of its corners (5.4.2). */
+  private sign(x: number, y: number, z: number, known: number, above: number, here: number, signs: number): number {
+    const { t } = this, { view, coder, n } = t, level = this.level, r = level % n, d = view.diamond;
     const earlier = t.earlier(x, y, z);
     let sign = t.follows(earlier, x, y, z);
-    const first = above & 1, second = (above >> 1) & 1, crossed = first !== second;
-    const assumed = crossed ? 0 : first;
-    const signs = assumed ? above | (view.corners & ~known) : above;
-    const ring = view.corners & ~3, size = popcount(ring), count = popcount(signs & ring);
-    const [e0x, e0y, e1x, e1y] = [view.x + d.corner[0]! * (view.edge / 2), view.y + d.corner[1]! * (view.edge / 2),
-      view.x + d.corner[3]! * (view.edge / 2), view.y + d.corner[4]! * (view.edge / 2)];
-    const g = view.edge / 2;
-    if (sign < 0) {
-      const apart = t.lean && earlier >= 0 ? t.apart(known, above) : 0;
-      let context: number, guess: number, said = 0, curve = -1, meaning: number;
-      const history = this.histories[crossed ? 1 : 0]!, hole = t.missing(x, y, z);
-      if (crossed) {
-        const odd = Math.min(count, size - count);
-        let kase = 0;
-        if (n === 2) {
-          kase = this.trail.choose(false, 2, (2 * x) / g, (2 * y) / g, (e0x + x) / g, (e0y + y) / g, (e1x + x) / g,
-            (e1y + y) / g);
-          if (kase) curve = kase < 0 ? 1 - first : first;
-        }
-        guess = 2 * count > size ? 1 : 2 * count < size ? 0 : kase ? curve : first;
-        said = kase === 0 ? 0 : curve === guess ? 1 : 2;
-        const b = earlier < 0 ? 0 : 1 + 2 * Math.min(apart, 2) + ((earlier & 1) === guess ? 1 : 0);
-        context = CROSSED + (((b * 3 + r) * 10 + odd) * 3 + said) * 4 + history;
-        if (hole) context = HOLE + 12 + 4 * said + Math.min(odd, 3);
-        meaning = guess;
-      } else {
-        guess = first;
-        const turned = first ? size - count : count;
-        const b = earlier < 0 ? 0 : 1 + 2 * Math.min(apart, 2) + ((earlier & 1) === guess ? 1 : 0);
-        context = BORDER + ((b * 3 + r) * 10 + turned) * 4 + history;
-        if (hole) context = HOLE + 24 + turned;
-        meaning = 1 - first;
-      }
-      const bit = t.main
-        ? t.main.refinement(level, x, y, z, history, curve, [first, second], earlier, apart, context, meaning) : coder.bit(context);
-      if (bit < 0) return bit;
-      sign = bit ? meaning : 1 - meaning;
-      this.histories[crossed ? 1 : 0] = 2 * (history & 1) + bit;
-      const calm = t.calm, i = crossed ? 1 : 0;
-      calm[i]! += ((sign === guess ? 4096 : 0) - calm[i]!) >> 5;
-      if (earlier >= 0 && apart === 0) t.agreed += ((sign === (earlier & 1) ? 4096 : 0) - t.agreed) >> 5;
-    }
-    if (crossed && n === 2) {
-      const px = ((sign === first ? e1x : e0x) + x) / g, py = ((sign === first ? e1y : e0y) + y) / g;
-      const trail = this.trail;
-      if (trail.length && (trail.lastX - px) ** 2 + (trail.lastY - py) ** 2 > 64) trail.clear();
-      trail.push(px, py);
-    }
-    this.whole(x, y, z, sign, known, signs);
+    if (sign >= 0) return sign;
+    const apart = t.lean && earlier >= 0 ? t.apart(known, above) : 0;
+    const first = n === 2 ? above & 1 : here, other = first ? view.corners & ~signs : signs;
+    const crossed = (n === 2 ? other >> 1 : other >> (1 - d.anchor)) & 1, ring = other >> 2;
+    const size = d.corners - 2, count = popcount(ring), turned = crossed && 2 * count > size;
+    const guess = turned ? 1 - first : first, meaning = crossed ? guess : 1 - first;
+    const kind = n === 3 ? d.classes[(crossed << size) + ring]! : first === here ? count : 2 - count;
+    const pattern = n === 2 ? this.pattern(x, y, first, ring) : kind + [0, 20, 29][r]!;
+    const bank = earlier < 0 ? 0 : 1 + 2 * Math.min(apart, 2) + ((earlier & 1) === guess ? 1 : 0);
+    const context = SIGNS + (7 * crossed + bank) * 80 + pattern;
+    const corners = kind + crossed * (n === 2 ? 3 : [20, 9, 51][r]!);
+    const bit = t.main ? t.main.refinement(level, x, y, z, crossed, corners, here, earlier, apart, context, meaning)
+      : coder.bit(context);
+    if (bit < 0) return bit;
+    sign = bit ? meaning : 1 - meaning;
+    const calm = t.calm;
+    calm[crossed]! += ((sign === guess ? 4096 : 0) - calm[crossed]!) >> 5;
+    if (earlier >= 0 && apart === 0) t.agreed += ((sign === (earlier & 1) ? 4096 : 0) - t.agreed) >> 5;
     return sign;
   }
 
-  /** The middle becomes known, and all members are bisected (5.4.2). */
-  private whole(x: number, y: number, z: number, sign: number, known: number, signs: number): void {
-    const { t } = this, { view } = t;
-    t.learn(x, y, z, sign);
-    t.bisect(view.members, known | MIDDLE, sign ? signs | MIDDLE : signs, this.next);
+  /** `pattern` of 7.6(2), with the signs of the ring that are not `first`, that of end 0. */
+  private pattern(x: number, y: number, first: number, ring: number): number {
+    const { t } = this, g = t.grid.edge(this.level) / 2, wx = x / g, wy = y / g;
+    const other = (dx: number, dy: number): number => {
+      const marks = t.see(x + dx * g, y + dy * g, 0);
+      return marks & KNOWN && (marks & SIGN ? 1 : 0) !== first ? 1 : 0;
+    };
+    if (this.level % 2 === 0) return 16 * (((wx ^ wy) >> 1) & 1) + 8 * other(-2, 0) + 4 * other(0, -2) + ring;
+    return 32 + 16 * (wx & 1) + 8 * other(-1, 1) + 4 * other(-1, -1) + ring;
   }
 
-  /** A leaf whose middle was known before (5.4.4). */
-  private again(cls: number, x: number, y: number, z: number): void {
-    const { t } = this, { view } = t;
-    view.look(this.level, x, y, z);
-    const { known, above } = t.corners(), d = view.diamond;
-    const assumed = (above & 3) === 3;
-    const signs = assumed ? above | (view.corners & ~known) : above;
-    const all = signs | (t.see(x, y, z) & SIGN ? MIDDLE : 0);
-    let mixed = 0;
-    for (let m = 0; m < d.members; m++) {
-      const mask = d.mask[m]! & (MIDDLE - 1), s = signs & mask;
-      if ((view.members >> m) & 1 && s !== 0 && s !== mask) mixed |= 1 << m;
+  /** The diamonds of the active middles are bisected (5.4.3). */
+  private corners(round: Round): void {
+    const { t } = this, { next } = round, before = next.length;
+    for (let i = 0; i < round.coded; i += 4) {
+      if (t.bisectActive(round, i)) continue;
+      next.length = before;
+      throw t.meter.wrong("5.4.3", "two diamonds give a corner different signs");
     }
-    const own = 1 << t.grid.phases[this.level % t.n]!.member[cls]!;
-    let which = own;
-    if ((mixed & -mixed) === own) {
-      t.bisect(view.members & ~mixed, known | MIDDLE, all, this.next);
-      which = own;
+  }
+
+  /** Leaves of other levels stay, and those whose middle is kept. */
+  private keep(next: Leaves): void {
+    const { t, level, adaptive } = this, { data: d, length } = t.leaves, { middle } = t.grid.phases[level % t.n]!;
+    const g = t.grid.edge(level) / 2;
+    const kept = (cls: number, x: number, y: number, z: number): boolean =>
+      (t.store.get(x + middle[3 * cls]! * g, y + middle[3 * cls + 1]! * g, z + middle[3 * cls + 2]! * g) & OUT) !== 0;
+    for (let i = 0; i < length; i += 4) {
+      const cls = d[i]! & 255, x = d[i + 1]!, y = d[i + 2]!, z = d[i + 3]!;
+      if (d[i]! >> 8 !== level || (adaptive && kept(cls, x, y, z))) next.add(d[i]! >> 8, cls, x, y, z);
     }
-    const after = t.corners();
-    t.bisect(which, after.known | MIDDLE, all, this.next);
   }
 
   /** The symbol SPLIT (7.9(2)). */
@@ -205,11 +184,22 @@ export class Rounds {
     const { t } = this, { view, coder } = t, level = this.level;
     view.look(level, x, y, z);
     const { above } = t.corners(), ring = view.corners & ~3, size = popcount(ring), count = popcount(above & ring);
-    const crossed = (above & 1) !== ((above >> 1) & 1) ? 1 : 0, odd = Math.min(count, size - count, 3);
-    const context = SPLIT + (((level % t.n) * 2 + crossed) * 4 + odd) * 8 + this.splits;
-    const bit = t.main ? t.main.question(3, level, x, y, z, this.splits, context) : coder.bit(context);
-    if (bit >= 0) this.splits = 2 * (this.splits & 3) + bit;
-    return bit;
+    const crossed = (above & 1) !== ((above >> 1) & 1) ? 1 : 0, odd = Math.min(count, size - count, 3), nearby = this.nearby(x, y, z);
+    const context = SPLIT + (((level % t.n) * 2 + crossed) * 4 + odd) * 8 + nearby;
+    return t.main ? t.main.question(3, level, x, y, z, nearby, context) : coder.bit(context);
+  }
+
+  /** `nearby` of 7.9(2). */
+  private nearby(x: number, y: number, z: number): number {
+    const { t: { n, store, grid }, level } = this, r = level % n, g = grid.edge(level) / 2, by = BEFORE[n - 2]![r]!;
+    let total = 4;
+    for (let i = 0; i < by.length; i += 3) {
+      const px = x + by[i]! * g, py = y + by[i + 1]! * g, pz = z + by[i + 2]! * g;
+      if (px < 0 || py < 0 || pz < 0 || ((px / g) & 1) + ((py / g) & 1) + ((pz / g) & 1) !== n - r) continue;
+      const marks = store.get(px, py, pz);
+      total += (marks & EXPLICIT ? 1 : 0) - (marks & OUT ? 1 : 0);
+    }
+    return total < 0 ? 0 : total > 7 ? 7 : total;
   }
 
   /** Slots of a cube (5.5.2); sets the middle of slot `i`. */
@@ -313,8 +303,7 @@ export class Rounds {
       if (!this.candidate(qx, qy, qz, i)) continue;
       const x = this.wx, y = this.wy, z = this.wz, nearness = this.nearness;
       if (later) {
-        const context = t.missing(x, y, z) ? HOLE + 36 + 2 * nearness + Math.min(hits, 1)
-          : LEAF + ((1 + r) * 5 + nearness) * 3 + Math.min(hits, 2);
+        const context = LEAF + ((1 + r) * 5 + nearness) * 3 + Math.min(hits, 2);
         let bit: number;
         while ((bit = this.significance(context, -1, false, i, hits, nearness, qx, qy, qz)) < 0) yield;
         if (!bit) continue;
@@ -334,12 +323,12 @@ export class Rounds {
       }
       if (this.adaptive) {
         t.add(t.ancestors(level, x, y, z)!);
-        t.mark(x, y, z, ADDED);
         view.look(level, x, y, z);
       }
       t.born++;
       t.main?.born(x, y, z);
-      this.whole(x, y, z, 1 - sign, known, sign ? view.corners : 0);
+      t.learn(x, y, z, 1 - sign);
+      t.bisect(known | MIDDLE, sign ? view.corners : MIDDLE, this.next);
     }
   }
 }

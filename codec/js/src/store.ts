@@ -4,7 +4,7 @@ import type { Meter } from "./errors.js";
 /** Numbers cells of a lattice from 1 on, in the order in which they are added. */
 export class Cells {
   count = 0;
-  private readonly dense: Int32Array | undefined;
+  private dense: Int32Array | undefined;
   private keys = new Int32Array(0);
   private slots = 0;
 
@@ -15,6 +15,13 @@ export class Cells {
       meter.take(4 * size);
       this.dense = new Int32Array(size);
     }
+  }
+
+  copy(): Cells {
+    const copy: Cells = Object.assign(Object.create(Cells.prototype), this);
+    copy.dense = this.dense?.slice();
+    copy.keys = this.keys.slice();
+    return copy;
   }
 
   private slot(x: number, y: number, z: number): number {
@@ -90,7 +97,7 @@ export class Ints {
   }
 }
 
-export const KNOWN = 1, SIGN = 2, NEW = 4, EXPLICIT = 8, OUT = 16, ADDED = 32, OLD = 64;
+export const KNOWN = 1, SIGN = 2, EXPLICIT = 4, OUT = 8;
 
 /**
  * Marks of lattice points. `at` gives the place of a point in `flags` (some place that holds 0 if nothing is marked near
@@ -98,7 +105,7 @@ export const KNOWN = 1, SIGN = 2, NEW = 4, EXPLICIT = 8, OUT = 16, ADDED = 32, O
  */
 export class Store {
   flags: Uint8Array;
-  private readonly cells: Cells;
+  private cells: Cells;
   private readonly sx: number;
   private readonly sy: number;
   private readonly mz: number;
@@ -121,6 +128,13 @@ export class Store {
     this.cells = new Cells(meter, blocks, blocks, n === 2 ? 1 : blocks);
     this.flags = new Uint8Array(4 << this.bits);
     meter.take(4 << this.bits);
+  }
+
+  copy(): Store {
+    const copy: Store = Object.assign(Object.create(Store.prototype), this);
+    copy.cells = this.cells.copy();
+    copy.flags = this.flags.slice();
+    return copy;
   }
 
   private inside(x: number, y: number, z: number, page: number): number {

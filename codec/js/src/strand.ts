@@ -5,6 +5,7 @@ import type { Grid } from "./grid.js";
 import type { MainProfile } from "./main/profile.js";
 import { Offsets } from "./offsets.js";
 import type { Layer } from "./program.js";
+import { Raster } from "./raster.js";
 import { Rounds } from "./refine.js";
 import type { Session } from "./session.js";
 import type { Missing, Pass, Tube } from "./tube.js";
@@ -24,20 +25,29 @@ export interface Strand {
   readonly tube: Tube;
   /** Begin a run of `length` bytes at the place `start` of the input, of `most` symbols. */
   run(start: number, length: number, most: number): Run;
+  /** Whether it has been put to rest. */
+  readonly resting: boolean;
+  /** Go on with a run that another strand may have had. */
+  goOn(run: Run): Run;
   /** Begin a layer; `bits` are those of values above and below, once they are stated. */
   begin(layer: Layer, bits: [number, number] | undefined): Pass;
   /** The layer that was begun is complete: the level of the uniform mesh. */
   completed(): number;
   /** Samples are missing, as a complete mask says; no layer has begun. */
   masked(missing: Missing, mask: Strand): void;
-  /** Forget what only further layers need. */
+  /** Forget what only further layers need: none will come. */
+  rest(): void;
+  /** The frame has ended: no isovalue of the next ones leans on what this one leans on. */
   finish(): void;
 }
 
 /** Begins the strands of a file. */
 export interface Engine {
-  /** `lean` is that of the isovalue that this one leans on; `framed` says whether it is one of the frame before. */
-  strand(isovalue: number, lean: Strand | undefined, framed: boolean): Strand;
+  /**
+   * `lean` is that of the isovalue that this one leans on; `framed` says whether it is one of the frame before. `own` is an
+   * earlier strand of the same isovalue, without layers, whose models this one has.
+   */
+  strand(isovalue: number, lean: Strand | undefined, framed: boolean, own?: Strand): Strand;
 }
 
 /** Compiled kernels, from `isocodec/kernels`. */
@@ -66,6 +76,8 @@ export class Passes implements Strand {
         return new Base(tube, LEAVES, 0).decode();
       case "refine":
         return (tube.rounds ??= new Rounds(tube)).uniform();
+      case "raster":
+        return (tube.raster = new Raster(tube)).decode();
       case "adapt":
         return (tube.rounds ??= new Rounds(tube)).adapt(layer.births);
       case "values":
@@ -84,7 +96,19 @@ export class Passes implements Strand {
     this.tube.mask = missing;
   }
 
-  finish(): void {
+  resting = false;
+
+  goOn(): Run {
+    this.coder.models = this.tube.models;
+    return this.coder;
+  }
+
+  rest(): void {
+    this.resting = true;
     this.tube.finish();
+  }
+
+  finish(): void {
+    this.rest();
   }
 }

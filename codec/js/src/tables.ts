@@ -21,6 +21,10 @@ export interface Diamond {
   /** Corners less the middle, in units, three a corner: the two ends, then the ring. */
   corners: number;
   corner: Int32Array;
+  /** Which end is the anchor (4.4(5)). */
+  anchor: 0 | 1;
+  /** With three axes, class (7.6(3)) by the signs of the ring, 1 for another one than the anchor's; if the ends differ, behind. */
+  classes: Uint8Array;
 }
 
 export const MIDDLE = 1 << 12;
@@ -95,12 +99,40 @@ function halves(simplex: Simplex, d: number): [Simplex, Simplex] {
   return [[...simplex.slice(0, d), z, ...rest], [...simplex.slice(1, d + 1), z, ...rest]];
 }
 
+/** Classes of a ring (7.6(3)), whose readings may begin where `begins` says so; none with two axes, where it has no circle. */
+function classes(ring: Point[], members: Simplex[], begins: (p: Point, crossed: boolean) => boolean): Uint8Array {
+  const size = ring.length, is = (p: Point, q: Point): boolean => compare(p, q) === 0;
+  if (size < 4) return new Uint8Array(0);
+  const circle = [0], beside = (i: number, j: number): boolean =>
+    members.some((s) => s.some((p) => is(p, ring[i]!)) && s.some((p) => is(p, ring[j]!)));
+  for (let i: number; (i = ring.findIndex((_, j) => !circle.includes(j) && beside(circle.at(-1)!, j))) >= 0;) circle.push(i);
+  const found = new Uint8Array(2 << size);
+  for (const crossed of [false, true]) {
+    const least = Array.from({ length: 1 << size }, (_, signs) => {
+      let number = Infinity;
+      for (let from = 0; from < size; from++) {
+        if (!begins(ring[circle[from]!]!, crossed)) continue;
+        for (const way of [1, size - 1]) {
+          let reading = 0;
+          for (let i = 0; i < size; i++) reading = 2 * reading + ((signs >> circle[(from + way * i) % size]!) & 1);
+          number = Math.min(number, reading);
+        }
+      }
+      return number;
+    });
+    const order = [...new Set(least)].sort((p, q) => p - q);
+    least.forEach((number, signs) => (found[(crossed ? 1 << size : 0) + signs] = order.indexOf(number)));
+  }
+  return found;
+}
+
 function diamond(d: number, members: { simplex: Simplex; cls: number; shift: Point; middle: Point }[],
                  children: (cls: number, which: number) => { cls: number; shift: Point; double: number }): Diamond {
   const sum = (s: Simplex): Point => s.reduce((p, q) => plus(p, q));
   members.sort((p, q) => compare(sum(p.simplex), sum(q.simplex)));
   const one = members[0]!;
   const ends = [one.simplex[0]!, one.simplex[d]!].sort(compare);
+  const odd = [0, 1, 2].filter((a) => one.middle[a]! & 1), anchor = odd.every((a) => ends[0]![a]! % 4 === 0) ? 0 : 1;
   const key = (p: Point): string => p.join();
   const ring = new Map<string, Point>();
   for (const { simplex } of members) for (const p of simplex) ring.set(key(p), p);
@@ -120,6 +152,11 @@ function diamond(d: number, members: { simplex: Simplex; cls: number; shift: Poi
     childShift: Int32Array.from(kids.flatMap((kid) => plus(kid.shift, kid.m.shift, kid.double))),
     corners: corners.length,
     corner: Int32Array.from(corners.flatMap((p) => plus(p, one.middle, -1))),
+    anchor,
+    classes: classes(corners.slice(2), members.map((m) => m.simplex), (p, crossed) => {
+      const apart = plus(p, odd.length === 3 ? ends[anchor]! : one.middle, -1).filter((x) => x !== 0).length;
+      return apart === 1 || (odd.length === 3 && !crossed);
+    }),
   };
 }
 

@@ -6,8 +6,9 @@ import type { Mixing } from "./main/mixing.js";
 import type { MainProfile } from "./main/profile.js";
 import { Models } from "./models.js";
 import type { Offsets } from "./offsets.js";
+import type { Raster } from "./raster.js";
 import type { Rounds } from "./refine.js";
-import { ADDED, EXPLICIT, Ints, KNOWN, NEW, OLD, OUT, SIGN, Store } from "./store.js";
+import { EXPLICIT, Ints, KNOWN, OUT, SIGN, Store } from "./store.js";
 import { MIDDLE } from "./tables.js";
 import type { Values } from "./values.js";
 
@@ -32,6 +33,26 @@ export class Leaves extends Ints {
   }
 }
 
+/** Bit from which the signs of what is known of a diamond stand. */
+const SIGNS = 16;
+
+/** A round that goes on (5.4). */
+export interface Round {
+  readonly level: number;
+  /**
+   * Active middles in order, four numbers each: the position; the corners and the middle that are known, as bits, and their
+   * signs (`seen`), 0 before its turn and if it is kept.
+   */
+  readonly active: Ints;
+  /** Entries of those that are coded. */
+  coded: number;
+  /** Leaves that it has made. */
+  readonly next: Leaves;
+}
+
+/** Known corners and signs, inferred ones included, as a round notes them. */
+export const seen = (known: number, signs: number): number => known | (signs << SIGNS);
+
 export class Tube {
   readonly n: number;
   readonly store: Store;
@@ -47,8 +68,9 @@ export class Tube {
   shown = -1;
   adapted = false;
   leaves: Leaves;
-  /** While a round is decoded: its level, the leaf it has come to, and the new list. */
-  round: { level: number; next: Leaves; turn: number; adaptive: boolean } | undefined;
+  round: Round | undefined;
+  /** A raster layer that is being decoded. */
+  raster: Raster | undefined;
   baseDone = false;
   hasBase = false;
   /** Changes of the mesh, so that lists are made anew when they have to be. */
@@ -69,7 +91,7 @@ export class Tube {
   private readonly marks: Ints;
 
   constructor(readonly grid: Grid, readonly meter: Meter, readonly coder: Coder, main: MainProfile | undefined,
-              readonly isovalue: number, readonly scaled: boolean, public lean?: Tube, private readonly framed = false) {
+              readonly isovalue: number, readonly scaled: boolean, public lean?: Tube, private readonly framed = false, own?: Tube) {
     this.n = grid.n;
     this.store = new Store(meter, grid.n, grid.k);
     this.view = new DiamondView(grid);
@@ -77,14 +99,23 @@ export class Tube {
     this.explicit = new Ints(meter, 0);
     this.marks = new Ints(meter, 0);
     this.leaves = new Leaves(meter);
-    this.models = new Models(lean?.models, framed ? main?.panelContexts : 0);
+    // those of an isovalue without layers are the same from then on (5.9.2)
+    const shared = own ?? (lean && !framed && !lean.hasBase ? lean : undefined);
+    this.models = shared?.models ?? new Models(lean?.models, framed ? main?.panelContexts : 0);
     this.side = lean && isovalue > lean.isovalue ? 1 : -1;
     if (lean && !lean.hasBase) this.lean = undefined;
-    this.main = main?.begin(this, lean, framed);
+    this.main = main?.begin(this, lean, framed, shared?.main);
     if (lean && !scaled && !framed) {
       const shift = BigInt(Math.floor(isovalue)) - BigInt(Math.floor(lean.isovalue));
       if (shift < 2n ** 52n && shift > -(2n ** 52n)) this.shift = Number(shift);
     }
+  }
+
+  /** A copy that a round can be ended on. */
+  copy(): Tube {
+    // the vertices that become known on it are not listed
+    const own: Partial<Tube> = { store: this.store.copy(), view: new DiamondView(this.grid), known: new Ints(this.meter) };
+    return Object.assign(Object.create(Tube.prototype), this, own);
   }
 
   /** Forget what only further layers need: none will come. */
@@ -111,7 +142,7 @@ export class Tube {
     const pz = z < 0 ? 0 : z > lastZ ? lastZ : z;
     const at = this.store.make(px, py, pz), flags = this.store.flags;
     if (flags[at]! & KNOWN) return;
-    flags[at]! |= KNOWN | NEW | (sign ? SIGN : 0);
+    flags[at]! |= KNOWN | (sign ? SIGN : 0);
     const known = this.known;
     known.room(3);
     known.data[known.length] = px;
@@ -119,12 +150,6 @@ export class Tube {
     known.data[known.length + 2] = pz;
     known.length += 3;
     this.meter.vertex();
-  }
-
-  /** Forget which vertices are new, from that number in `known` on. */
-  settle(from: number): void {
-    const { data, length } = this.known;
-    for (let i = from; i < length; i += 3) this.store.flags[this.store.at(data[i]!, data[i + 1]!, data[i + 2]!)]! &= ~NEW;
   }
 
   missing(x: number, y: number, z: number): boolean {
@@ -227,16 +252,16 @@ export class Tube {
     return level < this.uniform || (this.store.get(x, y, z) & EXPLICIT) !== 0;
   }
 
-  /** Mark a lattice point until the next adaptive layer begins. */
-  mark(x: number, y: number, z: number, bits: number): void {
+  /** Mark a lattice point as not in the mesh until the next adaptive layer begins. */
+  leave(x: number, y: number, z: number): void {
     const at = this.store.make(x, y, z);
-    if (!(this.store.flags[at]! & (OUT | ADDED | OLD))) this.marks.push(at);
-    this.store.flags[at]! |= bits;
+    if (!(this.store.flags[at]! & OUT)) this.marks.push(at);
+    this.store.flags[at]! |= OUT;
   }
 
   forgetMarks(): void {
     const { data, length } = this.marks;
-    for (let i = 0; i < length; i++) this.store.flags[data[i]!]! &= ~(OUT | ADDED | OLD);
+    for (let i = 0; i < length; i++) this.store.flags[data[i]!]! &= ~OUT;
     this.marks.length = 0;
   }
 
@@ -339,6 +364,12 @@ export class Tube {
   }
   private readonly found = { known: 0, above: 0 };
 
+  /** Signs of the corners of the diamond in `view`; those that are not known have that of the anchor (5.4.3). */
+  assumed(known: number, above: number): number {
+    const { corners, diamond: { anchor } } = this.view;
+    return (above >> anchor) & 1 ? above | (corners & ~known) : above;
+  }
+
   /** Known corners of the diamond in `view` that are known at the earlier isovalue with another sign (7.1(2)). */
   apart(known: number, above: number): number {
     const { view } = this, other = this.lean;
@@ -352,11 +383,15 @@ export class Tube {
     return count;
   }
 
-  /** Bisect the members in `which` of the diamond in `view` (5.4.2(2)); corners and middle by the bits of `above`. */
-  bisect(which: number, known: number, above: number, next: Leaves): void {
-    const { view, grid } = this, d = view.diamond, level = view.level + 1, s = 2 * grid.edge(level);
+  /**
+   * Bisect the diamond in `view`, of which `known` corners and the middle are known, with the signs of `above`, inferred
+   * ones included (5.4.3, 5.5.4). False if another one has given a corner another sign.
+   */
+  bisect(known: number, above: number, next: Leaves): boolean {
+    const { view, grid, store } = this, d = view.diamond, level = view.level + 1, s = 2 * grid.edge(level);
+    let agree = true;
     for (let child = 0; child < 2 * d.members; child++) {
-      if (!((which >> (child >> 1)) & 1)) continue;
+      if (!((view.members >> (child >> 1)) & 1)) continue;
       const mask = d.childMask[child]!, signs = above & mask;
       if (signs === 0 || signs === mask) continue;
       const i = 3 * child;
@@ -364,11 +399,21 @@ export class Tube {
       const z = view.bz + s * d.childShift[i + 2]!, cls = d.childCls[child]!;
       if (!view.inner && !grid.exists(level, cls, x, y, z)) continue;
       for (let more = mask & ~known & (MIDDLE - 1); more; more &= more - 1) {
-        const j = 31 - Math.clz32(more & -more);
-        this.learn(view.cx[j]!, view.cy[j]!, view.cz[j]!, (above >> j) & 1);
+        const j = 31 - Math.clz32(more & -more), sign = (above >> j) & 1;
+        this.learn(view.cx[j]!, view.cy[j]!, view.cz[j]!, sign);
+        if ((store.get(view.cx[j]!, view.cy[j]!, view.cz[j]!) & SIGN ? 1 : 0) !== sign) agree = false;
         known |= 1 << j;
       }
       next.add(level, cls, x, y, z);
     }
+    return agree;
+  }
+
+  /** Bisect the diamond of the active middle at entry `i`; as `bisect`. */
+  bisectActive({ level, active: { data }, next }: Round, i: number): boolean {
+    const found = data[i + 3]!;
+    if (!found) return true;
+    this.view.look(level, data[i]!, data[i + 1]!, data[i + 2]!);
+    return this.bisect(found & ((1 << SIGNS) - 1), found >>> SIGNS, next);
   }
 }

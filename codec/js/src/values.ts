@@ -1,5 +1,6 @@
 /** Geometry by values (5.6, 5.9.5), its guesses and candidates (7.7, 7.15). */
 import { VALUE, VALUE_NEAR } from "./models.js";
+import { inOrder } from "./order.js";
 import { Ints, KNOWN, SIGN } from "./store.js";
 import type { Pass, Tube } from "./tube.js";
 
@@ -115,11 +116,11 @@ export class Values {
 
   /** The list of active vertices (5.6.2). */
   private relist(): void {
-    const { t } = this, { n, grid, store } = t, d = t.leaves.data, length = t.leaves.length, full = t.onFullGrid;
+    const { t, list } = this, { n, grid, store } = t, d = t.leaves.data, length = t.leaves.length, full = t.onFullGrid;
     if (this.listed === t.changes) return;
     this.listed = t.changes;
     this.active = new Uint8Array(t.known.length / 3);
-    this.list.length = 0;
+    list.length = 0;
     const [lastX, lastY, lastZ] = grid.last;
     const at = new Int32Array(4);
     for (let i = 0; i < length; i += 4) {
@@ -142,9 +143,12 @@ export class Values {
         const id = this.ids[at[j]!]! - 1;
         if (this.active[id]) continue;
         this.active[id] = 1;
-        this.list.push(id);
+        list.push(id);
       }
     }
+    const ids = list.data.slice(0, list.length), points = new Int32Array(3 * ids.length);
+    ids.forEach((id, i) => points.set(t.known.data.subarray(3 * id, 3 * id + 3), 3 * i));
+    inOrder(n, points).forEach((row, i) => (list.data[i] = ids[row]!));
     if (full) this.survey();
   }
 

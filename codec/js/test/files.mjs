@@ -48,7 +48,8 @@ export function tiledParts(data) {
   const I = number();
   for (let i = 0; i < I; i++) {
     const kind = data[at++];
-    if (kind) at += 4 * kind;
+    if (kind === 3) at++;
+    if (kind % 3) at += 4 * kind;
     else number();
   }
   const notes = number();

@@ -9,7 +9,7 @@ import { MainProfile } from "../dist/main.js";
 import { tiledText } from "../dist/text.js";
 import { openTiles } from "../dist/tiles.js";
 import { lines } from "../dist/world.js";
-import { emptyTiles, entry, repair, tiledParts, varint } from "./files.mjs";
+import { crc32, emptyTiles, entry, repair, tiledParts, varint } from "./files.mjs";
 import { python, reference, root } from "./reference.mjs";
 import { curves, scratch, tile } from "./tiled.mjs";
 
@@ -269,6 +269,17 @@ function mutated(data) {
   }
   return bytes;
 }
+
+test("parts with checksums are found in files with isovalues and stages of every kind", { skip: !existsSync(folder) && "no vectors" }, () => {
+  const { vectors } = JSON.parse(readFileSync(join(folder, "manifest.json"), "utf8"));
+  for (const { name } of vectors.filter((v) => v.name.startsWith("tiled_") && !v.name.startsWith("tiled_cut"))) {
+    const data = vector(name);
+    for (const part of tiledParts(data).parts) {
+      const sum = crc32(data.subarray(part.at, part.at + part.size));
+      assert.equal(new DataView(data.buffer, data.byteOffset).getUint32(part.sum), sum, name);
+    }
+  }
+});
 
 test("mutated files decode as the reference decodes them", { skip }, async (t) => {
   const { vectors } = JSON.parse(readFileSync(join(folder, "manifest.json"), "utf8"));

@@ -16,7 +16,7 @@ from .access import corner, dimension, member, vertex
 from .access import corners as corner_count
 from .access import kind as kind_of
 from .access import members as member_count
-from .grid import clamped, position
+from .grid import clamped, phase_of, position
 from .simplex import exists, newest
 
 
@@ -106,7 +106,7 @@ def existing(grid, edge, r, kind, w0, w1, w2):
 @inlined
 def parent(t, level, edge, kind, m, w0, w1, w2):
     """Unclamped position of the middle whose bisection made member m of the diamond around w."""
-    r = level % dimension(t)
+    r = phase_of(dimension(t), level)
     cls, d0, d1, d2, _ = member(t, kind, m)
     newest_vertex = vertex(t, r, cls, newest(dimension(t), r))
     return position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, newest_vertex)

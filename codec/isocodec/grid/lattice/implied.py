@@ -99,7 +99,7 @@ def near_ends(implied: Implied, above: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def implied_ratio(implied: Implied, above: NDArray[np.bool_], s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Crossings of the edges, as fractions of the way from their first to their second end, (I,) float64.
+    """Crossings of the edges, as fractions of the way from their first to their second end, (I,) (clause 9.5(5)).
 
     ``s`` (I, m) holds the same for the edges from `near_ends` to the corners of the ring.
     """
@@ -109,4 +109,7 @@ def implied_ratio(implied: Implied, above: NDArray[np.bool_], s: NDArray[np.floa
     one, two = s[:, :half], s[:, ::-1][:, :half]
     x_one = np.where(at_a[:, :half], 0.0, 1.0 - one)
     x_two = np.where(at_a[:, ::-1][:, :half], two, 1.0)
-    return ((x_one * two + x_two * one) / (one + two)).mean(axis=1)
+    with np.errstate(invalid="ignore"):
+        ratio: NDArray[np.float64] = ((x_one * two + x_two * one) / (one + two)).mean(axis=1)
+    # where both crossings are at an end, as they may be if samples equal the isovalue
+    return np.where(np.isfinite(ratio), ratio, 0.5)

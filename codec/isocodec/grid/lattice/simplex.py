@@ -9,7 +9,7 @@ from ...kernel.types import Integer
 from .access import child, dimension, grandchild, member, middle, vertex
 from .access import kind as kind_of
 from .access import members as member_count
-from .grid import clamped, edge_of, position
+from .grid import clamped, cycle_of, edge_of, phase_of, position
 
 
 class Simplex(NamedTuple):
@@ -32,7 +32,7 @@ def newest(n, r):
 def middle_at(grid, level, cls, b0, b1, b2):
     """Unclamped position of the middle of a simplex's subdivision edge."""
     edge = edge_of(grid, level)
-    w0, w1, w2 = middle(grid.tables, level % dimension(grid.tables), cls, b0, b1, b2)
+    w0, w1, w2 = middle(grid.tables, phase_of(dimension(grid.tables), level), cls, b0, b1, b2)
     return (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
 
 
@@ -66,22 +66,23 @@ def exists(grid, edge, r, cls, b0, b1, b2):
 def child_of(grid, level, cls, b0, b1, b2, side):
     """Class and block of a child, and whether it exists."""
     n = dimension(grid.tables)
-    r = level % n
+    r = phase_of(n, level)
     q, d0, d1, d2 = child(grid.tables, r, cls, side)
     f = 2 if r == n - 1 else 1
     c0, c1, c2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
-    return q, c0, c1, c2, exists(grid, edge_of(grid, level + 1), (level + 1) % n, q, c0, c1, c2)
+    return q, c0, c1, c2, exists(grid, edge_of(grid, level + 1), phase_of(n, level + 1), q, c0, c1, c2)
 
 
 @inlined
 def parent_of(grid, level, cls, b0, b1, b2):
     """Class and block of the parent of a simplex, and which child it is."""
     n = dimension(grid.tables)
-    r = (level - 1) % n
+    r = phase_of(n, level - 1)
     f = 2 if r == n - 1 else 1
-    z = position(edge_of(grid, level), b0, b1, b2, vertex(grid.tables, level % n, cls, newest(n, level % n)))
-    up = edge_of(grid, level - 1)
-    w0, w1, w2 = 2 * z[0] // up, 2 * z[1] // up, 2 * z[2] // up
+    phase = phase_of(n, level)
+    z = position(edge_of(grid, level), b0, b1, b2, vertex(grid.tables, phase, cls, newest(n, phase)))
+    up = grid.exponent - cycle_of(n, level - 1)
+    w0, w1, w2 = (2 * z[0]) >> up, (2 * z[1]) >> up, (2 * z[2]) >> up
     kind = kind_of(grid.tables, r, w0, w1, w2)
     for m in range(member_count(grid.tables, kind)):
         for side in range(2):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ...kernel import inlined
 from .access import dimension
-from .grid import edge_of
+from .grid import edge_of, phase_of
 
 
 @inlined
@@ -36,7 +36,7 @@ def cubes(grid, level):
     """Cubes along each axis that hold a slot: one more than cover the box where slots lie on the lower faces."""
     n = dimension(grid.tables)
     edge = edge_of(grid, level)
-    more = 0 if level % n == 0 else 1
+    more = 0 if phase_of(n, level) == 0 else 1
     c0 = (grid.last0 + edge - 1) // edge + more
     c1 = (grid.last1 + edge - 1) // edge + more
     c2 = (grid.last2 + edge - 1) // edge + more if n == 3 else 1

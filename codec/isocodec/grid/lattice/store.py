@@ -89,6 +89,11 @@ def size_of(store: Store) -> Size:
     return Size(len(store.pages), len(store.table))
 
 
+def bytes_of(store: Store) -> int:
+    """Bytes of a store."""
+    return int(store.pages.nbytes) + int(store.table.nbytes)
+
+
 def size_for(store: Store, room: int, factor: int = 4) -> Size:
     """The size at which a store has place for at least ``room`` more pages: its own, or a good deal more.
 
@@ -121,6 +126,8 @@ def resized(store: Store, size: Size) -> Store:
     """Resize a store to so many pages and rows of the table, at least as many as it has."""
     used = int(store.head[PAGES])
     table, pages = store.table, store.pages
+    if size.pages <= len(pages) and size.rows <= len(table):
+        return store
     if size.pages > len(pages):
         pages = np.zeros((size.pages, pages.shape[1]), pages.dtype)
         pages[:used] = store.pages[:used]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import permutations, product
+from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,7 @@ _SIZES = {
     "FACTOR": MOST_KINDS,  # [d] factor of the block of a member for its children
     "BITS": MOST_KINDS * MOST_MEMBERS * 2,  # [d, m, s] bits of a child's corners, as in GRANDCHILD
     "PLACE": MOST_KINDS * MOST_MEMBERS * 8,  # [d, m, s, j] corner that vertex j of a child is
+    "BELOW": MOST_KINDS * MOST_MEMBERS * 6,  # [d, m, s, a] middle of a child in units of its g, relative to the block
     "TWIN": MOST_KINDS * MOST_MEMBERS * 2,  # [d, m, s] bits of the children before it that have its middle
 }
 START = {name: sum(list(_SIZES.values())[:i]) for i, name in enumerate(_SIZES)}
@@ -61,11 +63,15 @@ def cube_exponent(shape: tuple[int, ...]) -> int:
 
 
 def _add(a: Point, b: Point) -> Point:
-    return tuple(x + y for x, y in zip(a, b, strict=True))
+    return tuple(map(add, a, b))
 
 
 def _scaled(a: Point, factor: int) -> Point:
-    return tuple(x * factor for x in a)
+    return tuple([x * factor for x in a])
+
+
+def _moved(s: Simplex, by: Point) -> Simplex:
+    return tuple([tuple(map(add, v, by)) for v in s])
 
 
 def _middle(s: Simplex, tag: int) -> Point:
@@ -91,8 +97,14 @@ def kuhn(n: int, parity: Point, order: Point) -> Simplex:
 def _home(s: Simplex) -> tuple[Point, Simplex]:
     """Block of a simplex and the simplex relative to it: the block holds the barycentre."""
     n = len(s) - 1
-    block = tuple(sum(v[a] for v in s) // (4 * (n + 1)) for a in range(n))
-    return block, tuple(_add(v, _scaled(block, -4)) for v in s)
+    block = tuple([sum(axis) // (4 * (n + 1)) for axis in zip(*s, strict=True)])
+    return block, _moved(s, _scaled(block, -4))
+
+
+def _at_home(face: Simplex) -> tuple[Point, frozenset[Point]]:
+    """Block of the least coordinates of a face, and the face moved from there to block 0."""
+    block = tuple([min(axis) // 4 for axis in zip(*face, strict=True)])
+    return block, frozenset(_moved(face, _scaled(block, -4)))
 
 
 def _classes(n: int) -> list[list[Simplex]]:
@@ -121,44 +133,41 @@ class _Builder:
 
     def child(self, r: int, q: int, side: int, shift: Point) -> tuple[int, Point]:
         """Class and block delta of a child; the units halve when a cycle of n levels is complete."""
-        s = tuple(_add(v, _scaled(shift, 4)) for v in self.classes[r][q])
-        c = bisect(s, self.n - r)[side]
+        c = bisect(_moved(self.classes[r][q], _scaled(shift, 4)), self.n - r)[side]
         if r == self.n - 1:
-            c = tuple(_scaled(v, 2) for v in c)
+            c = tuple([_scaled(v, 2) for v in c])
         return self.find((r + 1) % self.n, c)
 
     def around(self, r: int) -> dict[frozenset[Point], list[tuple[int, Point]]]:
-        """Simplices of the 3**n blocks around block 0 by their vertex set's faces."""
+        """Both simplices at each face, by the face moved to block 0; with each the block that it then has."""
         faces: dict[frozenset[Point], list[tuple[int, Point]]] = {}
-        for shift in product((-1, 0, 1), repeat=self.n):
-            for q, s in enumerate(self.classes[r]):
-                moved = [_add(v, _scaled(shift, 4)) for v in s]
-                for i in range(self.n + 1):
-                    faces.setdefault(frozenset(moved[:i] + moved[i + 1 :]), []).append((q, shift))
+        for q, s in enumerate(self.classes[r]):
+            for i in range(self.n + 1):
+                block, face = _at_home(s[:i] + s[i + 1 :])
+                faces.setdefault(face, []).append((q, _scaled(block, -1)))
         return faces
 
     def diamonds(self, r: int) -> dict[Point, list[tuple[int, Point]]]:
         """Simplices around each middle of block 0 (residues mod 4)."""
         out: dict[Point, list[tuple[int, Point]]] = {}
-        for shift in product((-1, 0, 1), repeat=self.n):
-            for q, s in enumerate(self.classes[r]):
-                w = _add(_middle(s, self.n - r), _scaled(shift, 4))
-                if all(0 <= x < 4 for x in w):
-                    out.setdefault(w, []).append((q, shift))
+        for q, s in enumerate(self.classes[r]):
+            w = _middle(s, self.n - r)
+            shift = tuple(-(x // 4) for x in w)
+            out.setdefault(_add(w, _scaled(shift, 4)), []).append((q, shift))
         return out
 
 
 def _barycentre(s: Simplex) -> Point:
-    return tuple(sum(v[a] for v in s) for a in range(len(s) - 1))
+    return tuple(map(sum, zip(*s, strict=True)))
 
 
 @cache
-def mesh_tables(n: int) -> NDArray[np.int64]:
+def mesh_tables(n: int) -> NDArray[np.int16]:
     """The tables of dimension ``n`` (2 or 3) in one flat array; ``mesh.access`` reads them."""
     b = _Builder(n)
-    flat = np.zeros(sum(_SIZES.values()), np.int64)
+    flat = np.zeros(sum(_SIZES.values()), np.int16)
 
-    def table(name: str, *shape: int) -> NDArray[np.int64]:
+    def table(name: str, *shape: int) -> NDArray[np.int16]:
         return flat[START[name] : START[name] + _SIZES[name]].reshape(shape)
 
     vertex = table("VERTEX", AXES, MOST_CLASSES, 4, 3)
@@ -179,9 +188,12 @@ def mesh_tables(n: int) -> NDArray[np.int64]:
                 cls, delta = b.child(r, q, side, origin)
                 child[r, q, side] = [cls, *_pad(delta)]
             for i in range(n + 1):
-                face = frozenset(s[:i] + s[i + 1 :])
-                cls, shift = next(x for x in faces[face] if x != (q, origin))
-                other = [_add(v, _scaled(shift, 4)) for v in b.classes[r][cls]]
+                face = s[:i] + s[i + 1 :]
+                block, moved = _at_home(face)
+                this = q, _scaled(block, -1)
+                cls, home = next(x for x in faces[moved] if x != this)
+                shift = _add(home, block)
+                other = _moved(b.classes[r][cls], _scaled(shift, 4))
                 opposite = next(j for j, v in enumerate(other) if v not in face)
                 neighbour[r, q, i] = [cls, opposite, *_pad(shift)]
             parity = tuple(x // (2 * (n + 1)) for x in _barycentre(s))
@@ -199,6 +211,7 @@ def mesh_tables(n: int) -> NDArray[np.int64]:
     grandchild = table("GRANDCHILD", MOST_KINDS, MOST_MEMBERS, 2, 5)
     factor, bits = table("FACTOR", MOST_KINDS), table("BITS", MOST_KINDS, MOST_MEMBERS * 2)
     place = table("PLACE", MOST_KINDS, MOST_MEMBERS * 2, 4)
+    middles = table("BELOW", MOST_KINDS, MOST_MEMBERS * 2, 3)
     twin = table("TWIN", MOST_KINDS, MOST_MEMBERS * 2)
     for d, (r, w, found) in enumerate(diamonds):
         points, inside, below, children = _diamond(b, r, found)
@@ -212,6 +225,7 @@ def mesh_tables(n: int) -> NDArray[np.int64]:
         bits[d, : len(children)] = [child[-1] for pair in below for child in pair]
         for i, (vertices, doubled) in enumerate(children):
             place[d, i, : n + 1] = vertices
+            middles[d, i] = _pad(tuple(x * factor[d] // 2 for x in doubled))
             twin[d, i] = sum(1 << j for j, (_, other) in enumerate(children[:i]) if other == doubled)
     root = [b.number[0][kuhn(n, origin, o)] for o in permutations(range(n))]
     table("DIMENSION", 1)[0] = n
@@ -227,7 +241,7 @@ def _diamond(
     Of the children also which corners their vertices are, the middle following on the last, and twice their own middle.
     """
     tag = b.n - r
-    moved = [(tuple(_add(v, _scaled(shift, 4)) for v in b.classes[r][q]), q, shift) for q, shift in members]
+    moved = [(_moved(b.classes[r][q], _scaled(shift, 4)), q, shift) for q, shift in members]
     moved.sort(key=lambda x: _barycentre(x[0]))
     first = moved[0][0]
     ends = sorted((first[0], first[tag]))

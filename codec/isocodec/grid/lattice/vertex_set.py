@@ -11,8 +11,8 @@ from ...kernel import inlined, record
 from ...kernel.types import UInt8Volume
 from .store import Flags, get, new_flags
 
-IN, OUT, KEPT, KNOWN = 1, 2, 4, 8
-"""Marks of a lattice point: in the mesh; known not to be in it; kept in this layer; known when it was added."""
+IN, OUT, KEPT = 1, 2, 4
+"""Marks of a lattice point: in the mesh; known not to be in it; kept in this layer."""
 GONE = 1
 """Bit of a lattice point that is not a vertex of the mesh."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from isospec.container import Profile
 
-from ...entropy.context_layout import context_coder, rates
+from ...entropy.context_layout import context_coder, gone_on, rates
 from ...entropy.panel import no_panel, panel_after
 from ...entropy.range_coder import Coder, CoderRegisters
 from ...format.header import Header
@@ -29,40 +29,44 @@ MOST_SHIFT = 1 << 52
 def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = False) -> Coder:
     """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2).
 
-    With ``frame`` that is one of the frame before.
+    With ``frame`` that is one of the frame before. Of an isovalue without layers the models are shared.
     """
-    registers, room = CoderRegisters(), np.zeros(size, np.uint8)
+    if lean is not None and not lean.begun and not frame:
+        return lean.coder._replace(reg=CoderRegisters(), buf=np.zeros(size, np.uint8))
     if lean is not None:
-        cd = lean.coder
+        cd = gone_on(lean.coder, size)
         further = frame and header.profile == Profile.MAIN
-        panel = panel_after(cd.blend.panel) if further else no_panel()
-        blend = cd.blend._replace(mix=cd.blend.mix.copy(), panel=panel)
-        return Coder(registers, room, cd.prob.copy(), cd.seen.copy(), cd.rate, blend)
+        panel = panel_after(lean.coder.blend.panel) if further else no_panel()
+        return cd._replace(blend=cd.blend._replace(panel=panel))
     if header.profile == Profile.MAIN:
         prob, seen, blend = shipped_models(len(header.shape))
-        return Coder(registers, room, prob, seen, rates(), blend)
+        return Coder(CoderRegisters(), np.zeros(size, np.uint8), prob, seen, rates(), blend)
     return context_coder(*models(), size)
 
 
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
     truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None, frame: bool = False,
+    coder: Coder | None = None,
 ) -> Tube:
     """The tube of an isovalue, leaning on that of another one or on none, with a mask or without.
 
-    With ``frame`` the other one is that of the frame before.
+    With ``frame`` the other one is that of the frame before. With a coder its models are those of the tube.
     """
-    coder = leaning_coder(header, lean, size, frame)
+    shares = lean is not None and not frame and (coder is not None or not lean.begun)
+    coder = coder or leaning_coder(header, lean, size, frame)
     shape = header.shape
     if lean is None or lean.level < 0:
-        return Tube(shape, coder, limits, truth, holes=holes, budget=budget)
+        return Tube(shape, coder, limits, truth, holes=holes, budget=budget, shares=shares)
     if frame:
-        return Tube(shape, coder, limits, truth, lean=lean, side=FRAME, holes=holes, budget=budget)
+        return Tube(shape, coder, limits, truth, lean=lean, side=FRAME, holes=holes, budget=budget, shares=shares)
     shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
     if shift is not None and abs(shift) >= MOST_SHIFT:
         shift = None
     side = 1 if isovalue > other else -1
-    return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=side, holes=holes, budget=budget)
+    return Tube(
+        shape, coder, limits, truth, lean=lean, shift=shift, side=side, holes=holes, budget=budget, shares=shares
+    )
 
 
 def mask_tube(
@@ -81,6 +85,8 @@ def begin_layer(tube: Tube, layer: Layer) -> None:
             tube.begin_leaf_base()
         case LayerKind.REFINE:
             tube.begin_round()
+        case LayerKind.RASTER:
+            tube.begin_raster()
         case LayerKind.ADAPT:
             tube.begin_adapt(layer.births)
         case LayerKind.VALUES:

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import ChunkType
+from isospec.container import LAYER_LIMIT, ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ...entropy.range_coder import UNLIMITED, Coder
 from ...entropy.run import Account, ReadingRun
 from ...errors import FormatError, LimitError
 from ...format.chunks import Envelope
-from ...format.events import BaseComplete, Event, GeometryRefined, LayerComplete, LevelComplete
+from ...format.events import Event, LayerComplete
 from ...format.header import varint
-from ...format.kinds import BASES, GEOMETRY, LayerKind
+from ...format.kinds import LayerKind
 from ...format.program import Layer, ProgramReader, Progress, mask_layers
 from ...kernel import CUT, DONE
 from ...limits import WORK_LIST, Limits
+from ..passes.raster import WORK
 from ..passes.runner import Tube, out_of_steps
 from .beginning import begin_layer
-
-_EVENTS: dict[str, type[LayerComplete]] = {
-    **dict.fromkeys(BASES, BaseComplete),
-    LayerKind.REFINE: LevelComplete,
-    LayerKind.ADAPT: LevelComplete,
-    **dict.fromkeys(GEOMETRY, GeometryRefined),
-}
 
 
 @dataclass
@@ -40,8 +38,11 @@ class BegunRun:
     chunk_start, program_start, start : int
         Byte offsets of its chunk, its layer program and its first byte.
     layers : list of Layer
+        Of each isovalue.
+    turn : range
+        Numbers of the isovalues.
     before : Progress
-        Where the programs stood before.
+        Where the programs of the first of them stood before.
     symbols : int
         The stated number of symbols of a cut run, or no limit.
     done : int
@@ -52,9 +53,65 @@ class BegunRun:
     program_start: int
     start: int
     layers: list[Layer]
+    turn: range
     before: Progress
     symbols: int
     done: int = 0
+
+
+class _Steps:
+    """Sum of the steps of inference of tubes of which only a few change at a time."""
+
+    def __init__(self) -> None:
+        self._still = 0
+        self._watched: list[tuple[Tube, int]] = []
+
+    @property
+    def now(self) -> int:
+        """Steps that all tubes have taken while they were watched."""
+        return self._still + sum(tube.steps - began for tube, began in self._watched)
+
+    def watch(self, *tubes: Tube) -> None:
+        """Watch these tubes from now on, and no others: they take the steps."""
+        self._still = self.now
+        self._watched = [(tube, tube.steps) for tube in tubes]
+
+
+class Turns(Protocol):
+    """Selection of the isovalues that layers belong to."""
+
+    @property
+    def turn(self) -> range:
+        """Numbers of the isovalues that the next chunk of layers belongs to."""
+
+    def lean(self, number: int) -> int | None:
+        """Number of the isovalue of a turn that this one leans on, which may have had layers since this one began."""
+
+    def ready(self, number: int) -> Tube:
+        """The tube of an isovalue whose next layer begins or goes on."""
+
+    def layered(self, number: int) -> None:
+        """A chunk of layers of an isovalue has begun."""
+
+
+class Alone:
+    """The turns of a single tube."""
+
+    turn = range(1)
+
+    def __init__(self, tube: Tube) -> None:
+        self._tube = tube
+
+    def lean(self, number: int) -> int | None:
+        """See `Turns.lean`."""
+        return None
+
+    def ready(self, number: int) -> Tube:
+        """See `Turns.ready`."""
+        return self._tube
+
+    def layered(self, number: int) -> None:
+        """See `Turns.layered`."""
 
 
 class LayerReader:
@@ -75,6 +132,7 @@ class LayerReader:
         Those announced so far; it grows.
     account : Account
         The file's.
+    turns : Turns
 
     Attributes
     ----------
@@ -83,7 +141,7 @@ class LayerReader:
 
     def __init__(
         self, limits: Limits, data: bytearray, tubes: list[Tube | None], progresses: list[Progress],
-        beside: list[Tube | None], layers: list[Layer], account: Account,
+        beside: list[Tube | None], layers: list[Layer], account: Account, turns: Turns,
     ) -> None:
         self.limits = limits
         self.layers = layers
@@ -93,27 +151,20 @@ class LayerReader:
         self._progresses = progresses
         self._beside = beside
         self._account = account
+        self._turns = turns
         self._reading: tuple[Tube, ReadingRun] | None = None
-        self._pending: list[Layer] | None = None
+        self._pending: deque[tuple[int, Layer]] | None = None
         self._program: ProgramReader | None = None
         self._program_start = 0
         self._symbols = UNLIMITED
         self._before = np.zeros(len(ELEMENTS), np.int64)
-        self._dropped = np.zeros(len(ELEMENTS) + 2, np.int64)
         self._layer_start = 0
         self._done = 0
-        self._spent = self._counted = 0
-
-    @property
-    def _tube(self) -> Tube:
-        """The tube of the isovalue whose layers come at present."""
-        tube = self._tubes[-1]
-        assert tube is not None, "chunks of isovalues that are skipped are not read"
-        return tube
-
-    @property
-    def _progress(self) -> Progress:
-        return self._progresses[-1]
+        self._turned: Tube | None = None
+        self._tally_began = np.zeros(len(ELEMENTS) + 2, np.int64)
+        self._tally = np.zeros(len(ELEMENTS) + 2, np.int64)
+        self._work = _Steps()
+        self._frame_work = self._counted = 0
 
     @property
     def coder(self) -> Coder:
@@ -135,17 +186,25 @@ class LayerReader:
         """Keep nothing of what was decoded of an isovalue but how many symbols it took."""
         tube = self._tubes[number]
         assert tube is not None
-        self._dropped = self._dropped + tube.tally()
         self._tubes[number] = None
+        if self._turned is tube:
+            self._turn_to(None)
         if self._reading is not None and self._reading[0] is tube:
             self._reading = None
 
-    def next_frame(self, before: list[Tube | None]) -> None:
-        """A further frame begins: keep of the present one how many symbols it took; ``before`` is let go of."""
-        for tube in filter(None, self._tubes):
-            self._dropped = self._dropped + tube.tally()
-        self._spent += sum(tube.steps for tube in before if tube)
+    def next_frame(self) -> None:
+        """A further frame begins: keep of the present one how many symbols it took."""
+        self._turn_to(None)
+        self._frame_work = self._work.now
         self.runs.clear()
+
+    def _turn_to(self, tube: Tube | None) -> None:
+        """Count what the isovalue whose layers came so far took; those of another one, or of none, come from now on."""
+        self._tally = self.tally()
+        self._turned = tube
+        if tube is not None:
+            self._tally_began = tube.tally()
+        self._work.watch(*(one for one in (tube, tube and tube.lean) if one))
 
     def leave(self) -> None:
         """The chunk has been read."""
@@ -162,11 +221,11 @@ class LayerReader:
 
     def tally(self) -> NDArray[np.int64]:
         """Symbols by syntax element, then predictions and right ones."""
-        return sum((tube.tally() for tube in self._tubes if tube), self._dropped)
+        return self._tally + (0 if self._turned is None else self._turned.tally() - self._tally_began)
 
     def _steps(self) -> int:
-        """Steps of inference so far, of all tubes."""
-        return sum(tube.steps for tube in (*self._tubes, *self._beside) if tube)
+        """Steps of inference so far, of all tubes of the frame."""
+        return self._work.now - self._frame_work + sum(tube.steps for tube in self._beside if tube)
 
     def go_on(self, chunk: Envelope, chunk_start: int) -> Event | None:
         """Go on with a chunk of layers; None if all are done or more bytes are needed."""
@@ -176,35 +235,53 @@ class LayerReader:
             return None
         run = self._arrived(there, whole)
         while self._pending:
-            layer = self._pending[0]
+            number, layer = self._pending[0]
             try:
-                if not self._tube.running:
-                    self._account.units += _listed(self._tube)
+                tube = self._present(number, run)
+                if not tube.running:
+                    self._account.units += _listed(tube)
                     self._grant(run)
-                    begin_layer(self._tube, layer)
-                status = self._tube.advance()
+                    begin_layer(tube, layer)
+                    if layer.kind == LayerKind.RASTER:
+                        self._account.spend(math.prod(tube.shape) // WORK)
+                status = tube.advance()
                 while status == CUT and not run.complete:
                     self._grant(run)
-                    status = self._tube.advance()
+                    status = tube.advance()
                 if self._steps() >= self.limits.steps:
                     raise out_of_steps(self.limits)
             except (FormatError, LimitError) as error:
                 error.offset = run.place
                 raise
             if status == CUT:
-                self._pending = []
+                self._pending = deque()
             elif status != DONE:
                 return None
             else:
-                self._pending.pop(0)
+                self._pending.popleft()
                 return self._completed(layer, chunk)
         if whole:
             run.end()
         return None
 
+    def _present(self, number: int, run: ReadingRun) -> Tube:
+        """The tube of an isovalue, with its models in the run's coder."""
+        tube = self._turns.ready(number)
+        if self._turned is not tube:
+            self._turn_to(tube)
+        own = tube.coder
+        if own is not run.coder:
+            run.coder = run.coder._replace(prob=own.prob, seen=own.seen, rate=own.rate, blend=own.blend)
+            tube.coder = run.coder
+        self._reading = tube, run
+        bits = self._progresses[number].bits
+        if bits is not None:
+            tube.estimates.bits = bits
+        return tube
+
     def _grant(self, run: ReadingRun) -> None:
         """Allow some more symbols, counting the steps of inference so far."""
-        steps = sum(tube.steps for tube in self._tubes if tube) + self._spent
+        steps = self._work.now
         self._account.steps += steps - self._counted
         self._counted = steps
         run.grant()
@@ -215,34 +292,62 @@ class LayerReader:
             at = chunk.start
             self._symbols = UNLIMITED
             if chunk.type == ChunkType.CUT_LAYERS:
-                number = varint(self._data, at, there, "3.5.4")
-                if number is None:
+                stated = varint(self._data, at, there, "3.5.4")
+                if stated is None:
                     return self._incomplete(there, whole)
-                self._symbols, at = number
-            self._program = ProgramReader(at, self._progress.copy())
+                self._symbols, at = stated
+            self._program = ProgramReader(at, self._progress(self._turns.turn[0]))
             self._program_start = at
         program = self._program
         if not program.read(self._data, there):
             return self._incomplete(there, whole)
-        if program.progress.layers > self.limits.layers:
+        turn = self._turns.turn
+        programs = [program, *(self._same(number, program, there) for number in turn[1:])]
+        for number in turn:
+            self._turns.layered(number)
+        counted = len(self.layers) + len(turn) * len(program.layers)
+        if counted > LAYER_LIMIT:
+            raise FormatError(f"more than {LAYER_LIMIT:,} layers", code="layers", offset=self._program_start,
+                              clause="11.1")
+        if counted > self.limits.layers:
             raise LimitError(
                 f"more than {self.limits.layers} layers", code="limit-layers", offset=self._program_start, clause="11.2"
             )
-        before, self._progresses[-1] = self._progress, program.progress
+        before = self._progresses[turn[0]]
+        for number, one in zip(turn, programs, strict=True):
+            self._progresses[number] = one.progress
         self._program = None
-        start = self._program_start
-        self._begin_run(BegunRun(chunk_start, start, program.at, program.layers, before, self._symbols, self._done))
-        if self._progress.bits is not None:
-            self._tube.estimates.bits = self._progress.bits
+        self._begin_run(BegunRun(
+            chunk_start, self._program_start, program.at, program.layers, turn, before, self._symbols, self._done
+        ), [one.layers for one in programs])
         return True
 
-    def _begin_run(self, run: BegunRun) -> None:
-        """Begin the layers of a run."""
-        self._pending = list(run.layers)
-        self.layers += run.layers
+    def _progress(self, number: int) -> Progress:
+        """Copy the state of the programs of an isovalue, for its next one."""
+        found = self._progresses[number].copy()
+        found.layers = len(self.layers)
+        if (lean := self._turns.lean(number)) is not None:
+            found.lean_level = self._progresses[lean].level
+        return found
+
+    def _same(self, number: int, first: ProgramReader, there: int) -> ProgramReader:
+        """The program that has been read for the first isovalue of a turn, for another one."""
+        found = ProgramReader(self._program_start, self._progress(number))
+        if not found.read(self._data, there) or found.at != first.at or len(found.layers) != len(first.layers):
+            raise FormatError("a program differs among the isovalues of a turn", code="program",
+                              offset=self._program_start, clause="3.5.9")
+        return found
+
+    def _begin_run(self, run: BegunRun, layers: Sequence[Sequence[Layer]]) -> None:
+        """Begin the layers of a run, those of each isovalue of the turn."""
+        self._pending = deque(
+            (number, layer) for each in zip(*layers, strict=True) for number, layer in zip(run.turn, each, strict=True)
+        )
+        self.layers += [layer for _, layer in self._pending]
         self._layer_start = 0
-        tube = self._tube
-        self._reading = tube, ReadingRun(tube.coder, self._account, run.start, stated=run.symbols)
+        coder = self._turns.ready(run.turn[0]).coder
+        reading = ReadingRun(coder, self._account, run.start, stated=run.symbols)
+        self._reading = self._turns.ready(run.turn[0]), reading
         self.runs.append(run)
 
     @staticmethod
@@ -256,7 +361,6 @@ class LayerReader:
         """The present run, with bytes of it that have come since."""
         run = self._run
         run.feed(self._data[run.at + run.read : there], whole)
-        self._tube.coder = run.coder
         return run
 
     def _completed(self, layer: Layer, chunk: Envelope) -> Event:
@@ -268,7 +372,7 @@ class LayerReader:
         used = min(run.passed + 4, chunk.end - run.at)
         took, self._layer_start = used - self._layer_start, used
         symbols = {name: fresh[ELEMENTS.index(name)] for name in BY_LAYER[layer.kind]}
-        return _EVENTS[layer.kind](run.at + used, self._done, layer, symbols, took)
+        return LayerComplete(run.at + used, self._done, layer, symbols, took)
 
 
 class MaskReader(LayerReader):
@@ -287,11 +391,13 @@ class MaskReader(LayerReader):
     def __init__(
         self, limits: Limits, data: bytearray, tube: Tube, beside: list[Tube | None], account: Account
     ) -> None:
-        super().__init__(limits, data, [tube], [Progress(tube.full_level)], beside, [], account)
+        super().__init__(limits, data, [tube], [Progress(tube.full_level)], beside, [], account, Alone(tube))
 
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
-        layers = mask_layers(self._tube.n, self._tube.full_level)
-        self._begin_run(BegunRun(chunk_start, chunk.start, chunk.start, layers, self._progress, UNLIMITED))
+        tube = self._turns.ready(0)
+        layers = mask_layers(tube.n, tube.full_level)
+        run = BegunRun(chunk_start, chunk.start, chunk.start, layers, range(1), self._progresses[0], UNLIMITED)
+        self._begin_run(run, [layers])
         return True
 
     def read(self, chunk: Envelope, chunk_start: int) -> bool:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 
 from isospec.container import LAYER_LIMIT, Operation
 from isospec.elements import BY_LAYER, ELEMENTS
 
+from ...entropy.range_coder import Coder
 from ...entropy.run import WritingRun
 from ...errors import OptionError
 from ...field.samples import Samples
 from ...format.chunks import LayerRecord
 from ...format.header import Header
-from ...format.kinds import LayerKind
-from ...format.program import Layer, Progress, expand, mask_layers
+from ...format.kinds import GEOMETRY, LayerKind
+from ...format.program import Layer, Progress, expand, mask_layers, write_program
 from ...kernel import DONE
 from ...limits import Limits
 from ..lattice.vertex_set import Chosen
@@ -30,10 +32,12 @@ RUN_BYTES = 1 << 16
 
 def field_tube(
     header: Header, field: Samples, truth: Truth, lean: Tube | None = None, other: float = 0.0,
-    holes: Holes | None = None, frame: bool = False,
+    holes: Holes | None = None, frame: bool = False, coder: Coder | None = None,
 ) -> Tube:
     """The encoder's tube of a field at its isovalue, leaning on that of the isovalue ``other`` or on none."""
-    return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth, holes=holes, frame=frame)
+    return leaning_tube(
+        header, field.isovalue, lean, other, 1 << 16, Limits(), truth, holes=holes, frame=frame, coder=coder
+    )
 
 
 def encoded_mask(header: Header, field: Samples, truth: Truth) -> tuple[bytes, Holes]:
@@ -75,9 +79,10 @@ class LayerWriter:
         self.records: list[LayerRecord] = []
         self.run_bytes = 0
         self.progress = progress
+        self._stated = progress.copy()
         self.within: dict[int, float] = {}
         self._entries: list[Entry] = []
-        self._plan: list[tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]] = []
+        self._plan: deque[tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]] = deque()
         check_entries(plan)
         self._promised = promised(plan)
         self._expanded = 0
@@ -125,9 +130,12 @@ class LayerWriter:
                 raise OptionError(f"{line}the plan cannot be carried out: {error}", code="plan", remedy=fewer) from None
             if state.layers + len(fresh) > LAYER_LIMIT:
                 raise OptionError(
-                    f"more than {LAYER_LIMIT} layers, which is as many as a file may have", code="plan",
+                    f"more than {LAYER_LIMIT:,} layers, which is as many as a file may have", code="plan",
                     remedy="fewer of them, or fewer isovalues",
                 )
+            if fresh[0].kind == LayerKind.RASTER and self.tube.no_raster:
+                line = where(self._entries[self._expanded])
+                raise OptionError(f"{line}{self.tube.no_raster}", code="plan", remedy="refine")
             for layer in fresh:
                 state.add(layer)
             if mesh is not None:
@@ -137,10 +145,49 @@ class LayerWriter:
             if slack is not None:
                 self._slack[len(self.layers)] = slack
             self.layers += fresh
-            del self._plan[0]
+            self._plan.popleft()
             self._expanded += 1
             if self._expanded in self._promised:
                 self.within[len(self.layers)] = self._promised[self._expanded]
+
+    @property
+    def planned(self) -> int:
+        """Layers that are known, and operations of the plan that wait."""
+        return len(self.layers) + len(self._plan)
+
+    @property
+    def has_values(self) -> bool:
+        """Whether values come."""
+        return any(operation == Operation.VALUES for operation, *_ in self._plan)
+
+    def to_level(self, level: int | None) -> int:
+        """Number of layers up to a level, before any geometry; of all that are known if no level is given."""
+        if level is None:
+            return len(self.layers)
+        return next((i for i, one in enumerate(self.layers) if one.level > level or one.kind in GEOMETRY),
+                    len(self.layers))
+
+    def program(self, first: int, end: int) -> bytes:
+        """Write the program of some layers, those before which have been stated."""
+        return write_program(self.layers[first:end], self._stated, self.bits)
+
+    def encode_layer(self, run: WritingRun, number: int, begun: int) -> int:
+        """Encode a layer in a run, maybe of several isovalues, that has ``begun`` bytes; how many it has then."""
+        tube = self.tube
+        tube.coder = run.coder
+        before = tube.tally()
+        self._advance(run, number)
+        symbols = tube.tally() - before
+        used = run.coder.reg.pos + 4
+        counts = {name: int(symbols[ELEMENTS.index(name)]) for name in BY_LAYER[self.layers[number].kind]}
+        self.records.append(LayerRecord(used - begun, counts))
+        self._extend()
+        return used
+
+    def rest(self) -> None:
+        """All layers have been encoded: keep only what others may lean on."""
+        self.tube.rest()
+        del self.field
 
     def encode_run(
         self, first: int, report: Callable[[], object], enough: float | None = None, last: int | None = None
@@ -175,23 +222,15 @@ class LayerWriter:
     ) -> tuple[WritingRun, int, bool]:
         """Go on with a run of the layers from ``first`` on; the run, the layer it has reached, and whether it ends.
         """
-        tube = self.tube
-        run, i, begun = self._open or (WritingRun(tube.coder), first, 0)
+        run, i, begun = self._open or (WritingRun(self.tube.coder), first, 0)
         for _ in range(first, i):
             report()
         full = False
         while i < len(self.layers) and not full:
-            before = tube.tally()
-            self._advance(run, i)
-            symbols = tube.tally() - before
-            used = run.coder.reg.pos + 4
-            counts = {name: int(symbols[ELEMENTS.index(name)]) for name in BY_LAYER[self.layers[i].kind]}
-            self.records.append(LayerRecord(used - begun, counts))
-            begun = used
+            begun = self.encode_layer(run, i, begun)
             i += 1
-            self._extend()
             report()
-            full = used >= enough or i - 1 == last
+            full = begun >= enough or i - 1 == last
         self._open = run, i, begun
         return run, i, full
 

@@ -22,7 +22,8 @@ Entry = Sequence[object]
 PROMISE = "promise"
 """An entry that makes no layer: what is promised of those before it."""
 _MEMBERS: dict[str, int] = {
-    LayerKind.BASE: 2, LayerKind.ADAPTIVE_BASE: 3, LayerKind.LEAF_BASE: 1, LayerKind.REFINE: 2, LayerKind.ADAPT: 3,
+    LayerKind.BASE: 2, LayerKind.ADAPTIVE_BASE: 3, LayerKind.LEAF_BASE: 1, LayerKind.REFINE: 2, LayerKind.RASTER: 1,
+    LayerKind.ADAPT: 3,
     LayerKind.VALUES: 3, LayerKind.OFFSETS: 5, PROMISE: 2,
 }
 """Kinds of entries, and how many members they have at most."""
@@ -120,8 +121,10 @@ def operation_of(
     The unit is that of offsets; of values it is the number of bits that are left.
     """
     argument = None if number is None else _count(kind, number)
-    if kind == LayerKind.LEAF_BASE:
+    if kind in (LayerKind.LEAF_BASE, LayerKind.RASTER):
         argument = 0
+    if kind == LayerKind.REFINE and argument == 0:
+        raise OptionError("refine in a plan with 0 rounds", code="plan", remedy="give at least 1")
     if kind == LayerKind.OFFSETS:
         if argument is None or argument % 2 == 0:
             raise OptionError(f"offsets in a plan with radix {number}; it must be odd", code="plan")

@@ -13,7 +13,7 @@ from ...entropy.range_coder import code
 from ...kernel import inlined
 from ...kernel.types import Integer
 from ..lattice.access import dimension, neighbour, vertex
-from ..lattice.grid import edge_of, position
+from ..lattice.grid import edge_of, phase_of, position
 from ..tube.state import corner_entry, entry
 from . import contexts as ctx
 from .frame_before import BEHIND, SEED, Spot, see_before
@@ -58,7 +58,7 @@ def see_behind(st, cd, simplex, opp, guess, case, other):
     """
     n = dimension(st.grid.tables)
     level, cls, b0, b1, b2 = simplex
-    r = level % n
+    r = phase_of(n, level)
     plane = n == 2
     first, count = (_BASE_2, len(_STEPS_2)) if plane else (_BASE_3, len(_STEPS_3))
     edge = edge_of(st.grid, level)
@@ -95,7 +95,7 @@ def _spot(st, simplex, j):
     """Vertex j of a simplex."""
     level, cls, b0, b1, b2 = simplex
     edge = edge_of(st.grid, level)
-    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j))
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, phase_of(dimension(st.grid.tables), level), cls, j))
     return Spot(x, y, z, edge)
 
 
@@ -120,10 +120,10 @@ def code_behind(st, cd, simplex, opp, behind, bit):
     """
     if not mixing(cd):
         return code(cd, behind.context, bit)
-    n = dimension(st.grid.tables)
+    phase = phase_of(dimension(st.grid.tables), simplex.level)
     see_behind(st, cd, simplex, opp, behind.guess, behind.case, behind.other)
-    see_before(st, cd, _spot(st, simplex, opp), behind.guess, BEHIND + simplex.level % n, behind.other)
-    return blended(cd, BASE_NET, False, BASE_KIND + simplex.level % n + 3 * (behind.other >= 0), behind.context, bit)
+    see_before(st, cd, _spot(st, simplex, opp), behind.guess, BEHIND + phase, behind.other)
+    return blended(cd, BASE_NET, False, BASE_KIND + phase + 3 * (behind.other >= 0), behind.context, bit)
 
 
 @inlined
@@ -144,7 +144,7 @@ def surface_context(st, level, cls, b0, b1, b2, opp):
     """Majority sign of the neighbours, or else of the gate, and the stated case (spec clause 7.4)."""
     t = st.grid.tables
     n = dimension(t)
-    r = level % n
+    r = phase_of(n, level)
     edge = edge_of(st.grid, level)
     above = 0
     for j in range(n + 1):
@@ -164,7 +164,7 @@ def surface_context(st, level, cls, b0, b1, b2, opp):
 @inlined
 def edge_sum(st, level, cls, b0, b1, i, j):
     """Sum of the positions of the vertices i and j: twice the middle of their edge."""
-    r = level % dimension(st.grid.tables)
+    r = phase_of(dimension(st.grid.tables), level)
     edge = edge_of(st.grid, level)
     p = vertex(st.grid.tables, r, cls, i)
     q = vertex(st.grid.tables, r, cls, j)
@@ -180,7 +180,7 @@ def curve_context(st, level, cls, b0, b1, opp):
     a = edge_sum(st, level, cls, b0, b1, opp, i)
     b = edge_sum(st, level, cls, b0, b1, opp, j)
     unit = st.grid.exponent - level // 2
-    case = nearer(st.trail, st.base.points, unit, g, a, b, True)
+    case = nearer(st.trail, st.base.points, unit, g, a, b)
     # the curve leaves through the edge between the new vertex and the gate's vertex of the other sign
     through = i if case < 0 else j
     zero = np.int64(0)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...entropy.context_layout import Layout
-from ...entropy.mixer import HOLES
 from ...entropy.range_coder import ONE
 from ...kernel import inlined
+from .corner_patterns import PATTERNS
 
 PLANES = 52
 DEPTHS = 25
@@ -19,8 +19,8 @@ LEVELS = 64
 NEARNESS = 5
 CURVE = 4 * 4
 SURFACE = 3 * 4 * 4 * 4
-BORDER = 3 * 10 * 4
-CROSSED = 3 * 10 * 3 * 4
+BANKS = 7
+"""Banks of contexts of refinement signs: one without an earlier isovalue, six by its sign and the corners' there."""
 NEAR = 8
 """Classes of how far a guessed value or crossing lies from the middle of what is left, to either side."""
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
@@ -34,8 +34,8 @@ _LAYOUT = Layout({
     "BASE_SURFACE": (3 * SURFACE, 0.8, 4),
     "SIGNIFICANT": (DEPTHS * 3, 0.5, 1),
     "SIGNIFICANT_LEAF": (4 * NEARNESS * 3, 0.2, 2),
-    "REFINE_BORDER": (7 * BORDER, 0.2, 4),
-    "REFINE_CROSSED": (7 * CROSSED, 0.8, 4),
+    "SIGN": (BANKS * PATTERNS, 0.2, 4),
+    "SIGN_CROSSED": (BANKS * PATTERNS, 0.8, 4),
     "VALUE": (PLANES * 2 * 3, 0.5, 2),
     "OFFSET": (2 * 8 * 9, 0.5, 2),
     "LEVEL": (3 * 2 * 4, 0.5, 2),
@@ -49,7 +49,6 @@ _LAYOUT = Layout({
     "OFFSET_NEAR": (2 * 4 * 2 * 2 * NEAR, 0.5, 0),
 })
 CONTEXTS = _LAYOUT.count
-"""Those but of holes, which are the last ones of both profiles."""
 ORIGIN = _LAYOUT["ORIGIN"]
 COMPONENT = _LAYOUT["COMPONENT"]
 ROOT = _LAYOUT["ROOT"]
@@ -59,8 +58,8 @@ BASE_CURVE = _LAYOUT["BASE_CURVE"]
 BASE_SURFACE = _LAYOUT["BASE_SURFACE"]
 SIGNIFICANT = _LAYOUT["SIGNIFICANT"]
 SIGNIFICANT_LEAF = _LAYOUT["SIGNIFICANT_LEAF"]
-REFINE_BORDER = _LAYOUT["REFINE_BORDER"]
-REFINE_CROSSED = _LAYOUT["REFINE_CROSSED"]
+SIGN = _LAYOUT["SIGN"]
+SIGN_CROSSED = _LAYOUT["SIGN_CROSSED"]
 VALUE = _LAYOUT["VALUE"]
 OFFSET = _LAYOUT["OFFSET"]
 LEVEL = _LAYOUT["LEVEL"]
@@ -72,16 +71,6 @@ OFFSET_LEAN = _LAYOUT["OFFSET_LEAN"]
 TURNED = _LAYOUT["TURNED"]
 VALUE_NEAR = _LAYOUT["VALUE_NEAR"]
 OFFSET_NEAR = _LAYOUT["OFFSET_NEAR"]
-BEHIND_HOLE, CROSSED_HOLE, BORDER_HOLE, SLOT_HOLE = range(4)
-HOLE_CASES = HOLES // 4
-"""Elements whose symbols have contexts of their own at missing vertices, and how many cases each of them has."""
-_HOLE_PROBABILITY, _HOLE_WEIGHT = (0.95, 0.95, 0.05, 0.05), 2
-
-
-@inlined
-def hole_context(cd, element, case):
-    """Context of a symbol at a vertex that is missing by the mask (spec clause 5.10)."""
-    return len(cd.prob) - HOLES + HOLE_CASES * element + case
 
 
 @inlined
@@ -93,8 +82,6 @@ def near_class(far):
 def models() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Probability of a 1 and number of symbols seen, for all contexts, before the first symbol of a file."""
     prob, seen = _LAYOUT.begun()
-    prob = np.append(prob, np.repeat([round(p * ONE) for p in _HOLE_PROBABILITY], HOLE_CASES))
-    seen = np.append(seen, np.full(HOLES, _HOLE_WEIGHT))
     _gaussian(prob)
     return prob, seen
 

@@ -88,6 +88,15 @@ def _near(st, square, i, j):
 
 
 @inlined
+def _beyond(st, beside, square, e, i, j, s, t):
+    """Store entry of the vertex s edges along axis a and t along b from that at (i, j), whose entry is e: one edge."""
+    if len(beside.links) > 0:
+        axis = square.a if s != 0 else square.b
+        return np.int64(beside.links[np.uint64((e >> 1) - 1), np.uint64(2 * axis + (s + t < 0))])
+    return _near(st, square, i + s, j + t)
+
+
+@inlined
 def _follow(st, beside, crossings, square, low, high, way, out):
     """Follow the curve from the edge of a square into the direction ``way`` of b; leaves two crossings.
 
@@ -100,8 +109,8 @@ def _follow(st, beside, crossings, square, low, high, way, out):
     i, j, turned, step = np.int64(0), np.int64(0), False, way
     for k in range(2):
         s, t = (step, 0) if turned else (0, step)
-        low_there = _near(st, square, i + s, j + t)
-        high_there = _near(st, square, i + s + (not turned), j + t + turned)
+        low_there = _beyond(st, beside, square, low, i, j, s, t)
+        high_there = _beyond(st, beside, square, high, i + (not turned), j + turned, s, t)
         if low_there == 0 or high_there == 0:
             return
         at_low, at_high = (low ^ low_there) & 1, (high ^ high_there) & 1

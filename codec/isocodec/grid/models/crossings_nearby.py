@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...kernel import kernel, record
-from ...kernel.types import IntMatrix, IntVector
+from ...kernel.types import Int32Matrix, IntMatrix, IntVector
 from ..tube.state import State
 from .crossing_candidates import UNIT
 
@@ -29,6 +29,8 @@ class Beside(NamedTuple):
         full grid.
     chain : (E, 4) int64
         For curves off the full grid the next two edges on either side, the nearer first, or -1; else without rows.
+    links : (V, 2 n) int32
+        On the full grid the store entries of the next samples along each axis, upwards and downwards; else no rows.
     place : (E,) int64
         Where each edge is crossed as far as that is known, from its lower end, in parts of `along.UNIT`; the main
         profile keeps it up to date.
@@ -37,18 +39,25 @@ class Beside(NamedTuple):
     grid: IntMatrix
     near: IntMatrix
     chain: IntMatrix
+    links: Int32Matrix
     place: IntVector
 
 
 def nothing_beside(n: int) -> Beside:
     """Tables without edges."""
     grid, near, chain = (np.zeros((0, columns), np.int64) for columns in (n, 2, 4))
-    return Beside(grid, near, chain, np.zeros(0, np.int64))
+    return Beside(grid, near, chain, _no_links(n), np.zeros(0, np.int64))
 
 
-def beside_grid(st: State, edges: NDArray[np.int64], place: NDArray[np.int64], n: int) -> Beside:
+def _no_links(n: int) -> NDArray[np.int32]:
+    return np.zeros((0, 2 * n), np.int32)
+
+
+def beside_grid(
+    st: State, edges: NDArray[np.int64], links: NDArray[np.int32], place: NDArray[np.int64], n: int,
+) -> Beside:
     """Make the tables around the crossed edges of the full grid."""
-    return Beside(_leaving(st, edges, n), np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64), place)
+    return Beside(_leaving(st, edges, n), np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64), links, place)
 
 
 def beside_leaves(
@@ -62,8 +71,9 @@ def beside_leaves(
     for end, way in ((0, place[told]), (1, UNIT - place[told])):
         np.add.at(near, edges[told, end], np.stack([way * length[told], np.ones_like(told)], axis=1))
     if n == 3:
-        return Beside(_leaving(st, edges, n), near, np.zeros((0, 4), np.int64), place)
-    return Beside(np.zeros((0, n), np.int64), near, _chain(rows @ (count, 1), edges @ (count, 1)), place)
+        return Beside(_leaving(st, edges, n), near, np.zeros((0, 4), np.int64), _no_links(n), place)
+    chain = _chain(rows @ (count, 1), edges @ (count, 1))
+    return Beside(np.zeros((0, n), np.int64), near, chain, _no_links(n), place)
 
 
 def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int64]:

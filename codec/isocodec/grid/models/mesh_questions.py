@@ -11,7 +11,7 @@ from ...entropy.range_coder import code
 from ...kernel import inlined
 from ...kernel.types import Integer
 from ..lattice.access import dimension
-from ..lattice.grid import edge_of, lattice
+from ..lattice.grid import edge_of, lattice, phase_of
 from ..lattice.store import get
 from ..lattice.vertex_set import IN, KEPT, OUT
 from ..tube.state import entry
@@ -31,7 +31,7 @@ class Question(NamedTuple):
     what : int
         One of the four sorts of questions.
     history : int
-        The last answers, as bits.
+        The last answers, as bits, or how many nearby are in the mesh (``nearby``).
     level, x, y, z : int
         Of the middle; its position is unclamped.
     """
@@ -45,11 +45,35 @@ class Question(NamedTuple):
 
 
 @inlined
+def nearby(st, diamond):
+    """Count of the middles nearest before one those in the mesh less those kept, plus 4, limited (clause 7.9(2))."""
+    n = dimension(st.grid.tables)
+    total = np.int64(4)
+    for i in range(n * (n - 1) if diamond.phase else n):
+        d0, d1, d2 = np.int64(0), np.int64(0), np.int64(0)
+        if diamond.phase == 0:
+            d0, d1, d2 = -2 * np.int64(i == 0), -2 * np.int64(i == 1), -2 * np.int64(i == 2)
+        else:
+            # back along the first of two axes, to either side along the second
+            pair, way = i >> 1, np.int64(2 * (i & 1) - 1)
+            d0 = np.int64(-1 if pair < 2 else 0)
+            d1 = way if pair == 0 else np.int64(0 if pair == 1 else -1)
+            d2 = np.int64(0) if pair == 0 else way
+        v0, v1, v2 = diamond.w0 + d0, diamond.w1 + d1, diamond.w2 + d2
+        if min(v0, v1, v2) < 0 or (v0 & 1) + (v1 & 1) + (v2 & 1) != n - diamond.phase:
+            continue
+        edge = diamond.edge
+        state = get(st.mesh, (v0 * edge) >> 1, (v1 * edge) >> 1, (v2 * edge) >> 1)
+        total += np.int64(state & IN != 0) - np.int64(state & KEPT != 0)
+    return min(max(total, 0), 7)
+
+
+@inlined
 def see_mesh(st, cd, question):
     """List what the main profile sees around a middle that may be in the mesh (spec clause 7.16)."""
     n = dimension(st.grid.tables)
     level = question.level
-    r = level % n
+    r = phase_of(n, level)
     first = _MESH_2 if n == 2 else _MESH_3
     clear(cd)
     see(cd, first + 3 * question.what + r)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ...kernel import inlined, inner
 from ...kernel.flat import flat
 from ..lattice.access import dimension
+from ..lattice.grid import cycle_of
 from ..lattice.store import PAGES, full, page_or_first, put, wipe
 from ..tube.state import entry
 from .network_rows import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
@@ -18,26 +17,24 @@ _FAR = {2: 10, 3: 6}
 """No vertex of the lists is as far as this along an axis, in units of g."""
 
 
-def nearest_vertices(n: int, phase: int) -> list[tuple[int, ...]]:
+def nearest_vertices(n: int, phase: int) -> NDArray[np.int64]:
     """Vertices of the next level nearest to a middle of level phase (mod n), as differences in units of g.
 
     The axes along which the middle's coordinate is odd come first; along these the subdivision edge runs from
     -1 to 1. The nearest come first, those of equal distance in lexicographic order.
     """
     odd = n - phase
-    found = []
-    for d in product(range(1 - _FAR[n], _FAR[n]), repeat=n):
-        count = sum((x + (a < odd)) % 2 for a, x in enumerate(d))
-        if any(d) and (count == 0 or count >= odd):
-            found.append(d)
-    found.sort(key=lambda d: (sum(x * x for x in d), d))
-    return found[: AROUND[n]]
+    d = np.indices((2 * _FAR[n] - 1,) * n).reshape(n, -1).T + 1 - _FAR[n]
+    count = ((d + (np.arange(n) < odd)) % 2).sum(axis=1)
+    found = d[d.any(axis=1) & ((count == 0) | (count >= odd))]
+    # stable, and the differences are in lexicographic order
+    return found[np.argsort((found * found).sum(axis=1), kind="stable")[: AROUND[n]]]
 
 
 def _table(n: int) -> NDArray[np.int64]:
     """Offsets for all middles, by their coordinates modulo 4: from end to end the edge may run either way."""
     table = np.zeros((4**n, AROUND[n], 3), np.int64)
-    nearest = [np.array(nearest_vertices(n, phase)) for phase in range(n)]
+    nearest = [nearest_vertices(n, phase) for phase in range(n)]
     for key in range(4**n):
         w = [key >> 2 * axis & 3 for axis in range(n)]
         odd = [axis for axis in range(n) if w[axis] & 1]
@@ -92,7 +89,7 @@ def survey(st):
     plane = dimension(st.grid.tables) == 2
     reach = _REACH_2 if plane else _REACH_3
     # of g, which is half the edge
-    size = st.grid.exponent - counters.level // dimension(st.grid.tables) - 1
+    size = st.grid.exponent - cycle_of(dimension(st.grid.tables), counters.level) - 1
     while counters.boarded < counters.vertices:
         # a vertex and its images reach over two pages along each axis
         if full(st.board, 8):

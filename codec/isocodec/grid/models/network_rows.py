@@ -6,12 +6,13 @@ import numpy as np
 
 from isospec.tables import KINDS, ROWS
 
-from ...entropy.mixer import BUCKETS, HOLES
+from ...entropy.mixer import BUCKETS
 from .contexts import CONTEXTS
+from .corner_patterns import CLASSES
 
 MAP = CONTEXTS
 """The adaptive probabilities of classes of opinions follow those of the baseline profile."""
-STATES = CONTEXTS + KINDS * BUCKETS + HOLES
+STATES = CONTEXTS + KINDS * BUCKETS
 MOST_ROWS = 256
 # Kinds of symbols that are mixed; each has separate weights and classes of opinions.
 REFINE_KIND = 0
@@ -37,9 +38,10 @@ MANNER_ROWS = 38
 """Rows of these for the kind of curve that it has been so far."""
 EARLIER_ROWS = 60
 """Rows of these for what an earlier isovalue predicts."""
-AROUND_ROW = 10
-"""First of their rows in its network."""
-SIGN_ROWS = {n: AROUND_ROW + 2 * AROUND[n] + MANNER_ROWS + EARLIER_ROWS for n in AROUND}
+SIGN_ROWS = {n: [2 * AROUND[n] + MANNER_ROWS + EARLIER_ROWS + 2 * classes for classes in CLASSES[n]] for n in AROUND}
+"""Rows by phase: what is around comes first, the classes of corners last."""
+SIGN_ROW = {n: [sum(SIGN_ROWS[n][:phase]) for phase in range(n)] for n in AROUND}
+"""First of them."""
 CELLS = {2: 24, 3: 26}
 """Cells around a node of the tree that its network sees."""
 CELL_CLASSES, BIRTH_CLASSES = 5, 4
@@ -48,7 +50,7 @@ CELL_ROWS = CELL_CLASSES + BIRTH_CLASSES
 CELL_ROW = 94
 """First of their rows in the tree's network."""
 TREE_ROWS = {n: CELL_ROW + CELL_ROWS * CELLS[n] for n in AROUND}
-TREE_ROW = {n: n * SIGN_ROWS[n] for n in AROUND}
+TREE_ROW = {n: sum(SIGN_ROWS[n]) for n in AROUND}
 """First row of the tree's network."""
 OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS[n] for n in AROUND}
 OFFSET_ROWS, LEAF_ROWS = 720, {2: 514, 3: 775}

@@ -2,15 +2,13 @@
 
 A parabola is fitted by least squares to the last points of the curve, each coordinate against the point's index,
 and extrapolated by one. Extrapolation is a fixed linear combination: the weights are integers over a common
-denominator, one row for each number of points. In a base the parabola goes through the gate's point, which is known,
-and is kept from bending too much.
+denominator, one row for each number of points. The parabola goes through the gate's point, which is known, and is kept
+from bending too much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from fractions import Fraction
-from math import gcd, lcm
+from math import gcd
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,26 +17,10 @@ from ...kernel import inlined
 
 MOST = 20
 """Points that the fit looks back at."""
-LEAST = 3
-"""Fewer points than this give no prediction where the next point is to be found."""
 STIFFNESS = 1 << 16
 """Added to what keeps a parabola through the gate's point from bending: it is nearly a line."""
 REACH = 1023
 """Farthest that a point counts, in units of g."""
-
-
-def extrapolation(points: int) -> tuple[int, list[int]]:
-    """Denominator and weights that take f(0) .. f(points - 1) to the fitted parabola's value at ``points``."""
-    x = [Fraction(2 * i - points + 1, 2) for i in range(points)]
-    target = Fraction(points + 1, 2)
-    s0, s2, s4 = Fraction(points), sum(v**2 for v in x), sum(v**4 for v in x)
-    determinant = s0 * s4 - s2 * s2
-    weights = [
-        v * target / s2 + (s4 - s2 * (v**2 + target**2) + s0 * v**2 * target**2) / determinant
-        for v in x
-    ]
-    denominator = lcm(*(w.denominator for w in weights))
-    return denominator, [int(w * denominator) for w in weights]
 
 
 def through_the_gate(points: int) -> tuple[int, list[int]]:
@@ -51,37 +33,37 @@ def through_the_gate(points: int) -> tuple[int, list[int]]:
     return denominator // common, [w // common for w in weights]
 
 
-def _table(least: int, fitted: Callable[[int], tuple[int, list[int]]]) -> NDArray[np.int64]:
+def _table() -> NDArray[np.int64]:
     table = np.zeros((MOST + 1, MOST + 1), np.int64)
-    for points in range(least, MOST + 1):
-        denominator, weights = fitted(points)
+    for points in range(1, MOST + 1):
+        denominator, weights = through_the_gate(points)
         table[points, 0] = denominator
         table[points, 1 : points + 1] = weights
     return table
 
 
-NEXT, ONWARD = _table(LEAST, extrapolation), _table(1, through_the_gate)
+ONWARD = _table()
 
 
 @inlined
-def nearer(trail, count, unit, g, a, b, onward):
+def nearer(trail, count, unit, g, a, b):
     """Compare the extrapolated point with the points a and b (pairs; all coordinates doubled).
 
-    The curve is extrapolated to where ``g`` is expected, or with ``onward`` through ``g`` to the point behind.
+    The curve is extrapolated through ``g`` to the point behind.
 
     ``trail`` holds the last points, a ring of MOST pairs. Everything is measured from the point ``g`` in units of
     ``2**(unit - 1)``, and cut off where it is too far away to matter, so that the numbers stay small. Returns 0 without
     a prediction, else the case 1 (doubtful), 2 or 3 (sure), negative if a is nearer than b.
     """
-    if count < (1 if onward else LEAST):
+    if count == 0:
         return 0
     used = min(count, MOST)
-    denominator = ONWARD[used, 0] if onward else NEXT[used, 0]
+    denominator = ONWARD[used, 0]
     p0 = np.int64(0)
     p1 = np.int64(0)
     j = (count - used) % MOST - 1
     for i in range(used):
-        w = ONWARD[used, 1 + i] if onward else NEXT[used, 1 + i]
+        w = ONWARD[used, 1 + i]
         j = j + 1 if j + 1 < MOST else 0
         p0 += w * min(max(((trail[2 * j] - g[0]) << 1) >> unit, -REACH), REACH)
         p1 += w * min(max(((trail[2 * j + 1] - g[1]) << 1) >> unit, -REACH), REACH)

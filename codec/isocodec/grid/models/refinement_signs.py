@@ -1,4 +1,4 @@
-"""Signs of middles: prediction by the parabola, and what the main profile sees (spec clauses 7.6, 7.12)."""
+"""Signs of middles: contexts by the corners of their diamonds, and what the main profile sees (clauses 7.6, 7.12)."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ from ...entropy.mixer import blended, clear, mixing, see
 from ...entropy.range_coder import code
 from ...kernel import inlined
 from ...kernel.types import Integer
-from ..lattice.access import corner, dimension
+from ..lattice.access import corners as corner_count
+from ..lattice.access import dimension
 from ..lattice.diamond import corner_position, middle_position
 from ..tube.leaf_list import ones
 from ..tube.state import ALWAYS, entry
 from . import contexts as ctx
+from .corner_patterns import ANCHOR_2, ANCHOR_3, CLASS, CLASSES, PATTERNS
 from .frame_before import Spot, see_before
 from .magnitude import bits
 from .neighbourhood import see_around, survey
-from .network_rows import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
-from .parabola import MOST, nearer
+from .network_rows import AROUND, EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROW
 from .significance import rarity
 
-_SIGN_ROWS_2, _SIGN_ROWS_3 = SIGN_ROWS[2], SIGN_ROWS[3]
-FAR = 64
-"""Squared distance (doubled coordinates, units of g) from which points belong to different stretches of curve."""
+_FIRST_2, _FIRST_3 = np.array(SIGN_ROW[2]), np.array(SIGN_ROW[3])
+_MANNER_2, _MANNER_3 = 2 * AROUND[2], 2 * AROUND[3]
+_CLASSES_3 = np.array(CLASSES[3])
+_FIRST_CLASS_3 = np.cumsum(_CLASSES_3) - _CLASSES_3
 
 
 class Expected(NamedTuple):
@@ -32,22 +34,20 @@ class Expected(NamedTuple):
 
     Attributes
     ----------
-    crossed : bool
+    crossed : int
         Whether the ends of its edge differ.
     guess : int
         The sign that is likely.
-    said : int
-        What the parabola predicts: 1 another one, 2 the same, 0 nothing.
-    context : int
-    case : int
-        That of its context where the middle is missing.
+    pattern : int
+        Number of its context among those of ``crossed``.
+    row : int
+        The main profile's row for the signs of the corners.
     """
 
-    crossed: bool
+    crossed: Integer
     guess: Integer
-    said: Integer
-    context: Integer
-    case: Integer
+    pattern: Integer
+    row: Integer
 
 
 class Before(NamedTuple):
@@ -55,14 +55,6 @@ class Before(NamedTuple):
 
     sign: Integer
     apart: Integer
-
-
-@inlined
-def ring(corners, above, wanted):
-    """Number of ring corners, and of those with the sign ``wanted``."""
-    ring = corners >> 2
-    signs = above >> 2 if wanted else ~(above >> 2)
-    return ones(ring), ones(signs & ring)
 
 
 @inlined
@@ -80,90 +72,59 @@ def apart_from(st, diamond, seen):
 
 
 @inlined
-def half_of(st, diamond, end):
-    """Sum of the middle and an end of its edge (twice the middle of that half) in units of g."""
-    w0, w1 = diamond.w0, diamond.w1
-    c0, c1, _ = corner(st.grid.tables, diamond.kind, end)
-    return (w0 >> 2) * 4 + c0 + w0, (w1 >> 2) * 4 + c1 + w1
+def anchored(st, diamond, seen):
+    """Sign of the anchor of a diamond."""
+    kind = np.uint64(diamond.kind)
+    return (seen.above >> (ANCHOR_2[kind] if dimension(st.grid.tables) == 2 else ANCHOR_3[kind])) & 1
 
 
 @inlined
-def _side_of(st, diamond):
-    """Predict by the parabola the half in which an edge is crossed: 1 at end 0, 2 at end 1, 0 no prediction."""
-    a = half_of(st, diamond, np.int64(0))
-    b = half_of(st, diamond, np.int64(1))
-    case = nearer(st.trail, st.refinement.points, 1, (2 * diamond.w0, 2 * diamond.w1), a, b, False)
-    return np.int64(0 if case == 0 else (1 if case < 0 else 2))
+def _other(st, diamond, first, d0, d1):
+    """Whether the lattice point at a distance from a middle is known and has not the sign ``first``; n = 2."""
+    e = entry(st, ((diamond.w0 + d0) * diamond.edge) >> 1, ((diamond.w1 + d1) * diamond.edge) >> 1, np.int64(0))
+    return np.int64(e != 0 and (e & 1) != first)
 
 
 @inlined
-def _expect_crossed(st, diamond, seen):
-    """Prediction if the ends of the edge differ: the sign of most of the ring, or the parabola's; and its contexts."""
-    first = seen.above & 1
-    size, count = ring(seen.corners, seen.above, np.int64(1))
-    guess = first
-    said = np.int64(0)
-    if dimension(st.grid.tables) == 2:
-        said = _side_of(st, diamond)
-        if said == 1:
-            guess = 1 - first
-    if 2 * count > size:
-        guess = np.int64(1)
-    elif 2 * count < size:
-        guess = np.int64(0)
-    if said != 0:
-        said = np.int64(1 if (said == 1) == (guess != first) else 2)
-    odd = min(count, size - count)
-    context = ctx.REFINE_CROSSED + ((diamond.phase * 10 + odd) * 3 + said) * 4 + st.refinement.crossed
-    return guess, said, context, 4 * said + min(odd, 3)
-
-
-@inlined
-def _expect_border(st, diamond, seen):
-    """Prediction if the ends of the edge have one sign: that one; contexts."""
-    first = seen.above & 1
-    _, count = ring(seen.corners, seen.above, 1 - first)
-    context = ctx.REFINE_BORDER + (diamond.phase * 10 + count) * 4 + st.refinement.border
-    return first, np.int64(0), context, count
+def _pattern_2(st, diamond, first, ring):
+    """Number of the context of ring corners, both middles before, and how the edge lies; n = 2."""
+    if diamond.phase == 0:
+        way = (diamond.w0 ^ diamond.w1) >> 1 & 1
+        before = _other(st, diamond, first, 0, -2) | _other(st, diamond, first, -2, 0) << 1
+    else:
+        way = diamond.w0 & 1
+        before = _other(st, diamond, first, -1, -1) | _other(st, diamond, first, -1, 1) << 1
+    return ring | before << 2 | way << 4 | diamond.phase << 5
 
 
 @inlined
 def expected_sign(st, diamond, seen):
     """Predict the sign of a middle from what is seen of its diamond, inferred signs included."""
-    crossed = (seen.above & 1) != (seen.above >> 1) & 1
-    guess, said, context, case = _expect_crossed(st, diamond, seen) if crossed else _expect_border(st, diamond, seen)
-    return Expected(crossed, guess, said, context, case)
-
-
-@inlined
-def append_point(st, p0, p1):
-    """Append a point of the curve, forgetting the others if it is far from the last."""
-    count = st.refinement.points
-    if count > 0:
-        last = 2 * ((count - 1) % MOST)
-        d0 = p0 - st.trail[last]
-        d1 = p1 - st.trail[last + 1]
-        if d0 * d0 + d1 * d1 > FAR:
-            count = 0
-    st.trail[2 * (count % MOST)] = p0
-    st.trail[2 * (count % MOST) + 1] = p1
-    st.refinement.points = count + 1
+    plane = dimension(st.grid.tables) == 2
+    first = seen.above & 1 if plane else anchored(st, diamond, seen)
+    other = (~seen.above if first else seen.above) & seen.corners
+    # of the first two one is 0: that of the anchor, or of the first end
+    other = other >> 1 | other & 1
+    crossed, ring = other & 1, other >> 1
+    size, count = corner_count(st.grid.tables, diamond.kind) - 2, ones(ring)
+    guess = 1 - first if crossed and 2 * count > size else first
+    if plane:
+        row = 3 * crossed + (count if anchored(st, diamond, seen) == first else 2 - count)
+        return Expected(crossed, guess, _pattern_2(st, diamond, first, ring), row)
+    pattern = np.int64(CLASS[np.uint64(diamond.kind), np.uint64(other)])
+    r = np.uint64(diamond.phase)
+    return Expected(crossed, guess, pattern, pattern - _FIRST_CLASS_3[r] + crossed * _CLASSES_3[r])
 
 
 @inlined
 def see_middle(st, cd, diamond, expected, before):
     """List what the main profile sees around a middle (spec clause 7.12); whether its rows speak of the bit 0."""
-    n = dimension(st.grid.tables)
-    walk = st.refinement
-    r, crossed, said, guess = diamond.phase, expected.crossed, expected.said, expected.guess
-    first = r * (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3)
+    plane = dimension(st.grid.tables) == 2
+    r, crossed = diamond.phase, expected.crossed
     clear(cd)
-    see(cd, first + 4 * crossed + (walk.crossed if crossed else walk.border))
     here = see_around(st, cd, r, diamond.w0, diamond.w1, diamond.w2)
-    target = guess if crossed else 1 - guess
-    if said != 0:
-        see(cd, first + 8 + ((said == 1) == (guess == here)))
-    manner = first + (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3) - EARLIER_ROWS - MANNER_ROWS
+    target = expected.guess if crossed else 1 - expected.guess
+    manner = _FIRST_2[np.uint64(r)] + _MANNER_2 if plane else _FIRST_3[np.uint64(r)] + _MANNER_3
     see(cd, manner + min(bits(st.counters.edge) - 1, 8))
     see(cd, manner + 9 + rarity(st))
     see(cd, manner + 22 + (st.calm[np.uint64(crossed)] >> 8))
@@ -171,6 +132,7 @@ def see_middle(st, cd, diamond, expected, before):
         rows = manner + MANNER_ROWS
         apt = bits((ALWAYS - st.counters.agreed) >> 4)
         see(cd, rows + 30 * (before.sign == here) + 10 * min(before.apart, 2) + apt)
+    see(cd, manner + MANNER_ROWS + EARLIER_ROWS + expected.row)
     return target != here, REFINE_KIND + 2 * r + crossed
 
 
@@ -181,18 +143,17 @@ def ready(st, cd):
 
 
 @inlined
-def code_middle(st, cd, diamond, expected, before, hole, bit):
-    """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``.
+def context_of(expected, before):
+    """Context of the sign of a middle (clause 7.6)."""
+    context = np.int64(ctx.SIGN_CROSSED if expected.crossed else ctx.SIGN) + expected.pattern
+    if before.sign >= 0:
+        context += PATTERNS * (1 + 2 * min(before.apart, 2) + (before.sign == expected.guess))
+    return context
 
-    ``hole`` is set if the middle is missing.
-    """
-    context = expected.context
-    if hole:
-        element = np.int64(ctx.CROSSED_HOLE if expected.crossed else ctx.BORDER_HOLE)
-        context = ctx.hole_context(cd, element, expected.case)
-    elif before.sign >= 0:
-        bank = np.int64(ctx.CROSSED if expected.crossed else ctx.BORDER)
-        context += bank * (1 + 2 * min(before.apart, 2) + (before.sign == expected.guess))
+
+@inlined
+def code_middle(st, cd, diamond, expected, before, context, bit):
+    """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``."""
     if not mixing(cd):
         return code(cd, context, bit)
     flip, kind = see_middle(st, cd, diamond, expected, before)

@@ -15,6 +15,7 @@ from ...entropy.range_coder import code
 from ...kernel import DONE, GROW, inlined, inner
 from ...kernel.types import Integer
 from ..lattice.access import dimension
+from ..lattice.grid import phase_of
 from ..lattice.store import full, get, get_around, pages_around, spot
 from ..tube.state import SIGNIFICANCE
 from . import contexts as ctx
@@ -48,8 +49,6 @@ class Node(NamedTuple):
         Number among its siblings, or ``ROOT``.
     near : int
         Nearness of a cube or slot.
-    hole : bool
-        Whether the vertex of a slot is missing.
     """
 
     what: Integer
@@ -60,20 +59,17 @@ class Node(NamedTuple):
     hits: Integer
     child: Integer
     near: Integer
-    hole: bool
 
 
 @inlined
 def code_significance(st, cd, node, want):
     """Code whether a new component lies under a node; as ``code``."""
-    r = st.counters.level % dimension(st.grid.tables)
+    r = phase_of(dimension(st.grid.tables), st.counters.level)
     if node.what == NODE:
         context = ctx.SIGNIFICANT + node.shift * 3
     else:
         context = ctx.SIGNIFICANT_LEAF + ((1 + r if node.what == SLOT else 0) * ctx.NEARNESS + node.near) * 3
     context += min(node.hits, 2)
-    if node.hole:
-        context = ctx.hole_context(cd, ctx.SLOT_HOLE, 2 * node.near + (node.hits > 0))
     if mixing(cd):
         see_crowd(st, cd, node)
         bit = blended(cd, TREE_NET, False, TREE_KIND + node.what + 3 * (st.counters.side != 0), context, want)
@@ -151,7 +147,10 @@ def begin_round(st, cd):
 @inlined
 def rarity(st):
     """Class, 0 to 12, of how many vertices there are for one new component."""
-    return min(max(bits((st.counters.vertices + 1) // (st.counters.births + 1)) - 1, 0), 12)
+    vertices, births = st.counters.vertices + 1, st.counters.births + 1
+    # the bits of their quotient, less one, without a division
+    more = max(bits(vertices) - bits(births), 0)
+    return min(max(more - (births << more > vertices), 0), 12)
 
 
 @inlined
@@ -184,9 +183,9 @@ def _see_cells(st, cd, first, n, x, y, z):
 @inlined
 def see_crowd(st, cd, node):
     """List what is known around a node of the tree."""
-    what, shift, x, y, z, hits, child, near, _ = node
+    what, shift, x, y, z, hits, child, near = node
     n = dimension(st.grid.tables)
-    r = st.counters.level % n
+    r = phase_of(n, st.counters.level)
     first = _FIRST_2 if n == 2 else _FIRST_3
     clear(cd)
     see(cd, first + (8 if what == SLOT else min(shift, 7)) * 3 + r)

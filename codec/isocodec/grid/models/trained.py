@@ -7,17 +7,16 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, ROWS, Tables
+from isospec.tables import HIDDEN, KINDS, ROWS, Tables
 
 from ...entropy.context_layout import logistic, shipped_tables
-from ...entropy.mixer import BUCKET, BUCKETS, HOLES
+from ...entropy.mixer import BUCKET, BUCKETS
 from ...entropy.panel import no_panel
 from ...entropy.range_coder import Blend
 from .contexts import CONTEXTS
 from .contexts import models as baseline_models
 from .network_rows import (
     AROUND,
-    AROUND_ROW,
     AROUND_SUM,
     AROUND_SUMS,
     BIRTH_CLASSES,
@@ -31,7 +30,7 @@ from .network_rows import (
     MAP,
     MOST_ROWS,
     PATTERNS,
-    SIGN_ROWS,
+    SIGN_ROW,
     STATES,
     TREE_ROW,
 )
@@ -47,7 +46,7 @@ def members(n: int) -> NDArray[np.int16]:
     number = np.arange(AROUND[n]).reshape(-1, 1, GROUP)
     case = np.arange(PATTERNS)[:, None] // 3 ** np.arange(GROUP) % 3
     for phase in range(n):
-        rows = np.where(case > 0, phase * SIGN_ROWS[n] + AROUND_ROW + 2 * number + case - 1, -1)
+        rows = np.where(case > 0, SIGN_ROW[n][phase] + 2 * number + case - 1, -1)
         found[AROUND_SUM[n] + phase * AROUND_SUMS[n] :][: AROUND_SUMS[n]] = rows.reshape(-1, GROUP)
     first = TREE_ROW[n] + CELL_ROW + CELL_ROWS * np.arange(CELLS[n])
     vertices, births = np.divmod(np.arange(CELL_SUMS), BIRTH_CLASSES)
@@ -74,9 +73,9 @@ def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int
     seen = np.zeros(STATES, np.int64)
     begun = baseline_models()
     for mine, of_baseline in zip((prob, seen), begun, strict=True):
-        mine[:CONTEXTS], mine[-HOLES:] = of_baseline[:CONTEXTS], of_baseline[CONTEXTS:]
+        mine[:CONTEXTS] = of_baseline
     middles = (np.arange(BUCKETS) << BUCKET) + (1 << BUCKET >> 1)
-    prob[MAP:-HOLES] = np.tile(squash[np.minimum(middles, 2 * MOST_LOGIT)], KINDS)
+    prob[MAP:] = np.tile(squash[middles], KINDS)
     prob[t.state[:, 0]], seen[t.state[:, 0]] = t.state[:, 1], t.state[:, 2]
     blend = Blend(
         with_sums(n, t.weight), t.out.astype(np.int32), t.mix.copy(), *logistic(squash),

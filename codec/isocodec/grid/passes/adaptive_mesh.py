@@ -6,12 +6,12 @@ import numpy as np
 
 from ...entropy.range_coder import ENCODE
 from ...kernel import GROW, inlined, inner
-from ..lattice.access import dimension, vertex
+from ..lattice.access import dimension
 from ..lattice.access import kind as kind_of
 from ..lattice.access import members as member_count
 from ..lattice.diamond import diamond_at, existing, parent
-from ..lattice.grid import edge_of, lattice, position
-from ..lattice.simplex import middle_at, newest
+from ..lattice.grid import edge_of, lattice, phase_of
+from ..lattice.simplex import middle_at
 from ..lattice.store import full, get, put
 from ..lattice.vertex_set import IN, OUT, has
 from ..models.mesh_questions import Question, ask
@@ -19,7 +19,7 @@ from ..tube.state import LEVEL_SYMBOL, STEP_VERTICES
 from .bisection import look
 
 BARRED = -16
-"""Status of a question that cannot be asked, beside those of the coder."""
+"""In place of a number of ancestors: the middle cannot be in the mesh."""
 ANCESTOR = 32
 """Steps that looking at an ancestor counts as: it takes about as long as so many of inference."""
 
@@ -36,7 +36,7 @@ def _listed(st, first, count, x, y, z):
 def mixed(st, level, x, y, z):
     """Whether the known corners of the diamond around a middle differ in sign."""
     w0, w1, w2 = lattice(st.grid, level, x, y, z)
-    r = level % dimension(st.grid.tables)
+    r = phase_of(dimension(st.grid.tables), level)
     seen = look(st, diamond_at(st.grid, edge_of(st.grid, level), r, w0, w1, w2))
     return seen.above != 0 and seen.above != seen.known
 
@@ -68,8 +68,8 @@ def closure(st, level, x, y, z, free):
             continue
         edge = edge_of(st.grid, level)
         w0, w1, w2 = lattice(st.grid, level, x, y, z)
-        kind = kind_of(t, level % n, w0, w1, w2)
-        members = existing(st.grid, edge, level % n, kind, w0, w1, w2)[1]
+        kind = kind_of(t, phase_of(n, level), w0, w1, w2)
+        members = existing(st.grid, edge, phase_of(n, level), kind, w0, w1, w2)[1]
         for m in range(member_count(t, kind)):
             if not (members >> m) & 1:
                 continue
@@ -124,8 +124,8 @@ def told(st, level, x, y, z):
     t = st.grid.tables
     edge = edge_of(st.grid, level)
     w0, w1, w2 = lattice(st.grid, level, x, y, z)
-    kind = kind_of(t, level % n, w0, w1, w2)
-    members = existing(st.grid, edge, level % n, kind, w0, w1, w2)[1]
+    kind = kind_of(t, phase_of(n, level), w0, w1, w2)
+    members = existing(st.grid, edge, phase_of(n, level), kind, w0, w1, w2)[1]
     for m in range(member_count(t, kind)):
         if (members >> m) & 1:
             p0, p1, p2 = parent(t, level, edge, kind, m, w0, w1, w2)
@@ -163,30 +163,9 @@ def tell(st, cd, what, level, x, y, z, context):
     return bit
 
 
-@inner
-def settle(st, level, cls, b0, b1, b2):
-    """Mark what follows from a leaf: its newest vertex is in the mesh, its middle is not. 0, GROW or BARRED."""
-    n = dimension(st.grid.tables)
-    x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
+@inlined
+def exclude(st, level, cls, b0, b1, b2):
+    """Mark the middle of a leaf as not in the mesh (spec clause 5.8.2)."""
     if level < st.counters.finest:
-        state = get(st.mesh, x, y, z)
-        if state & IN:
-            return np.int64(BARRED)
-        put(st.mesh, x, y, z, state | OUT)
-    if level - 1 < st.counters.uniform:
-        return np.int64(0)
-    x, y, z = position(
-        edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % n, cls, newest(n, level % n))
-    )
-    state = get(st.mesh, x, y, z)
-    if state & IN:
-        return np.int64(0)
-    if state & OUT:
-        return np.int64(BARRED)
-    count = closure(st, level - 1, x, y, z, np.int64(1))
-    if count == BARRED:
-        return count
-    if short(st, count):
-        return np.int64(GROW)
-    admit(st, count)
-    return np.int64(0)
+        x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
+        put(st.mesh, x, y, z, get(st.mesh, x, y, z) | OUT)

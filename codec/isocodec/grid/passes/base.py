@@ -14,7 +14,7 @@ from ...kernel import BAD, DONE, GROW, inner, kernel
 from ...kernel.types import Int32Matrix, IntVector
 from ..lattice.access import dimension, roots
 from ..lattice.access import root as root_class
-from ..lattice.grid import edge_of
+from ..lattice.grid import edge_of, phase_of
 from ..lattice.path import descend, unpacked
 from ..lattice.simplex import Simplex, child_of, exists, middle_at
 from ..lattice.store import Store, full
@@ -38,7 +38,7 @@ from ..tube.state import (
     tired,
 )
 from .adaptive_mesh import tell
-from .gates import implied_corner, learn_corner, push_gates, traverse, trouble, visit, visited
+from .gates import implied_corner, learn_corner, push_gates, traverse, visit, visited
 
 _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE, _DONE = range(7)
 _ON = 0
@@ -57,7 +57,7 @@ def _seed(st, cd, mark, seeds):
     i = walk.seed
     level, cls = np.int64(seeds[i, 4]), np.int64(seeds[i, 0])
     b0, b1, b2 = np.int64(seeds[i, 1]), np.int64(seeds[i, 2]), np.int64(seeds[i, 3])
-    edge, r = edge_of(st.grid, level), level % n
+    edge, r = edge_of(st.grid, level), phase_of(n, level)
     before = 0
     for j in range(n + 1):
         e = corner_entry(st, edge, r, cls, b0, b1, b2, j)
@@ -95,7 +95,7 @@ def _begin(st, cd, mark, seeds):
     if st.counters.seeded and walk.seed < len(seeds):
         status = _seed(st, cd, mark, seeds)
         if status < 0:
-            return trouble(st, status)
+            return status
         return _ON
     zero = np.int64(0)
     if entry(st, zero, zero, zero) == 0:
@@ -175,9 +175,9 @@ def _descend(st, cd, mark, order):
     x, y, z = middle_at(st.grid, depth, cls, b0, b1, b2)
     split = tell(st, cd, ON_PATH, depth, x, y, z, ctx.LEVEL_PATH + depth)
     if split < 0:
-        return trouble(st, split)
+        return split
     if split == 0:
-        if not exists(st.grid, edge_of(st.grid, depth), depth % n, cls, b0, b1, b2) or visited(
+        if not exists(st.grid, edge_of(st.grid, depth), phase_of(n, depth), cls, b0, b1, b2) or visited(
             st, mark, depth, cls, b0, b1, b2
         ):
             st.counters.error = NO_START
@@ -220,7 +220,7 @@ def _first_sign(st, cd, mark):
     encoding = cd.reg.mode == ENCODE
     j = walk.corner
     level, cls, b0, b1, b2 = walk.depth, walk.cls, walk.b0, walk.b1, walk.b2
-    r = level % n
+    r = phase_of(n, level)
     edge = edge_of(st.grid, level)
     if j <= n:
         if corner_entry(st, edge, r, cls, b0, b1, b2, j) == 0:

@@ -8,14 +8,15 @@ import numpy as np
 
 from ...kernel import inlined, inner
 from ...kernel.types import Integer
-from ..lattice.access import child_bits, delta, dimension, grandchild
+from ..lattice.access import child_bits, delta, dimension, factor
 from ..lattice.access import corners as corner_count
 from ..lattice.access import members as member_count
-from ..lattice.diamond import corner_position, existing, middle_position
+from ..lattice.diamond import corner_position, existing
+from ..lattice.grid import clamped
 from ..lattice.simplex import exists
-from ..lattice.store import page_with
-from ..tube.leaf_list import push_children
-from ..tube.state import entry, learn
+from ..lattice.store import page_with, spot
+from ..tube.leaf_list import child_at, push_children
+from ..tube.state import entry, learn_at
 
 
 class Known(NamedTuple):
@@ -82,74 +83,56 @@ def with_middle(st, diamond, seen, sign):
     return Known(seen.whole, seen.members, seen.corners, seen.known | middle, above)
 
 
-@inner
-def _corners_learn(st, diamond, whole, known, above, bits):
-    """Make corners known that are not, in order; returns the bits of all that are."""
-    fresh = bits & ~known
+@inlined
+def _corners_learn(st, diamond, above, fresh):
+    """Make corners known that are not, in order; False if one became known with another sign since it was looked up."""
     i = np.int64(0)
-    while fresh:
-        if fresh & 1:
-            x, y, z = corner_position(st.grid, diamond, i)
-            if whole or entry(st, x, y, z) == 0:
-                learn(st, x, y, z, (above >> i) & 1)
-        fresh >>= 1
+    agree = True
+    while fresh >> i:
+        if fresh >> i & 1:
+            x, y, z = clamped(st.grid, *corner_position(st.grid, diamond, i))
+            page, cell = spot(st.known, x, y, z)
+            e = np.int64(st.known.pages[np.uint64(page), np.uint64(cell)])
+            if e == 0:
+                learn_at(st, page, cell, x, y, z, (above >> i) & 1)
+            elif (e ^ above >> i) & 1:
+                agree = False
         i += 1
-    return known | bits
+    return agree
+
+
+@inlined
+def _exists(st, diamond, c):
+    """Whether child c, 2 m + s, of a diamond exists."""
+    t = st.grid.tables
+    below = diamond.phase + 1 if diamond.phase + 1 < dimension(t) else 0
+    f = factor(t, diamond.kind)
+    cls, c0, c1, c2 = child_at(t, diamond.kind, c, diamond.w0 >> 2, diamond.w1 >> 2, diamond.w2 >> 2)
+    return exists(st.grid, diamond.edge >> (f - 1), below, cls, c0, c1, c2)
 
 
 @inner
-def bisect_member(st, diamond, m, seen, known):
-    """Make the corners of a member's mixed children known. Returns the bits known after it, and those of the children.
+def bisect(st, diamond, seen):
+    """Append the mixed children of all members, and make their vertices known (clauses 5.4.3, 5.5.4).
 
-    ``known`` holds the bits of the corners known before it; the signs that were seen are those of all corners and the
-    middle, inferred ones included.
+    ``seen`` has the middle and the assumed signs. False if two diamonds give a corner different signs.
     """
     t = st.grid.tables
-    r, above = diamond.phase, seen.above
-    b0, b1, b2 = diamond.w0 >> 2, diamond.w1 >> 2, diamond.w2 >> 2
-    children = np.int64(0)
-    below = r + 1 if r + 1 < dimension(t) else 0
-    f = 1 if below else 2
-    for s in range(2):
-        cls, d0, d1, d2, bits = grandchild(t, diamond.kind, m, s)
-        signs = above & bits
-        if signs == 0 or signs == bits:
-            continue
-        if not seen.whole:
-            c0, c1, c2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
-            if not exists(st.grid, diamond.edge // f, below, cls, c0, c1, c2):
-                continue
-        known = _corners_learn(st, diamond, seen.whole, known, above, bits)
-        children |= np.int64(1) << (2 * m + s)
-    return known, children
-
-
-@inlined
-def push_bisected(st, diamond, children):
-    """Append children of a diamond, if there are any."""
-    push_children(st, diamond.kind, diamond.w0, diamond.w1, diamond.w2, children)
-
-
-@inlined
-def bisect(st, diamond, seen, sign):
-    """Add the middle with its sign, and append the mixed children of all members, in order."""
-    x, y, z = middle_position(diamond)
-    learn(st, x, y, z, sign)
-    seen = with_middle(st, diamond, seen, sign)
-    known, above, kind = seen.known, seen.above, diamond.kind
-    children = np.int64(0)
+    above = seen.above
+    children, corners = np.int64(0), np.int64(0)
     if seen.whole:
-        for c in range(2 * member_count(st.grid.tables, kind)):
-            bits = child_bits(st.grid.tables, kind, c)
-            signs = above & bits
-            if signs != 0 and signs != bits:
-                if bits & ~known:
-                    known = _corners_learn(st, diamond, True, known, above, bits)
+        # which children are mixed is as good as random: no branches
+        for c in range(2 * member_count(t, diamond.kind)):
+            bits = child_bits(t, diamond.kind, c)
+            mixed = np.int64((above & bits != 0) & (~above & bits != 0))
+            children |= mixed << c
+            corners |= bits & -mixed
+    else:
+        for c in range(2 * member_count(t, diamond.kind)):
+            bits = child_bits(t, diamond.kind, c)
+            if above & bits != 0 and ~above & bits != 0 and seen.members >> (c >> 1) & 1 and _exists(st, diamond, c):
                 children |= np.int64(1) << c
-        push_bisected(st, diamond, children)
-        return
-    for m in range(member_count(st.grid.tables, kind)):
-        if (seen.members >> m) & 1:
-            known, more = bisect_member(st, diamond, m, seen, known)
-            children |= more
-    push_bisected(st, diamond, children)
+                corners |= bits
+    agree = _corners_learn(st, diamond, above, corners & ~seen.known)
+    push_children(st, diamond.kind, diamond.w0, diamond.w1, diamond.w2, children)
+    return agree

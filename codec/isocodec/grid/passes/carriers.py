@@ -1,42 +1,72 @@
-"""Vertices and edges that carry geometry, in the order of the leaves (spec clauses 5.6.2, 5.7.2)."""
+"""Vertices and edges that carry geometry (spec clauses 5.6.2, 5.7.2).
+
+On the full grid they follow from the known vertices alone: each is linked with the next samples along the axes.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...kernel import inlined, kernel
-from ...kernel.types import IntMatrix, IntVector, UInt8Vector
+from ...kernel.types import Int32Matrix, IntMatrix, IntVector
 from ..lattice.access import dimension
 from ..lattice.store import get
 from ..tube.holes import on_whole_cell
 from ..tube.state import State
 
-VERTEX_ACTIVE = 8
-"""Bit of a vertex's mark that is set if it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
+
+@kernel
+def link(st: State, links: Int32Matrix) -> None:
+    """Enter for each vertex the store entries of the next samples along each axis: upwards, downwards; (V, 2 n)."""
+    n = dimension(st.grid.tables)
+    last = (st.grid.last0, st.grid.last1, st.grid.last2)
+    for v in range(len(links)):
+        x, y, z = np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2])
+        own = 2 * (v + 1) + np.int64(st.vertex[v, 3])
+        for axis in range(n):
+            if st.vertex[v, axis] < last[axis]:
+                up = get(st.known, x + (axis == 0), y + (axis == 1), z + (axis == 2))
+                if up != 0:
+                    links[v, 2 * axis] = up
+                    links[np.uint64((up >> 1) - 1), 2 * axis + 1] = own
+
+
+@inlined
+def _crosses(st, links, v, axis):
+    """Whether the grid edge from a vertex upwards along an axis is crossed, and some whole unit cell has it."""
+    up = np.int64(links[v, 2 * axis])
+    if up == 0 or not (up ^ np.int64(st.vertex[v, 3])) & 1:
+        return False
+    return on_whole_cell(st, np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2]), axis)
 
 
 @kernel
-def active_vertices(st: State, leaves: IntMatrix, mark: UInt8Vector, full: bool, out: IntVector) -> int:
-    """Vertices that geometry by values refines, in the order of the leaves (spec clause 5.6.2).
-
-    On the full grid these are the ends of the grid edges that are crossed and, where a mask is known, that some unit
-    cell without missing corners has; else all vertices of the leaves. ``leaves`` are rows of numbers of vertices.
-    """
+def grid_ends(st: State, links: Int32Matrix, order: IntVector, out: IntVector) -> int:
+    """Vertices that geometry by values refines on the full grid, in order: the ends of edges that carry offsets."""
     n = dimension(st.grid.tables)
     count = 0
-    for i in range(len(leaves)):
-        for j in range(n + 1):
-            v = leaves[i, j]
-            drawn = not full
-            if mark[v] & VERTEX_ACTIVE:
-                continue
-            if full and j > 0 and st.vertex[v, 3] != st.vertex[leaves[i, j - 1], 3]:
-                drawn = _carries(st, v, leaves[i, j - 1])
-            if full and j < n and not drawn and st.vertex[v, 3] != st.vertex[leaves[i, j + 1], 3]:
-                drawn = _carries(st, v, leaves[i, j + 1])
-            if drawn:
-                mark[v] |= VERTEX_ACTIVE
-                out[count] = v
+    for v in order:
+        drawn = False
+        for axis in range(n):
+            down = np.int64(links[v, 2 * axis + 1])
+            drawn = drawn or _crosses(st, links, v, axis) or (down != 0 and _crosses(st, links, (down >> 1) - 1, axis))
+        if drawn:
+            out[count] = v
+            count += 1
+    return count
+
+
+@kernel
+def grid_edges(st: State, links: Int32Matrix, order: IntVector, out: IntMatrix) -> int:
+    """Edges of the full grid that carry offsets, by their lower ends in order: both ends, the lower first (5.7.2)."""
+    n = dimension(st.grid.tables)
+    count = 0
+    for v in order:
+        for i in range(n):
+            axis = n - 1 - i
+            if _crosses(st, links, v, axis):
+                out[count, 0] = v
+                out[count, 1] = (np.int64(links[v, 2 * axis]) >> 1) - 1
                 count += 1
     return count
 
@@ -48,47 +78,6 @@ def _lower(st, a, b):
         if st.vertex[a, axis] != st.vertex[b, axis]:
             return a if st.vertex[a, axis] < st.vertex[b, axis] else b
     return a
-
-
-@inlined
-def _axis(st, a, b):
-    """Along which axis two ends of a grid edge differ."""
-    axis = 0
-    while st.vertex[a, axis] == st.vertex[b, axis]:
-        axis += 1
-    return axis
-
-
-@inlined
-def _carries(st, a, b):
-    """Whether some unit cell without missing corners has the grid edge between two vertices."""
-    low = _lower(st, a, b)
-    x, y, z = np.int64(st.vertex[low, 0]), np.int64(st.vertex[low, 1]), np.int64(st.vertex[low, 2])
-    return on_whole_cell(st, x, y, z, _axis(st, a, b))
-
-
-@kernel
-def grid_edges(st: State, leaves: IntMatrix, mark: UInt8Vector, out: IntMatrix) -> int:
-    """Edges of the full grid that are crossed, in the order of the leaves: both ends, the lower first (5.7.2).
-
-    Where a mask is known, those that no unit cell without missing corners has are left out.
-    """
-    n = dimension(st.grid.tables)
-    count = 0
-    for i in range(len(leaves)):
-        for j in range(n):
-            a, b = leaves[i, j], leaves[i, j + 1]
-            if st.vertex[a, 3] == st.vertex[b, 3]:
-                continue
-            low = _lower(st, a, b)
-            high = b if low == a else a
-            axis = _axis(st, a, b)
-            if not mark[low] >> axis & 1 and _carries(st, a, b):
-                mark[low] |= 1 << axis
-                out[count, 0] = low
-                out[count, 1] = high
-                count += 1
-    return count
 
 
 @kernel

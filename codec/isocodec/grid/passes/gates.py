@@ -5,54 +5,34 @@ from __future__ import annotations
 import numpy as np
 
 from ...entropy.range_coder import ENCODE, adapt
-from ...kernel import BAD, inlined, inner
+from ...kernel import inlined, inner
 from ..lattice.access import child, cube, dimension, neighbour, vertex
-from ..lattice.grid import edge_of, position
+from ..lattice.grid import cycle_of, edge_of, phase_of, position
 from ..lattice.simplex import Simplex, exists, middle_at, newest, parent_of
 from ..lattice.store import get, put
 from ..models import contexts as ctx
 from ..models.base_signs import Behind, code_behind, curve_context, edge_sum, surface_context, turn_back
 from ..models.mesh_questions import COARSER, FINER
 from ..models.parabola import MOST
-from ..tube.holes import missing
 from ..tube.inference import implied
 from ..tube.state import BASE_SIGN, GATE, PREDICTED, PREDICTED_RIGHT, corner_entry, corner_truth, learn
-from .adaptive_mesh import BARRED, settle, tell
-
-CONTRADICTED = 6
-"""Error: a leaf does not fit the mesh coded so far."""
+from .adaptive_mesh import exclude, tell
 
 
 @inlined
 def learn_corner(st, level, cls, b0, b1, b2, j, sign):
     n = dimension(st.grid.tables)
-    x, y, z = position(edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % n, cls, j))
+    x, y, z = position(edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, phase_of(n, level), cls, j))
     learn(st, x, y, z, sign)
-
-
-@inner
-def trouble(st, status):
-    """Status of the pass when a question about the mesh was not answered."""
-    if status == BARRED:
-        st.counters.error = CONTRADICTED
-        return BAD
-    return status
 
 
 @inner
 def implied_corner(st, level, cls, b0, b1, b2, j):
     """Result of ``implied`` for vertex j of a simplex."""
     x, y, z = position(
-        edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j)
+        edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, phase_of(dimension(st.grid.tables), level), cls, j)
     )
     return implied(st, x, y, z)
-
-
-@inlined
-def _behind_is_missing(st, edge, r, cls, b0, b1, b2, j):
-    """Whether vertex j of a simplex is missing."""
-    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, j))
-    return missing(st, x, y, z)
 
 
 @inner
@@ -62,28 +42,26 @@ def traverse(st, cd, mark):
     walk = st.base
     encoding = cd.reg.mode == ENCODE
     adaptive = st.counters.uniform != st.counters.finest
-    settled = st.counters.told != 0
     g = (walk.gates - 1) * GATE
     level, cls, b0, b1, b2 = st.stack[g + 6], st.stack[g], st.stack[g + 1], st.stack[g + 2], st.stack[g + 3]
     opp, left_from = st.stack[g + 4], st.stack[g + 5]
     if adaptive:
         status = behind(st, cd, level, cls, b0, b1, b2, opp)
         if status < 0:
-            return trouble(st, status)
+            return status
         level, cls, opp = walk.behind_level, walk.behind_cls, walk.behind_opposite
         b0, b1, b2 = walk.behind_b0, walk.behind_b1, walk.behind_b2
     if visited(st, mark, level, cls, b0, b1, b2):
         walk.gates -= 1
         return np.int64(0)
-    r = level % n
+    r = phase_of(n, level)
     edge = edge_of(st.grid, level)
     if adaptive:
         if not exists(st.grid, edge, r, cls, b0, b1, b2):
             walk.gates -= 1
             return np.int64(0)
-        status = np.int64(0) if settled else settle(st, level, cls, b0, b1, b2)
-        if status < 0:
-            return trouble(st, status)
+        if st.counters.told == 0:
+            exclude(st, level, cls, b0, b1, b2)
     e = corner_entry(st, edge, r, cls, b0, b1, b2, opp)
     if n == 2:
         if left_from == walk.branch and left_from != st.counters.leaves - 1:
@@ -92,18 +70,14 @@ def traverse(st, cd, mark):
         guess, context = curve_context(st, level, cls, b0, b1, opp)
     else:
         guess, context = surface_context(st, level, cls, b0, b1, b2, opp)
-    hole = _behind_is_missing(st, edge, r, cls, b0, b1, b2, opp)
     case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
-    if hole:
-        context = ctx.hole_context(cd, ctx.BEHIND_HOLE, walk.history)
     if e == 0:
         sign, other = implied_corner(st, level, cls, b0, b1, b2, opp)
         if sign < 0:
             if other >= 0:
                 bank = (ctx.SURFACE if n == 3 else ctx.CURVE) * (1 + (other == guess))
                 case += bank
-                if not hole:
-                    context += bank
+                context += bank
             right_guess = np.int64(0)
             if encoding:
                 right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
@@ -142,9 +116,9 @@ _EQUAL = np.int64(-1)
 @inlined
 def _question(n, level, opp):
     """Question about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
-    if opp == newest(n, level % n):
+    if opp == newest(n, phase_of(n, level)):
         return COARSER
-    if opp == 0 or opp == n - level % n:
+    if opp == 0 or opp == n - phase_of(n, level):
         return FINER
     return _EQUAL
 
@@ -153,7 +127,7 @@ def _question(n, level, opp):
 def behind(st, cd, level, cls, b0, b1, b2, opp):
     """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` return."""
     n = dimension(st.grid.tables)
-    r = level % n
+    r = phase_of(n, level)
     walk = st.base
     question = _question(n, level, opp)
     if question == FINER or (question == COARSER and level > 0):
@@ -167,14 +141,14 @@ def behind(st, cd, level, cls, b0, b1, b2, opp):
         if coarser and bit == 0:
             cls, b0, b1, b2, side = parent_of(st.grid, level, cls, b0, b1, b2)
             level -= 1
-            opp = np.int64(0) if side else n - level % n
+            opp = np.int64(0) if side else n - phase_of(n, level)
         elif bit == 1 and not coarser:
             side = 1 if opp == 0 else 0
             q, d0, d1, d2 = child(st.grid.tables, r, cls, side)
             f = 2 if r == n - 1 else 1
             cls, b0, b1, b2 = q, b0 * f + d0, b1 * f + d1, b2 * f + d2
             level += 1
-            opp = newest(n, level % n)
+            opp = newest(n, phase_of(n, level))
     walk.behind_level = level
     walk.behind_cls = cls
     walk.behind_b0 = b0
@@ -188,9 +162,9 @@ def behind(st, cd, level, cls, b0, b1, b2, opp):
 def _cell(st, level, cls, b0, b1, b2):
     """Place of a simplex in the store of visited ones, which has a region for every level, and its bit."""
     n = dimension(st.grid.tables)
-    number, p0, p1, p2 = cube(st.grid.tables, level % n, cls)
-    size = level // n
-    return 2 * b0 + p0 + (np.int64(1) << size), 2 * b1 + p1 + ((level % n) << size), 2 * b2 + p2, number
+    number, p0, p1, p2 = cube(st.grid.tables, phase_of(n, level), cls)
+    size = cycle_of(n, level)
+    return 2 * b0 + p0 + (np.int64(1) << size), 2 * b1 + p1 + (phase_of(n, level) << size), 2 * b2 + p2, number
 
 
 @inlined
@@ -218,7 +192,7 @@ def visit(st, mark, level, cls, b0, b1, b2):
 def push_gates(st, mark, level, cls, b0, b1, b2):
     """Push the mixed faces, in the order of the vertices opposite, that lead to an unvisited simplex."""
     n = dimension(st.grid.tables)
-    r = level % n
+    r = phase_of(n, level)
     edge = edge_of(st.grid, level)
     walk = st.base
     above = 0

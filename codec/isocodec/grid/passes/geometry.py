@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from ...entropy.range_coder import Coder
 from ...limits import Budget
 from ..lattice.implied import implied_edges
+from ..lattice.order import EDGE_BLOCK, in_order
 from ..models.crossing_candidates import Crossings, place_of
 from ..models.crossings_nearby import beside_grid, beside_leaves, nothing_beside
 from ..models.value_bits import Nearby, nearby_samples
@@ -20,7 +22,7 @@ from ..tube.truth import Truth
 from . import carriers, values
 from .offsets import offsets
 
-_VALUES, _VALUES_TAKEN = 64, 240
+_VALUES, _VALUES_TAKEN = 96, 240
 """Bytes that listing values takes at most for each vertex, and where an earlier isovalue has some."""
 _NEARBY = {2: 60, 3: 108}
 """Bytes of what is near a vertex that has a value."""
@@ -40,8 +42,8 @@ class Estimates:
     shape : tuple of int
     truth : Truth or None
         For the encoder.
-    lean : tuple of Estimates and State, or None
-        Those of the earlier isovalue, complete.
+    lean : tuple of Estimates and a function that returns a State, or None
+        Those of the earlier isovalue, as they are at any time.
     shift : int or None
         How many whole steps above that isovalue this one lies; None if values of the one do not bound the other.
 
@@ -63,8 +65,8 @@ class Estimates:
     """
 
     def __init__(
-        self, shape: tuple[int, ...], truth: Truth | None, lean: tuple[Estimates, State] | None, shift: int | None,
-        budget: Budget,
+        self, shape: tuple[int, ...], truth: Truth | None, lean: tuple[Estimates, Callable[[], State]] | None,
+        shift: int | None, budget: Budget,
     ) -> None:
         self.shape = shape
         self.n = len(shape)
@@ -99,6 +101,8 @@ class Estimates:
 
     def rest(self) -> None:
         """Let go of what only further layers need: the layers decoded stay."""
+        self.truth = self.place = self.slack = self._lean = None
+        self._wanted = NOTHING
         self._near = np.zeros((0, 0), np.int32)
         self._active = self._told = self._least = self._most = NOTHING
         self._length = self._target = self._slack = NOTHING
@@ -111,24 +115,38 @@ class Estimates:
 
     def _hold(self, passing: int) -> None:
         """Count the memory of the lists, and what making the next ones takes for a moment."""
-        lists = (*self._leaves, *self._beside, *(v for v in vars(self).values() if isinstance(v, np.ndarray)))
+        lists: list[NDArray[Any]] = [*self._leaves, *self._beside]
+        lists += [v for v in vars(self).values() if isinstance(v, np.ndarray)]
         self._budget.hold(self, sum(array.nbytes for array in lists), passing)
+
+    def bytes_to_list(self, st: State) -> int:
+        """Bytes that `leaves` takes, 0 if they are listed already."""
+        return drawn_bytes(st) if st.counters.meshes != self._leaves_mesh else 0
 
     def leaves(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Vertex numbers of the leaves of a mesh that is settled (``Tube.settled``), and their levels."""
         if st.counters.meshes != self._leaves_mesh:
-            self._hold(drawn_bytes(st, 1))
-            self._leaves = drawn(st, 1)
+            self._hold(drawn_bytes(st))
+            self._leaves = drawn(st)
             self._leaves_mesh = int(st.counters.meshes)
             self._hold(0)
         return self._leaves
 
+    def _linked(self, st: State) -> NDArray[np.int32]:
+        """For each vertex the store entries of the next samples along each axis: see `carriers.link`."""
+        links = np.zeros((int(st.counters.vertices), 2 * self.n), np.int32)
+        carriers.link(st, links)
+        return links
+
     def _activate(self, st: State, full: bool) -> None:
         """Find the vertices that geometry by values refines now, and the encoder's numbers for them."""
         count = int(st.counters.vertices)
-        active = np.empty(count, np.int64)
-        used = carriers.active_vertices(st, self.leaves(st)[0], np.zeros(count, np.uint8), full, active)
-        self._active = active[:used].copy()
+        if full:
+            order, active = in_order(st.vertex[:count, : self.n]), np.empty(count, np.int64)
+            self._active = active[: carriers.grid_ends(st, self._linked(st), order, active)].copy()
+        else:
+            active = np.unique(self.leaves(st)[0])
+            self._active = active[in_order(st.vertex[active, : self.n])]
         self._active_mesh = int(st.counters.meshes)
         self._near = np.zeros((0, 0), np.int32)
         self._wanted = np.zeros(count if self.truth else 0, np.int64)
@@ -169,7 +187,7 @@ class Estimates:
         """Take what the earlier isovalue knows of the values of vertices ``first`` to ``end`` (spec clause 5.9.5)."""
         if self._lean is None or self._shift is None or not len(self._lean[0].number):
             return
-        earlier, other = self._lean
+        earlier, other = self._lean[0], self._lean[1]()
         vertex = np.empty(end - first, np.int64)
         carriers.entries(other, st.vertex[first:end, :3].astype(np.int64), vertex)
         known = np.flatnonzero((vertex >= 0) & (vertex < len(earlier.number)))
@@ -222,17 +240,19 @@ class Estimates:
         """Make the list of edges that carry offsets anew; those that stay keep theirs."""
         count = int(st.counters.vertices)
         if full:
-            leaves = self.leaves(st)[0]
-            self._hold((16 * self.n + 1) * count)
+            self._hold((24 * self.n + 1) * count)
+            order = in_order(st.vertex[:count, : self.n], block=EDGE_BLOCK[self.n])
             room = np.empty((self.n * count, 2), np.int64)
-            # a copy: what is kept is as long as it needs to be
-            edges = room[: carriers.grid_edges(st, leaves, np.zeros(count, np.uint8), room)].copy()
-            del room
+            links = self._linked(st)
+            # a copy: the rest of the room is let go of
+            edges = room[: carriers.grid_edges(st, links, order, room)].copy()
+            del room, order
             self._hold(_EDGES_GRID * len(edges) + 16 * count)
         else:
             self._hold(_LEAVES[self.n] * len(self.leaves(st)[0]) + 64 * count)
             rows = self._leaf_rows(st)
             edges = self._leaf_edges(st, rows)
+            edges = edges[in_order(*(st.vertex[edges[:, i], : self.n] for i in (0, 1)), block=EDGE_BLOCK[self.n])]
         parts, offset = np.ones(len(edges), np.int64), np.zeros(len(edges), np.int64)
         if len(self.edges):
             keys, old = edges @ (count, 1), self.edges @ (count, 1)
@@ -245,7 +265,7 @@ class Estimates:
         self._rising = st.vertex[edges[:, 1], 3] != 0
         if full:
             self._length = np.ones(len(edges), np.int64)
-            self._beside = beside_grid(st, edges, place_of(offset, parts), self.n)
+            self._beside = beside_grid(st, edges, links, place_of(offset, parts), self.n)
         else:
             self._length = np.abs(np.subtract(*self._ends(st))).max(axis=1, initial=0)
             self._beside = beside_leaves(st, rows, edges, place_of(offset, parts), parts, self._length, self.n)
@@ -265,7 +285,7 @@ class Estimates:
         out = np.zeros((len(self.edges), 2), np.int64)
         if self._lean is None or not len(self._lean[0].edges):
             return out
-        earlier, other = self._lean
+        earlier, other = self._lean[0], self._lean[1]()
         ends = np.empty((2, len(self.edges)), np.int64)
         for i in (0, 1):
             carriers.entries(other, st.vertex[self.edges[:, i], :3].astype(np.int64), ends[i])
@@ -279,15 +299,17 @@ class Estimates:
         return out
 
     def _leaf_rows(self, st: State) -> NDArray[np.int64]:
-        """Crossed edges of the leaves as they come."""
+        """Crossed edges of the leaves, those with the lower sum of vertices first."""
         numbers, _ = self.leaves(st)
+        total = st.vertex[numbers, : self.n].astype(np.int64).sum(axis=1)
+        numbers = numbers[np.lexsort(total.T[::-1])]
         rows = np.empty((len(numbers) * (2 if self.n == 2 else 4), 2), np.int64)
         return rows[: carriers.leaf_edges(st, numbers, rows)]
 
     def _leaf_edges(self, st: State, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Each at its first occurrence, but for those that follow from others."""
+        """Each of them once, but for those that follow from others."""
         _, first = np.unique(rows @ (int(st.counters.vertices), 1), return_index=True)
-        edges = rows[np.sort(first)]
+        edges = rows[first]
         numbers, levels = self.leaves(st)
         position = st.vertex[: st.counters.vertices, : self.n].astype(np.int64)
         rank = np.ravel_multi_index(tuple(position.T), self.shape)

@@ -13,25 +13,26 @@ from ...kernel import BAD, DONE, GROW, inlined, inner, kernel
 from ...kernel.types import IntVector
 from ..lattice.access import dimension
 from ..lattice.diamond import coincident, corner_position, diamond_at, middle_position
-from ..lattice.grid import clamped
+from ..lattice.grid import clamped, phase_of
 from ..lattice.slots import cubes, height, middle_of, slots
 from ..lattice.store import PAGES, get
 from ..lattice.vertex_set import IN
 from ..models import contexts as ctx
 from ..models.significance import CUBE, NODE, ROOT, SLOT, Node, add_birth, begin_round, code_significance
-from ..tube.holes import missing
 from ..tube.inference import implied, infer
+from ..tube.leaf_list import ones
 from ..tube.state import (
     OUT_OF_STEPS,
     SIGNIFICANCE,
     State,
     crowded,
     entry,
+    learn,
     tired,
     truth,
 )
 from .adaptive_mesh import BARRED, admit, closure, short
-from .bisection import bisect, look, with_signs
+from .bisection import bisect, look, with_middle, with_signs
 
 UNPLACED = 4
 """Error: the encoder's list names a slot that no new component can lie in."""
@@ -58,11 +59,7 @@ def candidate(st, diamond):
     meshed = st.counters.asks or st.mesh.head[PAGES] > 0
     if meshed and (get(st.mesh, x, y, z) & IN or closure(st, level, x, y, z, np.int64(0)) == BARRED):
         return 0
-    count = 0
-    bits = known
-    while bits:
-        count += bits & 1
-        bits >>= 1
+    count = ones(known)
     near = 0 if count == 0 else (1 if count <= 2 else 2)
     if known != 0 and st.counters.side != 0:
         # as an earlier isovalue implies it
@@ -79,7 +76,7 @@ def candidate(st, diamond):
 def _diamond_of(st, x, y, z, slot):
     """The diamond of a slot of a cube of the round."""
     n = dimension(st.grid.tables)
-    r = st.counters.level % n
+    r = phase_of(n, st.counters.level)
     w0, w1, w2 = middle_of(n, r, x, y, z, slot)
     return diamond_at(st.grid, st.counters.edge, r, w0, w1, w2)
 
@@ -89,7 +86,7 @@ def _nearest(st, x, y, z, first):
     """Greatest nearness (plus one) of the slots of a cube from number ``first`` on, 0 if all are ruled out."""
     n = dimension(st.grid.tables)
     out = np.int64(0)
-    for slot in range(first, slots(n, st.counters.level % n)):
+    for slot in range(first, slots(n, phase_of(n, st.counters.level))):
         out = max(out, np.int64(candidate(st, _diamond_of(st, x, y, z, slot))))
     return out
 
@@ -151,7 +148,9 @@ def _add(st, cd, x, y, z, slot):
     add_birth(st, cd, u0, u1, u2)
     if st.counters.asks:
         admit(st, closure(st, st.counters.level, m0, m1, m2, np.int64(0)))
-    bisect(st, diamond, with_signs(seen, np.int64(0) if sign else seen.corners), sign)
+    learn(st, m0, m1, m2, sign)
+    seen = with_middle(st, diamond, with_signs(seen, np.int64(0) if sign else seen.corners), sign)
+    bisect(st, diamond, seen)
     return np.int64(DONE)
 
 
@@ -165,7 +164,7 @@ def _begin(st, cd, items):
     zero = np.int64(0)
     h = np.int64(height(max(cubes0, cubes1, cubes2)))
     want = np.int64(cd.reg.mode == ENCODE and len(items) > 0)
-    bit = code_significance(st, cd, Node(NODE, h, zero, zero, zero, zero, ROOT, zero, False), want)
+    bit = code_significance(st, cd, Node(NODE, h, zero, zero, zero, zero, ROOT, zero), want)
     if bit < 0:
         return bit
     st.tree.started = 1
@@ -179,11 +178,11 @@ def _next_child(n, frame):
     """The next child of a frame: a node or cube of a node, or a slot of a cube. Its nearness is not known yet."""
     h, x, y, z, child, hits, zero = frame[0], frame[1], frame[2], frame[3], frame[5], frame[6], np.int64(0)
     if h == 0:
-        return Node(SLOT, zero, x, y, z, hits, child, zero, False)
+        return Node(SLOT, zero, x, y, z, hits, child, zero)
     x = 2 * x + (child >> (n - 1))
     y = 2 * y + ((child >> (n - 2)) & 1)
     z = 2 * z + (child & 1 if n == 3 else 0)
-    return Node(CUBE if h == 1 else NODE, h - 1, x, y, z, hits, child, zero, False)
+    return Node(CUBE if h == 1 else NODE, h - 1, x, y, z, hits, child, zero)
 
 
 @inlined
@@ -204,15 +203,6 @@ def _lacks_room(st, node):
         return False
     x, y, z = middle_position(_diamond_of(st, node.x, node.y, node.z, node.child))
     return short(st, closure(st, st.counters.level, x, y, z, np.int64(0)))
-
-
-@inlined
-def _hole(st, node):
-    """Whether the vertex of a slot is missing."""
-    if node.what != SLOT:
-        return False
-    x, y, z = middle_position(_diamond_of(st, node.x, node.y, node.z, node.child))
-    return missing(st, x, y, z)
 
 
 @inlined
@@ -240,7 +230,7 @@ def _descend(st, cd, items, extent, frame):
         want = np.int64(0)
         if cd.reg.mode == ENCODE:
             want = _wanted(items, walk.item, number, np.int64(0) if what == SLOT else SLOT_BITS + n * shift)
-        node = Node(what, shift, node.x, node.y, node.z, node.hits, child, near - 1, _hole(st, node))
+        node = Node(what, shift, node.x, node.y, node.z, node.hits, child, near - 1)
         bit = code_significance(st, cd, node, want)
         if bit < 0:
             return bit
@@ -264,7 +254,7 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
     """
     n = dimension(st.grid.tables)
     walk = st.tree
-    per_cube = slots(n, st.counters.level % n)
+    per_cube = slots(n, phase_of(n, st.counters.level))
     extent = cubes(st.grid, st.counters.level)
     if walk.started == 0:
         status = _begin(st, cd, items)

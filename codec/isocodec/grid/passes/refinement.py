@@ -1,36 +1,37 @@
 """Refinement: one round bisects simplices of one level of the tubular neighbourhood (spec clauses 5.4, 5.8).
 
-Rows C2-refine-uniform, C2-refine-adaptive. The middles come in the order of the present leaves, so that the symbols
-accompany the curve. An adaptive round asks for each middle whether it is added; a uniform one adds them all.
+Rows C2-refine-uniform, C2-refine-adaptive. The active middles come in order, block by block; when all of them are
+known the corners of their diamonds become known. An adaptive round asks for each middle whether it is added; a uniform
+one adds them all.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...entropy.range_coder import ENCODE, Coder, code
+from ...entropy.range_coder import ENCODE, ONE, Coder, code
 from ...kernel import BAD, DONE, GROW, inlined, kernel
-from ..lattice.access import dimension, member, middle
-from ..lattice.access import members as member_count
+from ...kernel.types import Int32Matrix, IntMatrix, IntVector
+from ..lattice.access import below, dimension, middle, twins, vertex
 from ..lattice.diamond import diamond_at, middle_position
-from ..lattice.simplex import Simplex, middle_at
-from ..lattice.store import get, put
-from ..lattice.vertex_set import IN, KEPT, KNOWN, has
+from ..lattice.grid import clamped, cycle_of, phase_of
+from ..lattice.order import key_bits, order_key, point_of, sort
+from ..lattice.simplex import middle_at
+from ..lattice.store import get, put, spot
+from ..lattice.vertex_set import IN, KEPT, has
 from ..models import contexts as ctx
-from ..models.mesh_questions import OF_LEAF, Question, ask
+from ..models.mesh_questions import OF_LEAF, Question, ask, nearby
 from ..models.refinement_signs import (
     Before,
+    anchored,
     apart_from,
-    append_point,
     code_middle,
+    context_of,
     expected_sign,
-    half_of,
     ready,
-    ring,
 )
-from ..tube.holes import missing
 from ..tube.inference import implied
-from ..tube.leaf_list import child_at, leaf_done, next_leaf, push, push_row, row_done, unpacked
+from ..tube.leaf_list import child_at, level_of, ones, push, push_row, unpacked
 from ..tube.state import (
     AGREED_SHIFT,
     ALWAYS,
@@ -41,58 +42,23 @@ from ..tube.state import (
     SPLIT,
     State,
     crowded,
-    entry,
+    learn_at,
     tired,
     truth,
 )
 from .adaptive_mesh import BARRED, admit, closure, short
-from .bisection import bisect, bisect_member, look, push_bisected, with_middle, with_signs
+from .bisection import Known, bisect, look, with_middle, with_signs
+
+TORN = 7
+"""Error: two diamonds give a corner different signs."""
+_KNOWN, _CORNERS, _WHOLE = 12, 12, 24
+"""Bits of a row of ``State.active`` at which what is known begins, behind the signs, and corners, behind members."""
 
 
 @inlined
-def _bisect_plain(st, diamond, seen, known):
-    """Bisect the members of a diamond that are not mixed, which the curve may enter; returns the bits known then."""
-    t = st.grid.tables
-    children = np.int64(0)
-    for m in range(member_count(t, diamond.kind)):
-        bits = member(t, diamond.kind, m)[4]
-        plain = (seen.above & bits) == 0 or (seen.above & bits) == bits
-        if (seen.members >> m) & 1 and plain:
-            known, more = bisect_member(st, diamond, m, seen, known)
-            children |= more
-    push_bisected(st, diamond, children)
-    return known
-
-
-@inlined
-def _bisect_known(st, diamond, leaf, sign):
-    """Bisect a leaf whose middle was known before the round: clamping put it on an older vertex (clause 5.4.4).
-
-    Every mixed member of the diamond does so for itself; the first of them also bisects the members that are
-    not mixed.
-    """
-    seen = look(st, diamond)
-    t = st.grid.tables
-    if seen.above & 1 and seen.above & 2:
-        seen = with_signs(seen, seen.above | seen.corners & ~seen.known)
-    seen = with_middle(st, diamond, seen, sign)
-    known = seen.known
-    c0, c1, c2 = leaf.b0 - (diamond.w0 >> 2), leaf.b1 - (diamond.w1 >> 2), leaf.b2 - (diamond.w2 >> 2)
-    first = True
-    for m in range(member_count(t, diamond.kind)):
-        if not (seen.members >> m) & 1:
-            continue
-        cls, d0, d1, d2, bits = member(t, diamond.kind, m)
-        signs = seen.above & bits
-        mixed = signs != 0 and signs != bits
-        same = cls == leaf.cls and d0 == c0 and d1 == c1 and d2 == c2
-        if same and first:
-            known = _bisect_plain(st, diamond, seen, known)
-        if same:
-            known, children = bisect_member(st, diamond, m, seen, known)
-            push_bisected(st, diamond, children)
-        if mixed:
-            first = False
+def _assumed(st, diamond, seen):
+    """Let corners that are not known have the sign of the anchor (clause 5.4.3)."""
+    return with_signs(seen, seen.above | seen.corners & ~seen.known) if anchored(st, diamond, seen) else seen
 
 
 @inlined
@@ -111,27 +77,22 @@ def _split(st, cd, diamond):
     if count != BARRED:
         if short(st, count):
             return np.int64(GROW)
-        walk = st.refinement
         if cd.reg.mode == ENCODE:
             bit = np.int64(has(st.chosen, x, y, z))
         seen = look(st, diamond)
         crossed = (seen.above & 1) != (seen.above >> 1) & 1
-        size, odd = ring(seen.corners, seen.above, np.int64(1))
-        odd = min(odd, size - odd)
-        case = (diamond.phase * 2 + crossed) * 4 + min(odd, 3)
-        question = Question(OF_LEAF, walk.splits, level, x, y, z)
-        bit = ask(st, cd, question, ctx.SPLIT + case * 8 + walk.splits, bit)
+        size, above = ones(seen.corners >> 2), ones(seen.above >> 2)
+        case = (diamond.phase * 2 + crossed) * 4 + min(above, size - above, 3)
+        around = nearby(st, diamond)
+        bit = ask(st, cd, Question(OF_LEAF, around, level, x, y, z), ctx.SPLIT + case * 8 + around, bit)
         if bit < 0:
             return bit
         st.tally[SPLIT] += 1
-        walk.splits = (walk.splits << 1 & 7) | bit
     if bit == 0:
         put(st.mesh, x, y, z, KEPT)
         return np.int64(KEPT)
     admit(st, count)
-    if entry(st, x, y, z) != 0:
-        put(st.mesh, x, y, z, IN | KNOWN)
-    return get(st.mesh, x, y, z)
+    return np.int64(IN)
 
 
 @kernel
@@ -144,7 +105,7 @@ def pending(st: State) -> bool:
             if _chosen(st, level, code, b0, b1, b2):
                 return True
             continue
-        kind, children, _ = unpacked(code)
+        kind, children = unpacked(code)
         c = np.int64(0)
         while children >> c:
             cls, d0, d1, d2 = child_at(st.grid.tables, kind, c, b0, b1, b2)
@@ -181,7 +142,6 @@ def _sign(st, cd, diamond, seen):
     sign, other = implied(st, x, y, z)
     if sign >= 0:
         return sign
-    walk = st.refinement
     expected = expected_sign(st, diamond, seen)
     crossed, guess = expected.crossed, expected.guess
     apart = np.int64(0)
@@ -190,95 +150,187 @@ def _sign(st, cd, diamond, seen):
     bit = np.int64(0)
     if cd.reg.mode == ENCODE:
         bit = np.int64((truth(st, x, y, z) == guess) == crossed)
-    bit = code_middle(st, cd, diamond, expected, Before(other, apart), missing(st, x, y, z), bit)
+    before = Before(other, apart)
+    context = context_of(expected, before)
+    likely = np.int64(cd.prob[np.uint64(context)] > ONE >> 1)
+    bit = code_middle(st, cd, diamond, expected, before, context, bit)
     if bit < 0:
         return bit
     right = bit == crossed
     st.tally[REFINEMENT_SIGN] += 1
     st.tally[PREDICTED] += 1
-    st.tally[PREDICTED_RIGHT] += right
+    st.tally[PREDICTED_RIGHT] += bit == likely
     st.calm[np.uint64(crossed)] += (ALWAYS * right - st.calm[np.uint64(crossed)]) >> AGREED_SHIFT
     sign = guess if right else 1 - guess
-    if crossed:
-        walk.crossed = (walk.crossed << 1 & 2) | bit
-    else:
-        walk.border = (walk.border << 1 & 2) | bit
     if other >= 0 and apart == 0:
         st.counters.agreed += (ALWAYS * (sign == other) - st.counters.agreed) >> AGREED_SHIFT
     return sign
 
 
+@kernel
+def activate(st: State, key: IntMatrix, place: IntVector, active: Int32Matrix) -> int:
+    """List the middles of the leaves of the round's level, in order and each once; how many these are.
+
+    ``key`` (2, M) is room for as many numbers as there are leaves, ``place`` for those that `sort` counts.
+    """
+    t, count = st.grid.tables, 0
+    n = dimension(t)
+    r, bits = phase_of(n, st.counters.level), cycle_of(n, st.counters.level) + 2
+    for i in range(st.counters.leaves):
+        code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
+        if level_of(code, level) != st.counters.level:
+            continue
+        b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+        if code >= 0:
+            w0, w1, w2 = middle(t, r, code, b0, b1, b2)
+            key[0, count] = order_key(n == 2, bits, w0, w1, w2)
+            count += 1
+            continue
+        kind, children = unpacked(code)
+        c = np.int64(0)
+        while children >> c:
+            # children of a diamond share middles
+            if children >> c & 1 and not children & twins(t, kind, c):
+                w0, w1, w2 = below(t, kind, c, b0, b1, b2)
+                key[0, count] = order_key(n == 2, bits, w0, w1, w2)
+                count += 1
+            c += 1
+    row = sort(key, count, key_bits(n == 2, bits), place)
+    found = 0
+    for i in range(count):
+        if i == 0 or key[row, i] != key[row, i - 1]:
+            w0, w1, w2 = point_of(n == 2, bits, np.int64(key[row, i]))
+            active[found, 0], active[found, 1], active[found, 2] = w0, w1, w2
+            found += 1
+    return found
+
+
+@kernel
+def places(st: State, rows: Int32Matrix, out: IntMatrix) -> None:
+    """Middles of leaves, and the sums of their vertices, both in units of g; rows of class, block and level."""
+    t = st.grid.tables
+    n = dimension(t)
+    for i in range(len(rows)):
+        cls, r = np.int64(rows[i, 0]), phase_of(n, np.int64(rows[i, 4]))
+        b0, b1, b2 = np.int64(rows[i, 1]), np.int64(rows[i, 2]), np.int64(rows[i, 3])
+        out[i, 0], out[i, 1], out[i, 2] = middle(t, r, cls, b0, b1, b2)
+        out[i, 3], out[i, 4], out[i, 5] = 4 * (n + 1) * b0, 4 * (n + 1) * b1, 4 * (n + 1) * b2
+        for j in range(n + 1):
+            d0, d1, d2 = vertex(t, r, cls, j)
+            out[i, 3] += d0
+            out[i, 4] += d1
+            out[i, 5] += d2
+
+
 @inlined
-def _bisect_new(st, cd, diamond):
-    """Bisect a diamond whose middle is not known yet."""
-    seen = look(st, diamond)
-    first = seen.above & 1
-    crossed = first != (seen.above >> 1) & 1
-    if first and not crossed:
-        # a corner that is not known has the sign of both ends
-        seen = with_signs(seen, seen.above | seen.corners & ~seen.known)
-    sign = _sign(st, cd, diamond, seen)
-    if sign < 0:
-        return sign
-    if crossed and dimension(st.grid.tables) == 2:
-        p0, p1 = half_of(st, diamond, np.int64(sign == first))
-        append_point(st, p0, p1)
-    bisect(st, diamond, seen, sign)
+def _diamond(st, row):
+    """The diamond of an active middle."""
+    r = phase_of(dimension(st.grid.tables), st.counters.level)
+    return diamond_at(st.grid, st.counters.edge, r, np.int64(row[0]), np.int64(row[1]), np.int64(row[2]))
+
+
+@inlined
+def _signs(st, cd):
+    """Code the signs of the active middles from number ``coded`` on, in order, until all are known."""
+    while st.counters.coded < st.counters.active:
+        if crowded(st) or not ready(st, cd):
+            return np.int64(GROW)
+        if tired(st):
+            return np.int64(BAD)
+        row = st.active[np.uint64(st.counters.coded)]
+        diamond = _diamond(st, row)
+        row[3] = -1
+        if st.counters.asks:
+            state = _split(st, cd, diamond)
+            if state < 0:
+                return state
+            if state & KEPT:
+                st.counters.coded += 1
+                continue
+        seen = _assumed(st, diamond, look(st, diamond))
+        x, y, z = clamped(st.grid, *middle_position(diamond))
+        page, cell = spot(st.known, x, y, z)
+        e = np.int64(st.known.pages[np.uint64(page), np.uint64(cell)])
+        sign = e & 1
+        if e == 0:
+            sign = _sign(st, cd, diamond, seen)
+            if sign < 0:
+                return sign
+            learn_at(st, page, cell, x, y, z, sign)
+        seen = with_middle(st, diamond, seen, sign)
+        row[3] = seen.above | seen.known << _KNOWN
+        row[4] = seen.members | seen.corners << _CORNERS | np.int64(seen.whole) << _WHOLE
+        st.counters.coded += 1
     return np.int64(DONE)
 
 
 @inlined
-def _refine_leaf(st, cd, leaf, diamond, e):
-    """Bisect a leaf of the round's level, or keep it; ``e`` is its middle's store entry, where it was looked up."""
-    if not ready(st, cd):
-        return np.int64(GROW)
-    first_known = st.counters.before_round
-    if st.counters.asks:
-        state = _split(st, cd, diamond)
-        if state < 0:
-            return state
-        if state & KEPT:
-            push(st, leaf.cls, leaf.b0, leaf.b1, leaf.b2, leaf.level)
-            return np.int64(DONE)
-        # its mark shows whether the middle was known: corners become known during the round, too
-        first_known = st.counters.vertices if state & KNOWN else 0
-        x, y, z = middle_position(diamond)
-        e = entry(st, x, y, z)
-    if e == 0:
-        return _bisect_new(st, cd, diamond)
-    if (e >> 1) - 1 < first_known:
-        _bisect_known(st, diamond, leaf, e & 1)
+def _seen(row):
+    """Unpack what was seen of the diamond of an active middle, assumed signs and the middle included."""
+    most = (np.int64(1) << _KNOWN) - 1
+    signs, there = np.int64(row[3]), np.int64(row[4])
+    return Known(there >> _WHOLE != 0, there & most, there >> _CORNERS & most, signs >> _KNOWN, signs & most)
+
+
+@inlined
+def _corners(st):
+    """Bisect the diamonds of the active middles from number ``bisected`` to ``coded``, which makes corners known."""
+    while st.counters.bisected < st.counters.coded:
+        if crowded(st):
+            return np.int64(GROW)
+        row = st.active[np.uint64(st.counters.bisected)]
+        if row[3] >= 0 and not bisect(st, _diamond(st, row), _seen(row)):
+            st.counters.error = TORN
+            return np.int64(BAD)
+        st.counters.bisected += 1
+    return np.int64(DONE)
+
+
+@inlined
+def _stays(st, cls, b0, b1, b2):
+    """Whether a leaf of the round's level was kept."""
+    x, y, z = middle_at(st.grid, st.counters.level, cls, b0, b1, b2)
+    return get(st.mesh, x, y, z) & KEPT != 0
+
+
+@inlined
+def _keep(st):
+    """Take over the leaves of other levels, and those whose middle is kept."""
+    while st.counters.done_leaves < st.counters.leaves:
+        if crowded(st):
+            return np.int64(GROW)
+        i = st.counters.done_leaves
+        code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
+        b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+        if level_of(code, level) != st.counters.level:
+            push_row(st, i)
+        elif not st.counters.asks:
+            pass
+        elif code >= 0:
+            if _stays(st, code, b0, b1, b2):
+                push_row(st, i)
+        else:
+            kind, children = unpacked(code)
+            c = np.int64(0)
+            while children >> c:
+                cls, d0, d1, d2 = child_at(st.grid.tables, kind, c, b0, b1, b2)
+                if children >> c & 1 and _stays(st, cls, d0, d1, d2):
+                    push(st, cls, d0, d1, d2, level + 1)
+                c += 1
+        st.counters.done_leaves = i + 1
     return np.int64(DONE)
 
 
 @kernel
 def refine(st: State, cd: Coder) -> int:
-    """Bisect the leaves from number ``DONE_LEAVES`` on, until all are done or the pass must stop."""
-    r = st.counters.level % dimension(st.grid.tables)
-    edge = st.counters.edge
-    asks = st.counters.asks != 0
-    while st.counters.done_leaves < st.counters.leaves:
-        cls, b0, b1, b2, level = next_leaf(st)
-        if level < 0:
-            continue
-        w0, w1, w2 = middle(st.grid.tables, r, cls, b0, b1, b2)
-        e = np.int64(0)
-        if level == st.counters.level and not asks:
-            e = entry(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
-            if e >> 1 > st.counters.before_round:
-                leaf_done(st)
-                continue
-        if crowded(st):
-            return GROW
-        if tired(st):
-            return BAD
-        if level != st.counters.level:
-            push_row(st, st.counters.done_leaves)
-            row_done(st)
-            continue
-        leaf = Simplex(level, cls, b0, b1, b2)
-        status = _refine_leaf(st, cd, leaf, diamond_at(st.grid, edge, r, w0, w1, w2), e)
-        if status < 0:
-            return status
-        leaf_done(st)
-    return DONE
+    """Go on with a round: signs first, then corners, then the leaves that stay."""
+    status = _signs(st, cd)
+    if status == DONE:
+        status = _corners(st)
+    return _keep(st) if status == DONE else status
+
+
+@kernel
+def corners(st: State) -> int:
+    """Make the corners of the diamonds known that have been coded: in a copy of the state, for a drawing."""
+    return _corners(st)

@@ -6,17 +6,21 @@ needs bytes. Encoder and decoder use it alike: they differ in the mode of the co
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...entropy.context_layout import put_away
 from ...entropy.mixer import mixing
 from ...entropy.range_coder import Coder
 from ...errors import FormatError, LimitError
 from ...kernel import BAD, CUT, DONE, GROW, NEED
 from ...limits import Budget, Limits
+from ..lattice.order import COUNTS, in_order
 from ..lattice.store import PAGES, copied, get, new_store, size_of
 from ..lattice.tables import cube_exponent
 from ..lattice.vertex_set import IN, Chosen, finest_level
@@ -31,16 +35,17 @@ from ..tube.state import (
 )
 from ..tube.truth import Truth
 from . import base as base_pass
-from . import gates, new_components, refinement
+from . import new_components, refinement
+from . import raster as raster_pass
 from .geometry import Estimates
 
-_SEED = 20
-"""Bytes of a leaf at which a base begins."""
+_SEED, _ACTIVE = 200, 56
+"""Most bytes that sorting takes of a leaf at which a base begins, and of a leaf whose middle is active."""
 _REASONS = {
     base_pass.NO_START: ("5.3.2", "a component starts in a simplex that does not exist or was visited before"),
     base_pass.NOT_CROSSED: ("5.3.3", "a component starts in a simplex that the curve does not cross"),
-    gates.CONTRADICTED: ("5.8.2", "a leaf does not fit the mesh coded so far"),
     new_components.UNPLACED: ("5.5", "a new component could not be placed"),
+    refinement.TORN: ("5.4.3", "two diamonds give a corner different signs"),
 }
 """Clause and message of each error of a pass."""
 
@@ -68,12 +73,14 @@ class Tube:
         The mask of missing samples, complete (spec clause 5.10).
     budget : Budget, optional
         To which the memory of the state is counted; one without a limit if not given.
+    shares : bool
+        Whether the models are those of another tube, which counts their memory.
     """
 
     def __init__(
         self, shape: tuple[int, ...], coder: Coder, limits: Limits, truth: Truth | None = None, *,
         lean: Tube | None = None, shift: int | None = None, side: int = 0, holes: Holes | None = None,
-        budget: Budget | None = None,
+        budget: Budget | None = None, shares: bool = False,
     ) -> None:
         self.shape = shape
         self.n = n = len(shape)
@@ -86,6 +93,7 @@ class Tube:
         self.state: State = first_state(shape, limits, signs, earlier, shift or 0, side, hole)
         self.lean = lean
         self.holes = holes
+        self._shares = shares
         self._shift = shift
         self._mark = new_store(n)
         self._order = NOTHING
@@ -94,7 +102,8 @@ class Tube:
         self._finest = -1
         self._items = NOTHING
         self._running = ""
-        told = (lean.estimates, lean.state) if lean and side != FRAME else None
+        self._raster: tuple[raster_pass.SampleRows, Coder] | None = None
+        told = (lean.estimates, lambda: lean.state) if lean and side != FRAME else None
         self.budget = budget or Budget(sys.maxsize)
         self.estimates: Estimates = Estimates(shape, truth, told, shift, self.budget)
         self._hold(state_bytes(self.state, self._mark), 0)
@@ -104,7 +113,7 @@ class Tube:
     @property
     def level(self) -> int:
         """Level up to which the mesh is uniform; -1 before a base."""
-        return int(self.state.counters.uniform) if self._begun else -1
+        return int(self.state.counters.uniform) if self.begun else -1
 
     @property
     def full_level(self) -> int:
@@ -148,13 +157,19 @@ class Tube:
         return self._running not in ("base",) and self.level == self.full_level
 
     @property
-    def _begun(self) -> bool:
+    def no_raster(self) -> str:
+        """Why there may be no raster layer, or the empty string."""
+        return raster_pass.refusal(self.shape, self.lean is not None)
+
+    @property
+    def begun(self) -> bool:
+        """Whether a base has begun."""
         return bool(self.state.counters.edge)
 
     @property
     def follows(self) -> bool:
         """Whether nothing has come yet of an isovalue that leans on one of the frame before."""
-        return self.lean is not None and self.state.counters.side == FRAME and not self._begun
+        return self.lean is not None and self.state.counters.side == FRAME and not self.begun
 
     def tally(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, then predictions and right ones."""
@@ -190,7 +205,7 @@ class Tube:
         self._hold(state_bytes(self.state, self._mark) + mesh, _SEED * self.lean.simplices)
         self.state = self.state._replace(mesh=copied(earlier.mesh, IN))
         counters.told = counters.seeded = 1
-        self._seeds = one_by_one(earlier)
+        self._seeds = in_order_of_middles(earlier, one_by_one(earlier))
         self.begin_base(self.lean.level, adaptive=bool(earlier.counters.adapted))
 
     def begin_round(self) -> None:
@@ -198,6 +213,26 @@ class Tube:
         self.state.counters.asks = 0
         self._births = True
         self._begin_significance()
+
+    def begin_raster(self) -> None:
+        """Begin a raster layer.
+
+        Raises
+        ------
+        FormatError, LimitError
+            If there may be none.
+        """
+        refusal = self.no_raster
+        if refusal:
+            raise FormatError(refusal, code="program", clause="5.12")
+        if math.prod(self.shape) > self.limits.samples:
+            raise LimitError(
+                f"a raster layer of more than {self.limits.samples} samples", code="limit-samples", clause="11.2",
+                remedy="raise Limits.samples if the file is trusted",
+            )
+        self._running = "raster"
+        self._hold(state_bytes(self.state, self._mark), 0)
+        self._raster = raster_pass.new_raster(self.shape, self.vertices > 0), raster_pass.raster_coder(self.coder)
 
     def begin_adapt(self, births: bool) -> None:
         """Begin an adaptive layer of refinement; with ``births`` new components may come in it."""
@@ -283,6 +318,10 @@ class Tube:
                 return self._call(new_components.significance, self._items)
             case "refinement":
                 return self._call(refinement.refine)
+            case "raster":
+                assert self._raster is not None
+                own, models = self._raster
+                return raster_pass.raster(self.state, models._replace(reg=self.coder.reg, buf=self.coder.buf), own)
             case "values":
                 return self.estimates.code_values(self.state, self.coder)
             case "offsets":
@@ -320,13 +359,19 @@ class Tube:
             case "significance":
                 self._begin_refinement()
                 return False
+            case "raster":
+                self._raster = None
+                self._take_list()
+                if not self.begun:
+                    counters.base_level = self.full_level
+                counters.row = 0
+                counters.uniform = self.full_level
+                self._set_level(self.full_level)
+                self._end_mesh()
+                self._running = ""
+                self._hold(state_bytes(self.state, self._mark), 0)
             case "refinement":
-                st = self.state
-                self.state = st._replace(leaf=st.below, below=st.leaf)
-                counters.leaves = counters.next
-                counters.held = counters.mixed
-                counters.next = counters.mixed = counters.done_leaves = counters.child = 0
-                counters.before_round = counters.vertices
+                self._take_list()
                 self._set_level(int(counters.level) + 1)
                 if not counters.asks:
                     counters.uniform = counters.level
@@ -340,8 +385,60 @@ class Tube:
         return True
 
     def _begin_refinement(self) -> None:
+        """The middles of all leaves of the level become active."""
         self._fresh()
+        st = self.state
+        found = int(st.counters.held)
+        self._hold(state_bytes(st, self._mark), _ACTIVE * found)
+        active = np.zeros((found, 5), np.int32)
+        key, place = np.empty((2, found), np.int64), np.empty(COUNTS, np.int64)
+        st.counters.active = refinement.activate(st, key, place, active)
+        self.state = st._replace(active=active[: st.counters.active].copy())
+        self._hold(state_bytes(self.state, self._mark), 0)
         self._running = "refinement"
+
+    def _take_list(self) -> None:
+        """The simplices that a layer has made replace those that were there before."""
+        st, counters = self.state, self.state.counters
+        self.state = st._replace(leaf=st.below, below=st.leaf, active=st.active[:0].copy())
+        counters.leaves, counters.held = counters.next, counters.mixed
+        counters.next = counters.mixed = counters.done_leaves = 0
+        counters.active = counters.coded = counters.bisected = 0
+
+    def drawn_state(self) -> State:
+        """The state with the leaves as they are drawn: in the midst of a round the diamonds coded so far are bisected.
+
+        Bisected is a copy: their corners become known at the end of the round only (clauses 5.4.3, 9.1).
+        """
+        st = self.state
+        if self._running != "refinement":
+            return st
+        count = int(st.counters.coded)
+        st = st._replace(
+            counters=copy(st.counters), known=copied(st.known, -1), vertex=st.vertex.copy(), below=st.below.copy(),
+        )
+        while (status := int(refinement.corners(st))) != DONE:
+            if status == GROW:
+                st, _ = wider_state(st, self._mark, False, self.limits, self._hold)
+            else:
+                st.counters.bisected += 1
+        self._hold(state_bytes(self.state, self._mark), 0)
+        # those that stay may have been taken over already
+        done_leaves = int(st.counters.done_leaves)
+        st = st._replace(leaf=st.leaf[done_leaves:])
+        st.counters.leaves -= done_leaves
+        rows = one_by_one(st)
+        here = rows[:, 4] == st.counters.level
+        place = np.empty((np.count_nonzero(here), 6), np.int64)
+        refinement.places(st, rows[here], place)
+        active = st.active[:count]
+        done = active[active[:, 3] >= 0, :3]
+        _, name = np.unique(np.concatenate([done, place[:, :3]]), axis=0, return_inverse=True)
+        stays = np.ones(len(rows), np.bool_)
+        stays[here] = ~np.isin(name[len(done) :], name[: len(done)])
+        rows = rows[stays]
+        st.counters.leaves = st.counters.held = len(rows)
+        return st._replace(leaf=rows)
 
     def _set_level(self, level: int) -> None:
         self.state.counters.level = level
@@ -353,7 +450,6 @@ class Tube:
         self._end_mesh()
 
     def _end_mesh(self) -> None:
-        self.state.counters.before_round = self.state.counters.vertices
         self.state.counters.meshes += 1
 
     def _grow(self) -> None:
@@ -364,20 +460,36 @@ class Tube:
     def _hold(self, size: int, passing: int) -> None:
         """Count the memory of the state; that of the models beside it, but for what all isovalues share."""
         panel = self.coder.blend.panel
+        if self._running == "raster":
+            size += raster_pass.raster_bytes(self.shape)
         models = (self.coder.prob, self.coder.seen, self.coder.blend.mix, panel.prob, panel.seen)
-        self.budget.hold(self, size + sum(array.nbytes for array in models), passing)
+        self.budget.hold(self, size + (0 if self._shares else sum(array.nbytes for array in models)), passing)
 
     def rest(self) -> None:
         """No further layer will come: only what is drawn, and what other isovalues may lean on, is kept."""
+        self.lean = self.truth = None
+        # the models of one that has no layers may be those of others
+        self.coder = put_away(self.coder) if self.begun else self.coder
         self.state = at_rest(self.state)
+        self._mark = no_lean(self.n).known
         self.estimates.rest()
         self._hold(state_bytes(self.state, self._mark), 0)
 
-    def part(self) -> None:
-        """Only later frames lean on this tube from now on: it lets go of the one that it leaned on itself."""
-        self.rest()
-        self.lean = None
-        self.state = self.state._replace(lean=no_lean(self.n))
+
+def in_order_of_middles(st: State, rows: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Sort leaves as the seeds of a base (clause 5.9.4): by level, by the order of their middles, by their vertices."""
+    n = int(st.grid.tables[0])
+    place = np.empty((len(rows), 6), np.int64)
+    refinement.places(st, rows, place)
+    middle, vertices = place[:, :n], place[:, 3 : 3 + n]
+    full = n * int(st.grid.exponent)
+    out = []
+    for level in np.unique(rows[:, 4]):
+        here = np.flatnonzero(rows[:, 4] == level)
+        # of unit cells the lowest corner
+        at = middle[here] >> int(level == full)
+        out.append(here[in_order(at, vertices[here])])
+    return rows[np.concatenate(out)] if out else rows
 
 
 def out_of_steps(limits: Limits) -> LimitError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,9 @@ from isospec.elements import ELEMENTS
 from ...errors import LimitError
 from ...limits import Limits
 from ..lattice.grid import Grid, grid_of
-from ..lattice.store import PAGES, Store, new_board, new_counts, new_store, resized, size_for, size_of, spare
+from ..lattice.store import PAGES, Store, bytes_of, new_board, new_counts, new_store, resized, size_for, size_of, spare
 from ..lattice.tables import mesh_tables
-from ..lattice.vertex_set import every_vertex
+from ..lattice.vertex_set import Chosen, every_vertex
 from .state import (
     FRAME,
     GATE,
@@ -78,8 +78,9 @@ def first_state(
     return State(
         grid_of(shape), counters, np.zeros(len(ELEMENTS) + 2, np.int64), np.full(2, MOSTLY, np.int64),
         np.zeros(2, np.int64), new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
-        _rows(5, limits.simplices), new_store(n), new_counts(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
-        every_vertex((0,) * n), _lean(earlier, n), hole or no_lean(n), no_lean(n).known,
+        _rows(5, limits.simplices), np.zeros((0, 5), np.int32), new_store(n), new_counts(n), new_board(n),
+        np.zeros((MOST_ANCESTORS, 4), np.int64), _first_arrays(n).chosen, _lean(earlier, n), hole or no_lean(n),
+        no_lean(n).known,
         np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
         *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, 128, STACK)),
@@ -90,7 +91,8 @@ def first_state(
 def no_lean(n: int) -> Lean:
     """View for kernels without an earlier isovalue."""
     empty = Grid(mesh_tables(n), 0, 0, 0, 0)
-    return Lean(empty, Counters(), np.zeros(2, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
+    nothing = _trimmed(new_store(n))
+    return Lean(empty, Counters(), np.zeros(2, np.int64), nothing, nothing, NOTHING, NOTHING)
 
 
 def _lean(earlier: State | None, n: int) -> Lean:
@@ -103,8 +105,8 @@ def _lean(earlier: State | None, n: int) -> Lean:
 def state_bytes(st: State, mark: Store) -> int:
     """Bytes of the arrays of a state, and of the store of visited simplices; not of what others hold or all share."""
     held = (st.known, st.mesh, st.crowd, st.board, mark, *([st.soft] if st.counters.side == FRAME else []))
-    stores = sum(size_of(store).bytes(store) for store in held)
-    return stores + sum(array.nbytes for array in (st.vertex, st.leaf, st.below, st.path, st.stack))
+    arrays = (st.vertex, st.leaf, st.below, st.active, st.path, st.stack)
+    return sum(map(bytes_of, held)) + sum([array.nbytes for array in arrays])
 
 
 def wider_state(
@@ -152,16 +154,18 @@ def wider_state(
         "board": size_for(st.board, STEP_VERTICES),
     }
     visited = size_for(mark, STEP_VERTICES if walking else 0)
+    # only what grows is made anew: the slots of the rest are known
+    stores = {name: size for name, size in stores.items() if size != size_of(getattr(st, name))}
+    arrays = {name: length for name, length in arrays.items() if length > len(getattr(st, name))}
     after, passing = state_bytes(st, mark), 0
     for store, size in [(mark, visited), *((getattr(st, name), size) for name, size in stores.items())]:
         if size != size_of(store):
-            after += size.bytes(store) - size_of(store).bytes(store)
-            passing += size_of(store).bytes(store)
+            after += size.bytes(store) - bytes_of(store)
+            passing += bytes_of(store)
     for name, length in arrays.items():
         array = getattr(st, name)
-        if length > len(array):
-            after += length * array[:1].nbytes - array.nbytes
-            passing += array.nbytes
+        after += length * array[:1].nbytes - array.nbytes
+        passing += array.nbytes
     hold(after, passing)
     larger: dict[str, Any] = {name: wider(getattr(st, name), length) for name, length in arrays.items()}
     larger |= {name: resized(getattr(st, name), size) for name, size in stores.items()}
@@ -169,12 +173,36 @@ def wider_state(
 
 
 def at_rest(st: State) -> State:
-    """Copy the state without what only further layers need; the mesh, and what others may lean on, stays."""
-    n = int(st.grid.tables[0])
+    """Copy the state without what only further layers need; the mesh, and what others may lean on, stays.
+
+    What is kept is as long as it needs to be: a file may have thousands of isovalues.
+    """
+    n, counters = int(st.grid.tables[0]), st.counters
+    first = _first_arrays(n)
     return st._replace(
-        crowd=new_counts(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
-        stack=st.stack[:0].copy(), soft=no_lean(n).known,
+        known=_trimmed(st.known), mesh=_trimmed(st.mesh), vertex=st.vertex[: counters.vertices].copy(),
+        leaf=st.leaf[: counters.leaves].copy(), below=st.below[:0].copy(), active=st.active[:0].copy(),
+        path=st.path[:0].copy(), stack=st.stack[:0].copy(), soft=no_lean(n).known, lean=no_lean(n),
+        truth=np.zeros((0, 0, 0), np.bool_), crowd=first.crowd, board=first.board, chosen=first.chosen,
     )
+
+
+def _trimmed(store: Store) -> Store:
+    """Copy the store with no more pages than it has filled."""
+    return Store(store.head.copy(), store.table.copy(), store.pages[: store.head[PAGES]].copy())
+
+
+class _First(NamedTuple):
+    """Arrays that are empty before the first layer, and not written after the last one: all tubes can share them."""
+
+    crowd: Store
+    board: Store
+    chosen: Chosen
+
+
+@cache
+def _first_arrays(n: int) -> _First:
+    return _First(_trimmed(new_counts(n)), _trimmed(new_board(n)), every_vertex((0,) * n))
 
 
 def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:

@@ -28,15 +28,6 @@ def missing_at(hole, x, y, z):
     return infer(hole, x, y, z) == 0
 
 
-@inner
-def missing(st, x, y, z):
-    """Whether the vertex at unclamped (x, y, z) is known to be missing."""
-    if st.counters.masked == 0:
-        return False
-    x, y, z = min(max(x, 0), st.grid.last0), min(max(y, 0), st.grid.last1), min(max(z, 0), st.grid.last2)
-    return missing_at(st.hole, x, y, z)
-
-
 @inlined
 def whole_cell(hole, x, y, z):
     """Whether the unit cell with the lowest corner (x, y, z) lies in the box and none of its corners is missing."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...kernel import inlined
 from ..lattice.access import dimension
-from ..lattice.grid import clamped, edge_of, level_at
+from ..lattice.grid import clamped, edge_of, level_at, phase_of
 from .state import FRAME, entry
 
 
@@ -21,7 +21,7 @@ def infer(st, x, y, z):
     """
     coarse = edge_of(st.grid, st.counters.base_level)
     n = dimension(st.grid.tables)
-    phase = st.counters.base_level % n
+    phase = phase_of(n, st.counters.base_level)
     while st.counters.work < st.counters.most_work:
         st.counters.work += 1
         e = entry(st, x, y, z)

@@ -12,7 +12,7 @@ from ...kernel import inlined, record
 from ...kernel.types import BoolVolume, Int32Matrix, IntMatrix, IntVector, Registers
 from ..lattice.access import vertex
 from ..lattice.grid import Grid, clamped, position
-from ..lattice.store import Bytes, Store, full, get, put
+from ..lattice.store import Bytes, Store, full, get, spot
 from ..lattice.vertex_set import Chosen
 
 GATE = 7
@@ -23,7 +23,7 @@ MOST_ANCESTORS = 4096
 # Syntax elements, in the order of isospec (spec clause 5.2).
 (
     ORIGIN, COMPONENT, LOCATION, BASE_SIGN, SIGNIFICANCE, REFINEMENT_SIGN, VALUE_BIT, OFFSET_BIT,
-    LEVEL_SYMBOL, SPLIT, CONTINUE,
+    LEVEL_SYMBOL, SPLIT, CONTINUE, SAMPLE,
 ) = range(len(ELEMENTS))
 PREDICTED, PREDICTED_RIGHT = len(ELEMENTS), len(ELEMENTS) + 1
 
@@ -44,14 +44,14 @@ class Counters(Registers):
         Level that is worked on, and the edge of its cubes.
     vertices, leaves, next : int
         Rows of ``vertex``, ``leaf`` and ``below`` in use.
-    done_leaves, child : int
-        Rows of ``leaf`` that a round is done with, and children of the next row.
+    active, coded, bisected : int
+        Rows of ``active`` in use; those that a round has coded, and those whose diamonds it has bisected.
+    done_leaves : int
+        Rows of ``leaf`` of which a round has taken over what stays.
     mixed, held, most_mixed : int
         Simplices in the rows that a round makes, in those of the last mesh, and most that may be there.
     base_level, uniform, finest : int
         Level of the base; middles of levels below ``uniform`` are in the mesh, those of ``finest`` and above are not.
-    before_round : int
-        Vertices known before the round.
     error : int
         Why a pass gave up: see ``ERRORS``.
     work, step_work, most_work : int
@@ -76,6 +76,8 @@ class Counters(Registers):
         How often signs have been those of the earlier isovalue (7.12).
     masked : int
         Whether a mask marks missing samples (5.10).
+    row : int
+        Row of the next sample of a raster layer (5.12).
     """
 
     level: int
@@ -83,15 +85,16 @@ class Counters(Registers):
     vertices: int
     leaves: int
     next: int
+    active: int
+    coded: int
+    bisected: int
     done_leaves: int
-    child: int
     mixed: int
     held: int
     most_mixed: int
     base_level: int
     uniform: int
     finest: int
-    before_round: int
     error: int
     work: int
     step_work: int
@@ -112,6 +115,7 @@ class Counters(Registers):
     board_edge: int
     agreed: int
     masked: int
+    row: int
 
 
 class BaseWalk(Registers):
@@ -146,12 +150,8 @@ class BaseWalk(Registers):
 
 
 class RefinementWalk(Registers):
-    """The last two outcomes on the border and inside, points of the curve, the last answers on the mesh, Cont/Stop."""
+    """Cont/Stop."""
 
-    border: int
-    crossed: int
-    points: int
-    splits: int
     more: int
 
 
@@ -235,6 +235,7 @@ class State(NamedTuple):
     vertex: Int32Matrix  # (V, 4) position and sign
     leaf: Int32Matrix  # (M, 5)
     below: Int32Matrix  # (M, 5)
+    active: Int32Matrix  # (A, 5) active middles of a round in order, in units of g, and what was seen of their diamonds
     mesh: Store
     crowd: Store  # main profile: counts of vertices and new components in cells of all sizes
     board: Bytes  # main profile: what is known on the lattice of the present level, see passes.around
@@ -289,14 +290,21 @@ def corner_truth(st, edge, r, cls, b0, b1, b2, j):
 @inlined
 def learn(st, x, y, z, sign):
     """Make the vertex at unclamped (x, y, z) known."""
-    v = st.counters.vertices
     x, y, z = clamped(st.grid, x, y, z)
+    page, cell = spot(st.known, x, y, z)
+    learn_at(st, page, cell, x, y, z, sign)
+
+
+@inlined
+def learn_at(st, page, cell, x, y, z, sign):
+    """Make the vertex at (x, y, z), which the store has there, known."""
+    v = st.counters.vertices
     row = st.vertex[np.uint64(v)]
     row[0] = x
     row[1] = y
     row[2] = z
     row[3] = sign
-    put(st.known, x, y, z, 2 * (v + 1) + sign)
+    st.known.pages[np.uint64(page), np.uint64(cell)] = 2 * (v + 1) + sign
     st.counters.vertices = v + 1
 
 

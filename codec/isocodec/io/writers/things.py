@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -220,6 +219,8 @@ def library_files(suffix: str) -> Iterator[Path]:
 
     Libraries have errors of their own for a full disk.
     """
+    from tempfile import TemporaryDirectory
+
     try:
         with TemporaryDirectory(prefix="isocodec-") as folder:
             yield Path(folder)

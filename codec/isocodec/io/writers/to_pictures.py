@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Collection, Iterable
 from itertools import groupby
 from typing import Any
@@ -37,6 +38,10 @@ def _mask_png(mask: SampleMask, _: str, __: OutputOptions) -> bytes:
     return buffer.getvalue()
 
 
+_ZEROS = re.compile(r"\.?0+(?=[ ,])")
+"""Decimals that are 0, at the end of a number."""
+
+
 def _picture(picture: Picture, suffix: str, _: OutputOptions) -> bytes:
     return picture.draw(suffix)
 
@@ -67,16 +72,13 @@ def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
 
 
 def _path(line: NDArray[np.float64]) -> str:
-    closed = len(line) > 2 and bool(np.array_equal(line[0], line[-1]))
-    # points that fall together are one, and one point is no path
-    corners = [corner for corner, _ in groupby(f"{_decimal(x)},{_decimal(y)}" for y, x in line.tolist())]
-    return "" if len(corners) < 2 else "M" + " ".join(corners[: -1 if closed else None]) + ("Z" if closed else "")
-
-
-def _decimal(number: float) -> str:
+    closed = len(line) > 2 and bool((line[0] == line[-1]).all())
     # Six decimals are a millionth of a cell, finer than any stroke, and take half the size of all digits.
-    text = f"{number:.6f}".rstrip("0").rstrip(".")
-    return "0" if text == "-0" else text
+    text = "%.6f,%.6f " * len(line) % tuple(line[:, ::-1].ravel().tolist())
+    text = _ZEROS.sub("", text.replace("-0.000000", "0.000000"))
+    # points that fall together are one, and one point is no path
+    corners = [corner for corner, _ in groupby(text.split())]
+    return "" if len(corners) < 2 else "M" + " ".join(corners[: -1 if closed else None]) + ("Z" if closed else "")
 
 
 PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=3 << 26, kept=0)}

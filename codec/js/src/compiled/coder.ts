@@ -1,6 +1,6 @@
 /** The coder and the models of an isovalue, as kernels have them (clauses 6 and 7). */
 import { STEP } from "../coder.js";
-import { CLASS, HOLE, Models } from "../models.js";
+import { CLASS, Models } from "../models.js";
 import { begin, KINDS, type Tables } from "../main/tables.js";
 import { PANEL_CONTEXTS, PANEL_KINDS, PANEL_LISTS, TRUST } from "../trust.js";
 import type { Arr, Machine, Registers } from "./machine.js";
@@ -49,36 +49,66 @@ const ROOM = 4096;
 export class Coders {
   private readonly rate: Arr;
   private readonly shared: Pick<Blend, "weight" | "out" | "squash" | "stretch" | "trust" | "row" | "trace">;
+  /** The run, which isovalues have one after the other. */
+  private readonly reg: Registers<CoderNames>;
+  private buf: Arr;
 
   /** `tables` are those of the main profile, undefined in the baseline profile. */
   constructor(private readonly m: Machine, n: number, private readonly tables: Tables | undefined) {
+    this.reg = m.registers<CoderNames>("CoderRegisters");
+    this.buf = m.array("uint8", [ROOM]);
     this.rate = m.numbers(STEP.subarray(0, STEP.length - 1), undefined, false);
     const none = m.array("int64", [0]);
-    this.shared = { weight: m.array("int16", [0, 1]), out: m.array("int32", [0, 1]), squash: none, stretch: none, trust: none, row: none,
+    const small = m.array("int16", [0]);
+    this.shared = { weight: m.array("int16", [0, 1]), out: m.array("int32", [0, 1]), squash: m.array("int32", [0]), stretch: small, trust: small, row: none,
       trace: m.array("int32", [0, 0]) };
     if (!tables) return;
     const sums = withSums(n, tables), out = m.array("int32", [tables.out.length / (WIDTH + 1), WIDTH + 1], false);
     const weight = m.array("int16", [sums.length / WIDTH, WIDTH], false);
     m.words(out).set(tables.out);
     new Int16Array(m.memory.buffer, weight.at, weight.size).set(sums);
-    this.shared = { ...this.shared, weight, out, squash: m.numbers(tables.squash, undefined, false),
-      stretch: m.numbers(tables.stretch, undefined, false), trust: m.numbers(TRUST, undefined, false), row: m.array("int64", [MOST_ROWS], false) };
+    this.shared = { ...this.shared, weight, out, squash: m.small("int32", tables.squash, false),
+      stretch: m.small("int16", tables.stretch, false), trust: m.small("int16", TRUST, false), row: m.array("int64", [MOST_ROWS], false) };
   }
 
   /** A coder with models as a file begins with them, or as `lean` has left them (5.9.2), of the frame before if `framed`. */
-  coder(lean: Coder | undefined, framed: boolean): Coder {
-    const { m, rate, shared } = this, reg = m.registers<CoderNames>("CoderRegisters"), buf = m.array("uint8", [ROOM]);
+  coder(lean: Coder | undefined, framed: boolean, same: boolean): Coder {
+    const { m, rate, shared, reg, buf } = this;
+    if (lean && same) return { ...lean, reg, buf };
     if (lean) {
       const { prob, seen, blend } = lean, panel = framed && this.tables ? this.panel(blend.panel) : this.noPanel();
-      return { reg, buf, prob: m.copy(prob), seen: m.copy(seen), rate, blend: { ...blend, mix: m.copy(blend.mix), panel } };
+      return { reg, buf, prob: this.wide(prob), seen: this.wide(seen), rate, blend: { ...blend, mix: m.copy(blend.mix), panel } };
     }
     const models = new Models(undefined), { tables } = this;
     if (tables) begin(tables, models);
-    // without the main profile, contexts of holes follow on the others
-    const [prob, seen] = [models.p, models.seen].map((all) => m.numbers(tables ? all : [...all.subarray(0, CLASS), ...all.subarray(HOLE)])) as [Arr, Arr];
+    const [prob, seen] = [models.p, models.seen].map((all) => m.numbers(tables ? all : [...all.subarray(0, CLASS)])) as [Arr, Arr];
     const mix = tables ? m.numbers(tables.mix, [KINDS, 4]) : m.array("int64", [0, 1]);
     const { weight, out, squash, stretch, trust, row, trace } = shared;
     return { reg, buf, prob, seen, rate, blend: { weight, out, mix, squash, stretch, trust, row, trace, panel: this.noPanel() } };
+  }
+
+  /** The models in as few bytes as they take, without the run: others may lean on them, nothing else. */
+  atRest(coder: Coder): Coder {
+    const { m } = this;
+    return { ...coder, buf: m.array("uint8", [0]), prob: this.narrow(coder.prob, "int16"), seen: this.narrow(coder.seen, "uint8") };
+  }
+
+  private narrow(array: Arr, dtype: "int16" | "uint8"): Arr {
+    const { m } = this, found = m.array(dtype, [array.size]), words = m.words(array);
+    const entries = new (dtype === "int16" ? Uint16Array : Uint8Array)(m.memory.buffer, found.at, found.size);
+    for (let i = 0; i < entries.length; i++) entries[i] = words[2 * i]!;
+    m.release(array);
+    return found;
+  }
+
+  /** A copy in eight bytes each. */
+  private wide(array: Arr): Arr {
+    const { m } = this;
+    if (array.dtype === "int64") return m.copy(array);
+    const found = m.array("int64", [array.size]), words = m.words(found);
+    const entries = new (array.dtype === "int16" ? Uint16Array : Uint8Array)(m.memory.buffer, array.at, array.size);
+    for (let i = 0; i < entries.length; i++) words[2 * i] = entries[i]!;
+    return found;
   }
 
   private noPanel(): Panel {
@@ -99,13 +129,17 @@ export class Coders {
 
   /** Make room for `count` bytes of a run, of which `kept` are there. */
   room(coder: Coder, count: number): Coder {
-    if (count <= coder.buf.size) return coder;
-    const buf = this.m.wider(coder.buf, Math.max(2 * coder.buf.size, count));
-    this.m.release(coder.buf);
-    return { ...coder, buf };
+    const { m, buf } = this;
+    if (count > buf.size) {
+      this.buf = m.wider(buf, Math.max(2 * buf.size, count));
+      m.release(buf);
+    }
+    return coder.buf === this.buf ? coder : { ...coder, buf: this.buf };
   }
 
-  release({ reg, buf, prob, seen, blend: { mix, panel } }: Coder): void {
-    [reg.array, buf, prob, seen, mix, ...Object.values(panel) as Arr[]].forEach((array) => this.m.release(array));
+  /** Give memory back, but what is `shared` with other isovalues. */
+  release({ prob, seen, blend: { mix, panel } }: Coder, shared: boolean): void {
+    if (shared) return;
+    [prob, seen, mix, ...Object.values(panel) as Arr[]].forEach((array) => this.m.release(array));
   }
 }

@@ -1,5 +1,6 @@
 /** What geometry has told: numbers of the values at vertices, or parts of crossed edges (5.6, 5.7, 5.9). */
 import { Crossings } from "../edges.js";
+import { inOrder, lowerEndsInOrder } from "../order.js";
 import type { Tube } from "../tube.js";
 import { STEPS } from "../values.js";
 import { chain } from "./chain.js";
@@ -14,10 +15,9 @@ const UNBOUNDED = 2 ** 62, MOST_TAKEN = 2 ** 53;
 /** Corners of a diamond and its middle. */
 const CORNERS = 11;
 
-/** What an isovalue leans on: its estimates, complete, and its state; how many whole steps it lies below, if that is known. */
+/** What an isovalue leans on: its estimates and its state; how many whole steps it lies below, if that is known. */
 export interface Earlier {
-  readonly estimates: Estimates;
-  readonly state: State;
+  readonly on: { readonly estimates: Estimates; readonly state: State };
   readonly shift: number | undefined;
 }
 
@@ -46,8 +46,8 @@ export class Estimates {
   private activeMesh = -1;
   private edgesMesh = -1;
   private leavesMesh = -1;
-  /** What offsets look up: numbers of edges by vertex, sums of places by vertex, the chain of crossings, places. */
-  private beside: { grid: Arr; near: Arr; chain: Arr; place: Arr };
+  /** What offsets look up: numbers of edges by vertex, sums of places by vertex, the chain of crossings, next samples, places. */
+  private beside: { grid: Arr; near: Arr; chain: Arr; links: Arr; place: Arr };
   private length: Arr;
   private rising: Arr;
   private earlierParts: Arr;
@@ -63,7 +63,7 @@ export class Estimates {
     this.leafRows = m.array("int64", [0, n + 1]);
     this.leafLevels = none;
     this.rising = m.array("bool", [0]);
-    this.beside = { grid: m.array("int64", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), place: none };
+    this.beside = { grid: m.array("int64", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), links: this.noLinks(), place: none };
   }
 
   /** Another array in the place of one that goes. */
@@ -77,12 +77,12 @@ export class Estimates {
     const { m, n } = this, { counters } = st, meshes = counters.get("meshes");
     if (meshes === this.leavesMesh) return this.leafRows;
     this.leavesMesh = meshes;
-    const room = counters.get("held") + counters.get("mixed"), corners = m.array("int64", [CORNERS]);
+    const room = counters.get("held"), corners = m.array("int64", [CORNERS]);
     m.release(this.leafRows);
     m.release(this.leafLevels);
     this.leafRows = m.array("int64", [room, n + 1]);
     this.leafLevels = m.array("int64", [room]);
-    const used = m.call("tube_leaf_vertices_vertex_numbers", st, st.leaf, 0, counters.get("leaves"), 0, corners, this.leafRows, this.leafLevels);
+    const used = m.call("tube_leaf_vertices_vertex_numbers", st, st.leaf, counters.get("leaves"), corners, this.leafRows, this.leafLevels);
     m.release(corners);
     return (this.leafRows = this.kept(this.leafRows, used));
   }
@@ -98,14 +98,36 @@ export class Estimates {
 
   /** Find the vertices that geometry by values refines now (5.6.2). */
   private activate(st: State, full: boolean): void {
-    const { m } = this, count = st.counters.get("vertices"), leaves = this.leaves(st);
+    const { m } = this, count = st.counters.get("vertices");
     m.release(this.active);
-    const active = m.array("int64", [count]), mark = m.array("uint8", [count]);
-    const used = m.call("passes_carriers_active_vertices", st, leaves, mark, Number(full), active);
-    m.release(mark);
-    this.active = this.kept(active, used);
+    if (full) {
+      const active = m.array("int64", [count]), links = this.linked(st), order = this.ordered(st, Array.from({ length: count }, (_, v) => v), inOrder);
+      this.active = this.kept(active, m.call("passes_carriers_grid_ends", st, links, order, active));
+      [links, order].forEach((array) => m.release(array));
+    } else {
+      const leaves = this.leaves(st), found = new Set(Array.from({ length: leaves.size }, (_, i) => m.number(leaves, i)));
+      this.active = this.ordered(st, [...found], inOrder);
+    }
     this.activeMesh = st.counters.get("meshes");
     this.near = this.instead(this.near, m.array("int32", [0, 0]));
+  }
+
+  private noLinks(): Arr {
+    return this.m.array("int32", [0, 2 * this.n]);
+  }
+
+  /** For each vertex what is known of the next samples along each axis. */
+  private linked(st: State): Arr {
+    const links = this.m.array("int32", [st.counters.get("vertices"), 2 * this.n]);
+    this.m.call("passes_carriers_link", st, links);
+    return links;
+  }
+
+  /** Vertices in an order of their positions. */
+  private ordered(st: State, vertices: readonly number[], order: (n: number, points: Int32Array) => ArrayLike<number>): Arr {
+    const rows = this.m.words(st.vertex), points = new Int32Array(3 * vertices.length);
+    vertices.forEach((v, i) => points.set(rows.subarray(4 * v, 4 * v + 3), 3 * i));
+    return this.m.numbers(Array.from(order(this.n, points), (row) => vertices[row]!));
   }
 
   /** Begin a layer of values, down to `plane` missing bits. */
@@ -145,8 +167,8 @@ export class Estimates {
   /** What the earlier isovalue knows of the values of vertices (5.9.5). */
   private take(st: State, first: number, end: number): void {
     const { m, earlier } = this;
-    if (!earlier || earlier.shift === undefined || !earlier.estimates.number.size) return;
-    const { estimates: before, state: other, shift } = earlier;
+    if (!earlier || earlier.shift === undefined || !earlier.on.estimates.number.size) return;
+    const { on: { estimates: before, state: other }, shift } = earlier;
     this.least = this.instead(this.least, m.wider(this.least, end));
     this.most = this.instead(this.most, m.wider(this.most, end));
     const positions: number[] = [];
@@ -208,15 +230,17 @@ export class Estimates {
   private listEdges(st: State, full: boolean): void {
     const { m, n } = this, count = st.counters.get("vertices"), before = { edges: this.edges, parts: this.parts, offset: this.offset };
     this.edgesMesh = st.counters.get("meshes");
-    let crossings: Crossings | undefined, listed: number[] = [];
+    let crossings: Crossings | undefined, listed: number[] = [], links: Arr;
     if (full) {
-      const room = m.array("int64", [n * count, 2]), mark = m.array("uint8", [count]);
-      this.edges = this.kept(room, m.call("passes_carriers_grid_edges", st, this.leaves(st), mark, room));
-      m.release(mark);
+      const room = m.array("int64", [n * count, 2]), order = this.ordered(st, Array.from({ length: count }, (_, v) => v), lowerEndsInOrder);
+      links = this.linked(st);
+      this.edges = this.kept(room, m.call("passes_carriers_grid_edges", st, links, order, room));
+      m.release(order);
     } else {
+      links = this.noLinks();
       const tube = this.reflected();
       crossings = new Crossings(tube, tube.leaves);
-      listed = crossings.rings.flatMap((ring, id) => (ring ? [] : [id]));
+      listed = [...crossings.index.inOrder()].filter((id) => !crossings!.rings[id]);
       const e = crossings.index.ends, ends = this.numbersAt(st, listed.flatMap((id) => [...e.subarray(6 * id, 6 * id + 6)]));
       this.edges = m.numbers(Array.from({ length: ends.size }, (_, i) => m.number(ends, i)), [listed.length, 2]);
       m.release(ends);
@@ -235,6 +259,7 @@ export class Estimates {
     this.describe(st);
     const { beside } = this, axes = n === 3 || full;
     m.release(beside.grid);
+    beside.links = this.instead(beside.links, links);
     beside.grid = axes ? this.leaving(st, count) : m.array("int64", [0, n]);
     beside.near = this.instead(beside.near, full ? m.array("int64", [0, 2]) : this.sums(count));
     beside.chain = this.instead(beside.chain, axes ? m.array("int64", [0, 4]) : m.numbers(chain(crossings!, listed), [size, 4]));
@@ -261,11 +286,11 @@ export class Estimates {
       places[2 * i] = Math.floor(((2 * numbers[2 * i]! + 1) * (UNIT / 2)) / parts[2 * i]!);
     }
     this.earlierParts = this.instead(this.earlierParts, m.array("int64", [size, 2]));
-    if (this.earlier?.estimates.edges.size) this.takeParts(st, this.earlier);
+    if (this.earlier?.on.estimates.edges.size) this.takeParts(st, this.earlier);
   }
 
   /** Numbers and parts at the earlier isovalue, of edges between neighbouring samples (5.9.6). */
-  private takeParts(st: State, { estimates: before, state: other }: Earlier): void {
+  private takeParts(st: State, { on: { estimates: before, state: other } }: Earlier): void {
     const { m } = this, size = this.edges.shape[0]!, rows = m.words(st.vertex), positions: number[] = [];
     for (let i = 0; i < 2 * size; i++) positions.push(...rows.subarray(4 * m.number(this.edges, i), 4 * m.number(this.edges, i) + 3));
     const ends = this.numbersAt(other, positions), vertices = other.counters.get("vertices");
@@ -314,7 +339,7 @@ export class Estimates {
     this.rising = m.array("bool", [0]);
     this.earlierParts = m.array("int64", [0, 2]);
     this.leafRows = m.array("int64", [0, n + 1]);
-    this.beside = { grid: m.array("int64", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), place: this.none };
+    this.beside = { grid: m.array("int64", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), links: this.noLinks(), place: this.none };
     this.activeMesh = this.edgesMesh = this.leavesMesh = -1;
   }
 

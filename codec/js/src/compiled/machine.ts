@@ -188,6 +188,13 @@ export class Machine {
     return found;
   }
 
+  /** A new array of few bytes an entry. */
+  small(dtype: "int16" | "int32", values: ArrayLike<number>, counted = true): Arr {
+    const found = this.array(dtype, [values.length], counted), { buffer } = this.memory;
+    new (dtype === "int16" ? Int16Array : Int32Array)(buffer, found.at, values.length).set(values);
+    return found;
+  }
+
   /** Another array, of `length` rows, that begins with those of `array`. */
   wider(array: Arr, length: number): Arr {
     const found = this.array(array.dtype, [length, ...array.shape.slice(1)]);

@@ -3,16 +3,19 @@ import { Coder, Input } from "../coder.js";
 import type { Meter } from "../errors.js";
 import type { Grid } from "../grid.js";
 import { Offsets } from "../offsets.js";
-import { KNOWN, SIGN } from "../store.js";
-import { Leaves, Tube } from "../tube.js";
+import { Ints, KNOWN, SIGN } from "../store.js";
+import { MIDDLE } from "../tables.js";
+import { Leaves, seen, Tube } from "../tube.js";
 import { Values } from "../values.js";
 import type { Estimates } from "./estimates.js";
 import type { Arr, Machine } from "./machine.js";
 import type { CounterNames, State } from "./state.js";
 import { visit } from "./store.js";
 
-/** Bits of a point of the mesh: it is in it; it was known when it was added. */
-const IN = 1, OLD = 8;
+/** Bit of a point of the mesh that is in it. */
+const IN = 1;
+/** Where a row of active middles says what was seen; negative if it is kept. */
+const SEEN = 3;
 /** Of a row of leaves that are children of a diamond: from which bit they stand. */
 const CHILDREN = 6;
 /** Where vertices of simplices stand in the tables of the mesh; classes there, and numbers of a class. */
@@ -53,8 +56,6 @@ export class Reflection {
   private known = 0;
 
   constructor(private readonly m: Machine, private readonly grid: Grid, meter: Meter, isovalue: number, scaled: boolean) {
-    // kernels have counted vertices
-    meter.vertices = Infinity;
     this.tube = new Tube(grid, meter, new Coder(new Input(), meter), undefined, isovalue, scaled);
     this.classes = classes(grid, m.kernels.mesh);
   }
@@ -69,7 +70,7 @@ export class Reflection {
     tube.baseDone = begun && running !== "base";
     tube.shown = shown;
     this.learn(st);
-    this.list(st, !["", "base", "values", "offsets"].includes(running));
+    this.list(st, running);
     this.explain(st);
     this.value(estimates);
     this.cross(st, estimates);
@@ -98,26 +99,45 @@ export class Reflection {
     this.known = count;
   }
 
-  /** The leaves that are drawn; while a round goes on those that it has bisected are left out. */
-  private list(st: State, round: boolean): void {
-    const { tube, m } = this, { counters } = st, done = counters.get("done_leaves");
-    const leaves = (tube.leaves = new Leaves(tube.meter)), own = m.registers<CounterNames>("Counters", m.array("int64", [counters.size], false));
-    const room = m.array("int32", [counters.get("held") + counters.get("leaves") + counters.get("mixed"), 5], false);
-    const add = (rows: Arr, count: number, skip: number, bisected: (level: number, cls: number, x: number, y: number, z: number) => boolean): void => {
-      own.set("leaves", count);
-      m.words(room)[0] = -1;
-      m.call("tube_leaf_list__one_by_one", { ...st, leaf: rows, counters: own }, room);
-      const found = m.words(room), total = this.total(rows, count);
-      for (let i = 5 * skip; i < 5 * total; i += 5) {
-        const level = found[i + 4]!, s = 2 * this.grid.edge(level), [cls, x, y, z] = this.classes[level % this.grid.n]![found[i]!]!;
-        const bx = s * (found[i + 1]! + x), by = s * (found[i + 2]! + y), bz = s * (found[i + 3]! + z);
-        if (!bisected(level, cls, bx, by, bz)) leaves.add(level, cls, bx, by, bz);
-      }
-    };
-    const child = counters.get("child"), first = m.words(st.leaf)[5 * done]!;
-    const skip = round && child > 0 && first < 0 ? ones(((-1 - first) >> CHILDREN) & ((1 << child) - 1)) : 0;
-    add(st.leaf.rows(done), counters.get("leaves") - done, skip, round ? this.bisected(st) : () => false);
-    add(st.below, counters.get("next"), 0, () => false);
+  /** The leaves; a round that goes on, of which those that it has made are told apart. */
+  private list(st: State, running: string): void {
+    const { tube, m } = this, { counters } = st, done = counters.get("done_leaves"), { meter } = tube;
+    const round = running === "refinement", row = running === "raster" ? counters.get("row") : 0;
+    const leaves = (tube.leaves = new Leaves(meter)), next = round ? new Leaves(meter) : leaves;
+    this.add(st, st.leaf.rows(done), counters.get("leaves") - done, leaves, row);
+    this.add(st, st.below, counters.get("next"), next);
+    tube.round = undefined;
+    if (!round) return;
+    const active = new Ints(meter, 0), level = counters.get("level"), g = this.grid.edge(level) / 2, words = m.words(st.active);
+    for (let i = 0, bisected = counters.get("bisected"); i < counters.get("coded"); i++) {
+      const [x, y, z] = [0, 1, 2].map((a) => words[5 * i + a]! * g) as [number, number, number];
+      for (const p of [x, y, z, words[5 * i + SEEN]! < 0 ? 0 : i < bisected ? MIDDLE : this.seen(level, x, y, z)]) active.push(p);
+    }
+    tube.round = { level, active, coded: active.length, next };
+  }
+
+  /** What is known of the diamond of a middle that is known. */
+  private seen(level: number, x: number, y: number, z: number): number {
+    const { tube } = this;
+    tube.view.look(level, x, y, z);
+    const { known, above } = tube.corners(), signs = tube.assumed(known, above);
+    return seen(known | MIDDLE, tube.see(x, y, z) & SIGN ? signs | MIDDLE : signs);
+  }
+
+  /** Add the leaves that rows stand for, those that lie at a row of samples or behind it. */
+  private add(st: State, rows: Arr, count: number, leaves: Leaves, row = 0): void {
+    const { m, grid: { phases, n, last } } = this, total = this.total(rows, count);
+    const own = m.registers<CounterNames>("Counters", m.array("int64", [st.counters.size], false));
+    const room = m.array("int32", [total, 5], false);
+    own.set("leaves", count);
+    m.call("tube_leaf_list__one_by_one", { ...st, leaf: rows, counters: own }, room);
+    const found = m.words(room);
+    for (let i = 0; i < 5 * total; i += 5) {
+      const level = found[i + 4]!, s = 2 * this.grid.edge(level), [cls, x, y, z] = this.classes[level % this.grid.n]![found[i]!]!;
+      const { off } = phases[level % n]!, half = s / 4;
+      const first = row && Math.min(...[0, 3, 6].map((j) => Math.min(s * (found[i + 1]! + x) + off[12 * cls + j]! * half, last[0])));
+      if (first >= row) leaves.add(level, cls, s * (found[i + 1]! + x), s * (found[i + 2]! + y), s * (found[i + 3]! + z));
+    }
     m.release(room, false);
     m.release(own.array, false);
   }
@@ -128,23 +148,6 @@ export class Reflection {
     let total = 0;
     for (let i = 0; i < count; i++) total += words[5 * i]! >= 0 ? 1 : ones(((-1 - words[5 * i]!) >> CHILDREN) & 65535);
     return total;
-  }
-
-  /** Whether the round has bisected a leaf: its middle is known, and was not before. */
-  private bisected(st: State): (level: number, cls: number, x: number, y: number, z: number) => boolean {
-    const { tube: { store }, grid: { n, phases, last, full }, grid } = this, { counters } = st;
-    const present = counters.get("level"), before = counters.get("before_round"), asks = counters.get("asks") === 1;
-    const added = new Set<string>();
-    if (asks) visit(this.m, st.mesh, IN, (x, y, z, entry) => entry & OLD || added.add(`${x},${y},${z}`));
-    return (level, cls, bx, by, bz) => {
-      if (level !== present || level >= full) return false;
-      const { middle } = phases[level % n]!, g = grid.edge(level) / 2;
-      const w = [bx, by, bz].map((b, a) => b + middle[3 * cls + a]! * g);
-      if (asks && !added.has(w.join())) return false;
-      const [x, y, z] = w.map((p, a) => Math.min(Math.max(p, 0), last[a]!)) as [number, number, number];
-      const id = store.get(x, y, z) & KNOWN ? this.ids[store.at(x, y, z)]! : 0;
-      return id > (asks ? 0 : before);
-    };
   }
 
   /** Points of the mesh beyond its uniform level. */

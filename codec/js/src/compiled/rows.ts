@@ -1,12 +1,12 @@
 /** Rows of the networks (7.10), and sums of several rows that are made beforehand, as kernels look them up. */
-import { PAIR, type Tables } from "../main/tables.js";
+import { PAIR, SIGN_ROW, type Tables, TREE_ROW } from "../main/tables.js";
 
 /** Weights of a row. */
 export const WIDTH = 48;
 /** Vertices around a middle, and cells around a node of the tree, that networks see; by axes. */
 const AROUND: Record<number, number> = { 2: 96, 3: 112 }, CELLS: Record<number, number> = { 2: 24, 3: 26 };
-/** First row for what is around, and rows behind; first row for cells, and rows of a cell: of vertices, of births. */
-const AROUND_ROW = 10, BEHIND = 98, CELL_ROW = 94, CELL_CLASSES = 5, BIRTHS = 4;
+/** First row for cells, of the network of new components, and rows of a cell: of vertices, of births. */
+const CELL_ROW = 94, CELL_CLASSES = 5, BIRTHS = 4;
 /** Vertices, one after the other, that have one row together, and what may be known of them. */
 const GROUP = 4, CASES = 3 ** GROUP;
 
@@ -17,7 +17,7 @@ export function withSums(n: number, tables: Tables): Int16Array {
   const old = made.get(tables);
   if (old) return old;
   const around = AROUND[n]!, cells = CELLS[n]!, half = WIDTH / 2, count = tables.weight.length / half;
-  const signs = AROUND_ROW + 2 * around + BEHIND, groups = (around / GROUP) * CASES;
+  const groups = (around / GROUP) * CASES;
   const all = new Int16Array(WIDTH * (count + n * groups + cells * CELL_CLASSES * BIRTHS));
   tables.weight.forEach((both, i) => {
     const high = Math.round(both / PAIR);
@@ -32,11 +32,11 @@ export function withSums(n: number, tables: Tables): Int16Array {
   for (let phase = 0; phase < n; phase++) for (let first = 0; first < around; first += GROUP) for (let kase = 0; kase < CASES; kase++) {
     const rows: number[] = [];
     for (let i = 0, digits = kase; i < GROUP; i++, digits = Math.floor(digits / 3))
-      if (digits % 3) rows.push(phase * signs + AROUND_ROW + 2 * (first + i) + (digits % 3) - 1);
+      if (digits % 3) rows.push(SIGN_ROW[n]![phase]! + 2 * (first + i) + (digits % 3) - 1);
     sum(rows);
   }
   for (let cell = 0; cell < cells; cell++) {
-    const first = n * signs + CELL_ROW + (CELL_CLASSES + BIRTHS) * cell;
+    const first = TREE_ROW[n]! + CELL_ROW + (CELL_CLASSES + BIRTHS) * cell;
     for (let i = 0; i < CELL_CLASSES * BIRTHS; i++) sum([first + Math.floor(i / BIRTHS), first + CELL_CLASSES + (i % BIRTHS)]);
   }
   made.set(tables, all);

@@ -4,9 +4,9 @@ import type { Meter } from "../errors.js";
 import type { Arr, Machine, Registers } from "./machine.js";
 import { newBoard, newCounts, newStore, PAGES, release, roomy, spare, type Store } from "./store.js";
 
-export type CounterNames = "level" | "edge" | "vertices" | "leaves" | "next" | "done_leaves" | "child" | "mixed" | "held" | "most_mixed" |
-  "base_level" | "uniform" | "finest" | "before_round" | "error" | "work" | "step_work" | "most_work" | "asks" | "adapted" | "room" |
-  "side" | "shift" | "told" | "seeded" | "meshes" | "agreed" | "masked";
+export type CounterNames = "level" | "edge" | "vertices" | "leaves" | "next" | "active" | "coded" | "bisected" | "done_leaves" | "mixed" | "held" | "most_mixed" |
+  "base_level" | "uniform" | "finest" | "error" | "work" | "step_work" | "most_work" | "asks" | "adapted" | "room" |
+  "side" | "shift" | "told" | "seeded" | "meshes" | "agreed" | "masked" | "row";
 export type Counters = Registers<CounterNames>;
 type WalkNames = "gates" | "last_root" | "more";
 type Walk = Registers<WalkNames>;
@@ -41,6 +41,7 @@ export interface State {
   readonly vertex: Arr;
   readonly leaf: Arr;
   readonly below: Arr;
+  readonly active: Arr;
   readonly mesh: Store;
   readonly crowd: Store;
   readonly board: Store;
@@ -69,7 +70,7 @@ export const FRAME = 2;
 /** How often something has been so, as it begins. */
 const MOSTLY = 3584;
 /** Syntax elements, and predictions. */
-const TALLY = 13;
+const TALLY = 14;
 /** Rows that lists begin with; ancestors of a vertex; entries of the stack, and of a gate on it. */
 const ROWS = 2048, ANCESTORS = 4096, STACK = 4096, GATE = 7;
 /** What one step of a pass adds at most: vertices, simplices, pages of the crowd; gates that a grown stack has room for. */
@@ -85,15 +86,17 @@ export class States {
   /** What kernels see where there is no earlier isovalue. */
   readonly noLean: Lean;
   private readonly chosen: State["chosen"];
+  private readonly noBoard: Store;
 
   constructor(private readonly m: Machine, private readonly meter: Meter, { n, last, k }: Grid) {
-    const { mesh } = m.kernels, half = mesh.length / 2, tables = m.numbers(mesh.subarray((n - 2) * half, (n - 1) * half), undefined, false);
+    const { mesh } = m.kernels, half = mesh.length / 2, tables = m.small("int16", mesh.subarray((n - 2) * half, (n - 1) * half), false);
     this.grid = { tables, last0: last[0], last1: last[1], last2: last[2], exponent: k };
     const none = m.array("int64", [0]);
     this.noLean = {
       grid: { tables, last0: 0, last1: 0, last2: 0, exponent: 0 }, counters: m.registers("Counters"), valueBits: m.array("int64", [2]),
       known: newStore(m, n), mesh: newStore(m, n), number: none, left: none,
     };
+    this.noBoard = newBoard(m, n);
     this.chosen = { inside: m.array("uint8", [0, 0, 1]), outside: newStore(m, n, "uint8") };
   }
 
@@ -107,7 +110,7 @@ export class States {
     return {
       grid: this.grid, counters, tally: m.array("int64", [TALLY]), calm: m.numbers([MOSTLY, MOSTLY]), valueBits: m.array("int64", [2]),
       known: newStore(m, n), vertex: m.array("int32", [ROWS, 4]), leaf: m.array("int32", [ROWS, 5]), below: m.array("int32", [ROWS, 5]),
-      mesh: newStore(m, n), crowd: newCounts(m, n), board: newBoard(m, n), path: m.array("int64", [ANCESTORS, 4]), chosen: this.chosen,
+      active: m.array("int32", [0, 5]), mesh: newStore(m, n), crowd: newCounts(m, n), board: newBoard(m, n), path: m.array("int64", [ANCESTORS, 4]), chosen: this.chosen,
       lean: lean ?? noLean, hole: noLean, soft: noLean.known, truth: m.array("bool", [0, 0, 0]), base,
       refinement: m.registers("RefinementWalk"), tree: m.registers("TreeWalk"), value: m.registers("ValueWalk"), digit: m.registers("DigitWalk"),
       turns, trail, early, candidates, window, scratch, stack: m.array("int64", [STACK]),
@@ -145,23 +148,26 @@ export class States {
     return roomy(this.m, mark, VERTICES);
   }
 
-  /** The same without what only further layers need. */
-  atRest(st: State, n: number): State {
-    const { m } = this, none = m.array("int64", [0]);
-    for (const store of [st.crowd, st.board, ...(st.soft === this.noLean.known ? [] : [st.soft])]) release(m, store);
-    for (const array of [st.below, st.path, st.stack]) m.release(array);
+  /** The same without what only further layers need, and no longer than it has to be: a file may have thousands of isovalues. */
+  atRest(st: State): State {
+    const { m, noLean } = this, none = m.array("int64", [0]);
+    for (const store of [st.crowd, st.board, ...(st.soft === noLean.known ? [] : [st.soft])]) release(m, store);
+    for (const array of [st.below, st.active, st.path, st.stack]) m.release(array);
+    const trimmed = (store: Store): Store => ({ ...store, pages: this.longer(store.pages, m.number(store.head, PAGES)) });
     return {
-      ...st, crowd: newCounts(m, n), board: newBoard(m, n), below: m.array("int32", [0, 5]), path: m.array("int64", [0, 4]), stack: none,
-      soft: this.noLean.known,
+      ...st, known: trimmed(st.known), mesh: trimmed(st.mesh), vertex: this.longer(st.vertex, st.counters.get("vertices")),
+      leaf: this.longer(st.leaf, st.counters.get("leaves")), crowd: noLean.known, board: this.noBoard, below: m.array("int32", [0, 5]),
+      active: m.array("int32", [0, 5]), path: m.array("int64", [0, 4]), stack: none, soft: noLean.known, lean: noLean,
     };
   }
 
   /** Give all memory of a state back. */
   release(st: State): void {
     const { m } = this;
-    for (const store of [st.known, st.mesh, st.crowd, st.board, ...(st.soft === this.noLean.known ? [] : [st.soft])]) release(m, store);
+    const shared = [this.noLean.known, this.noBoard];
+    for (const store of [st.known, st.mesh, st.crowd, st.board, st.soft]) if (!shared.includes(store)) release(m, store);
     const walks = [st.counters, st.base, st.refinement, st.tree, st.value, st.digit].map((walk) => walk.array);
-    for (const array of [...walks, st.tally, st.calm, st.valueBits, st.vertex, st.leaf, st.below, st.path, st.turns, st.trail, st.early,
+    for (const array of [...walks, st.tally, st.calm, st.valueBits, st.vertex, st.leaf, st.below, st.active, st.path, st.turns, st.trail, st.early,
       st.candidates, st.window, st.scratch, st.stack]) m.release(array);
   }
 }

@@ -1,13 +1,15 @@
 /** The strand of an isovalue whose passes are compiled: order of the layers, what they leave behind. */
 import type { Input } from "../coder.js";
-import type { IsoError, Meter } from "../errors.js";
+import { type IsoError, Meter } from "../errors.js";
 import type { Grid } from "../grid.js";
+import { coordinates, places, sorted } from "../order.js";
 import type { Layer } from "../program.js";
 import type { Run, Strand } from "../strand.js";
 import type { Missing, Pass, Tube } from "../tube.js";
 import type { Coder, Coders } from "./coder.js";
 import { Estimates } from "./estimates.js";
 import type { Arr, Machine } from "./machine.js";
+import { beginRaster, type RasterRun } from "./raster.js";
 import { Reflection } from "./reflection.js";
 import { softened } from "./softened.js";
 import { type CounterNames, FRAME, type Lean, type State, type States } from "./state.js";
@@ -17,7 +19,9 @@ import { copied, mask, newStore, release, type Store } from "./store.js";
 const DONE = 0, NEED = -1, CUT = -2, GROW = -3, BAD = -4;
 /** In the counter `error`: steps are used up; else the clause that is violated. */
 const OUT_OF_STEPS = 5;
-const CLAUSES: Record<number, string> = { 1: "5.3.2", 3: "5.3.3", 4: "5.5", 6: "5.8.2" };
+const CLAUSES: Record<number, string> = { 1: "5.3.2", 3: "5.3.3", 4: "5.5", 7: "5.4.3" };
+/** Room that sorting active middles takes. */
+const PLACES = 2049;
 /** Symbols that are decoded before limits are asked again. */
 const SLICE = 65536;
 /** No limit of steps is larger. */
@@ -46,7 +50,7 @@ export interface Leaning {
   readonly side: number;
 }
 
-type Running = "" | "base" | "continue" | "significance" | "refinement" | "values" | "offsets";
+type Running = "" | "base" | "raster" | "continue" | "significance" | "refinement" | "values" | "offsets";
 
 export class CompiledStrand implements Strand, Run {
   cut = false;
@@ -60,7 +64,11 @@ export class CompiledStrand implements Strand, Run {
   private leaning: Leaning | undefined;
   private marks: Store | undefined;
   private seeds: Arr;
+  private raster: RasterRun | undefined;
   private births = false;
+  resting = false;
+  /** Whether the bytes of the run are another strand's. */
+  private borrowed = false;
   /** Level by complete layers. */
   private shown = -1;
   /** Of the run: where it begins in the input, its length, bytes that have come, symbols that may come and that were granted. */
@@ -72,19 +80,19 @@ export class CompiledStrand implements Strand, Run {
   private counted = 0;
 
   constructor(private readonly shared: Shared, readonly isovalue: number, scaled: boolean, models: CompiledStrand | undefined, framed: boolean,
-              leaning: Leaning | undefined) {
-    const { m, grid, coders, states, meter } = shared;
+              leaning: Leaning | undefined, private readonly same: boolean) {
+    const { m, grid, coders, states } = shared;
     this.n = grid.n;
     this.none = m.array("int64", [0]);
     this.leaning = leaning;
-    this.coder = coders.coder(models?.coder, framed);
+    this.coder = coders.coder(models?.coder, framed, same);
     this.state = states.first(grid.n, leaning && this.leanOn(leaning.on));
     if (leaning) {
       this.counters.set("side", leaning.side);
       this.counters.set("shift", leaning.shift ?? 0);
     }
-    const told = leaning && leaning.side !== FRAME ? { estimates: leaning.on.estimates, state: leaning.on.state, shift: leaning.shift } : undefined;
-    this.reflection = new Reflection(m, grid, meter.another(), isovalue, scaled);
+    const told = leaning && leaning.side !== FRAME ? { on: leaning.on, shift: leaning.shift } : undefined;
+    this.reflection = new Reflection(m, grid, Meter.without(), isovalue, scaled);
     this.estimates = new Estimates(m, grid.n, told, () => this.tube);
     this.seeds = m.array("int32", [0, 5]);
   }
@@ -130,6 +138,14 @@ export class CompiledStrand implements Strand, Run {
     return this;
   }
 
+  goOn(run: Run): Run {
+    const other = run as CompiledStrand;
+    if (other === this) return this;
+    const { start, length, most, come, granted, counted, cut } = other;
+    Object.assign(this, { start, length, most, come, granted, counted, cut, borrowed: true });
+    return this;
+  }
+
   get shifts(): number {
     const { reg } = this.coder;
     return reg.get("pos") + (reg.get("unknown") >> 3) - 4;
@@ -142,8 +158,8 @@ export class CompiledStrand implements Strand, Run {
   /** Hand bytes that have come to the coder. */
   private arrive(): void {
     const { m, coders, input } = this.shared, count = Math.min(this.length, input.length - this.start);
+    this.coder = coders.room(this.coder, count);
     if (count > this.come) {
-      this.coder = coders.room(this.coder, count);
       m.bytes(this.coder.buf).set(input.data.subarray(this.start + this.come, this.start + count), this.come);
       this.come = count;
     }
@@ -200,6 +216,7 @@ export class CompiledStrand implements Strand, Run {
   }
 
   private beginLayer(layer: Layer, bits: [number, number] | undefined): void {
+    const { meter } = this.shared;
     switch (layer.kind) {
       case "base":
         return this.beginBase(layer.level, false);
@@ -211,6 +228,12 @@ export class CompiledStrand implements Strand, Run {
         this.counters.set("asks", 0);
         this.births = true;
         return this.fresh("significance");
+      case "raster": {
+        const { m, grid } = this.shared;
+        this.raster = beginRaster(m, grid, meter, this.leaning !== undefined, this.coder, this.counters.get("vertices") > 0);
+        this.running = "raster";
+        return;
+      }
       case "adapt":
         this.counters.set("asks", 1);
         this.counters.set("adapted", 1);
@@ -244,9 +267,23 @@ export class CompiledStrand implements Strand, Run {
     this.state = { ...this.state, mesh: copied(m, on.state.mesh, IN) };
     this.counters.set("told", 1);
     this.counters.set("seeded", 1);
-    this.seeds = m.array("int32", [on.count("held"), 5]);
-    m.call("tube_leaf_list__one_by_one", on.state, this.seeds);
+    this.seeds = this.seedsOf(on);
     this.beginBase(on.uniform, on.count("adapted") === 1);
+  }
+
+  /** Leaves as seeds: by level, by the order of their middles, of unit cells by that of their lowest corners, by their vertices. */
+  private seedsOf({ n, state }: CompiledStrand): Arr {
+    const { m, grid } = this.shared, count = state.counters.get("held"), rows = m.array("int32", [count, 5]), at = m.array("int64", [count, 6]);
+    m.call("tube_leaf_list__one_by_one", state, rows);
+    m.call("passes_refinement_places", state, rows, at);
+    const words = m.words(rows), levels = Uint32Array.from({ length: count }, (_, i) => words[5 * i + 4]!);
+    const found = Int32Array.from({ length: 6 * count }, (_, i) => m.number(at, i) >> (i % 6 < 3 && levels[Math.floor(i / 6)] === grid.full ? 1 : 0));
+    m.release(at);
+    const seeds = m.array("int32", [count, 5]), from = m.words(rows), to = m.words(seeds);
+    sorted(count, [levels, ...places(n, found, 6), ...coordinates(found, 6, 3)])
+      .forEach((row, i) => to.set(from.subarray(5 * row, 5 * row + 5), 5 * i));
+    m.release(rows);
+    return seeds;
   }
 
   private fresh(running: Running): void {
@@ -254,6 +291,19 @@ export class CompiledStrand implements Strand, Run {
     for (const walk of [refinement, tree, value, digit]) walk.clear();
     for (const array of [trail, candidates, window]) m.words(array).fill(0);
     this.running = running;
+  }
+
+  /** Middles of the leaves of the level become active (5.4.1). */
+  private refine(): void {
+    this.fresh("refinement");
+    const { state, shared: { m } } = this, count = this.count("held");
+    const key = m.array("int64", [2, count]), place = m.array("int64", [PLACES]), room = m.array("int32", [count, 5]);
+    const found = m.call("passes_refinement_activate", state, key, place, room), active = m.array("int32", [found, 5]);
+    m.words(active).set(m.words(room).subarray(0, 5 * found));
+    for (const array of [key, place, room]) m.release(array);
+    this.counters.set("active", found);
+    m.release(state.active);
+    this.state = { ...state, active };
   }
 
   /** Go on with the layer begun: it is done, or bytes or symbols are lacking. */
@@ -296,6 +346,8 @@ export class CompiledStrand implements Strand, Run {
         return m.call("passes_new_components_significance", state, coder, none);
       case "refinement":
         return m.call("passes_refinement_refine", state, coder);
+      case "raster":
+        return m.call("passes_raster_raster", state, { ...this.raster!.coder, reg: coder.reg, buf: coder.buf }, this.raster!.own);
       case "values":
         return this.estimates.codeValues(state, coder);
       case "offsets":
@@ -321,21 +373,27 @@ export class CompiledStrand implements Strand, Run {
         break;
       case "continue":
         if (this.state.refinement.get("more")) {
-          this.fresh(this.births ? "significance" : "refinement");
+          if (this.births) this.fresh("significance");
+          else this.refine();
           return false;
         }
         this.endAdaptive();
         break;
       case "significance":
-        this.fresh("refinement");
+        this.refine();
         return false;
-      case "refinement": {
-        const { leaf, below } = this.state;
-        this.state = { ...this.state, leaf: below, below: leaf };
-        counters.set("leaves", at("next"));
-        counters.set("held", at("mixed"));
-        for (const name of ["next", "mixed", "done_leaves", "child"] as const) counters.set(name, 0);
-        counters.set("before_round", at("vertices"));
+      case "raster":
+        this.raster!.release();
+        this.raster = undefined;
+        this.takeList();
+        if (!this.begun) counters.set("base_level", grid.full);
+        counters.set("row", 0);
+        counters.set("uniform", grid.full);
+        this.setLevel(grid.full);
+        this.endMesh();
+        break;
+      case "refinement":
+        this.takeList();
         this.setLevel(at("level") + 1);
         if (!at("asks")) {
           counters.set("uniform", at("level"));
@@ -344,10 +402,19 @@ export class CompiledStrand implements Strand, Run {
           this.fresh("continue");
           return false;
         } else this.endAdaptive();
-      }
     }
     this.running = "";
     return true;
+  }
+
+  /** The simplices that a layer has made replace those that were there. */
+  private takeList(): void {
+    const { counters, state: { leaf, below, active }, shared: { m } } = this;
+    m.release(active);
+    this.state = { ...this.state, leaf: below, below: leaf, active: m.array("int32", [0, 5]) };
+    counters.set("leaves", counters.get("next"));
+    counters.set("held", counters.get("mixed"));
+    for (const name of ["next", "mixed", "done_leaves", "active", "coded", "bisected"] as const) counters.set(name, 0);
   }
 
   private setLevel(level: number): void {
@@ -362,7 +429,6 @@ export class CompiledStrand implements Strand, Run {
   }
 
   private endMesh(): void {
-    this.counters.set("before_round", this.count("vertices"));
     this.counters.set("meshes", this.count("meshes") + 1);
   }
 
@@ -377,11 +443,19 @@ export class CompiledStrand implements Strand, Run {
     this.counters.set("masked", 1);
   }
 
-  finish(): void {
+  rest(): void {
+    if (this.resting) return;
+    this.resting = true;
     this.estimates.rest();
     this.estimates.part();
-    this.state = { ...this.shared.states.atRest(this.state, this.n), lean: this.shared.states.noLean };
+    this.state = this.shared.states.atRest(this.state);
+    // models that others have, too, stay as they are
+    if (!this.same && !this.borrowed && this.begun) this.coder = this.shared.coders.atRest(this.coder);
     this.leaning = undefined;
+  }
+
+  finish(): void {
+    this.rest();
     this.shared.finished.push(this);
   }
 
@@ -389,6 +463,6 @@ export class CompiledStrand implements Strand, Run {
   drop(): void {
     this.estimates.release();
     this.shared.states.release(this.state);
-    this.shared.coders.release(this.coder);
+    this.shared.coders.release(this.coder, this.same || this.borrowed);
   }
 }

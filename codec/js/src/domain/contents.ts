@@ -38,6 +38,7 @@ export class DomainFile implements Contents {
   constructor(private readonly s: Session, readonly header: Header, private readonly given: KnownMesh | undefined) {
     this.series = new Series<Contour>(s, {
       begin: (isovalue, lean, framed) => new Contour(this.mesh!, isovalue, lean, framed, s.meter),
+      rest: () => undefined,
       finish: (contour) => contour.finish(),
     });
   }
@@ -70,6 +71,7 @@ export class DomainFile implements Contents {
       s.emit({ type: "domain", bytes, kind });
     } else if (type === 5) yield* series.another(stop, bytes);
     else if (type === 9) yield* series.frame(payload, stop, bytes);
+    else if (type === 13) yield* series.series(stop, bytes);
     else yield* this.layer(bytes);
   }
 
@@ -138,7 +140,7 @@ export class DomainFile implements Contents {
     const { series, s, s: { r, coder, meter } } = this, clause = "10.1.3", mesh = this.mesh!, contour = series.last;
     const wrong = (what: string): IsoError => r.error(clause, what);
     series.layered = true;
-    if (s.planned++ >= 4096) throw r.error("11.1", "a file has at most 4096 layers");
+    if (s.planned++ >= 2 ** 17) throw r.error("11.1", "a file has at most 131072 layers");
     const kind = yield* r.byte(clause), numbers: number[] = [];
     if (kind > 3) throw wrong("an unknown kind of layer");
     if (kind === 2) numbers.push(yield* r.byte(clause), yield* r.byte(clause));

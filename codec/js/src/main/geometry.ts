@@ -7,7 +7,7 @@ import { rows } from "./rows.js";
 
 /** Rows of a bit of a vertex's number; `values` has its candidates. How many. */
 export function valueRows(values: Values, t: Tube, number: number, plane: number): number {
-  const { slotThere, slotFine, there, fine, wide } = values, { n } = t, base = n === 2 ? 2144 : 2819;
+  const { slotThere, slotFine, there, fine, wide } = values, { n } = t, base = n === 2 ? 2136 : 2949;
   let seen = 0, count = 0;
   if (t.onFullGrid) {
     // numbers or, where they are wide, BigInt: the same text computes both
@@ -46,7 +46,7 @@ export interface OffsetSymbol {
 export function offsetRows(offsets: Offsets, t: Tube, symbol: OffsetSymbol): number {
   const { at, fine, recent, edges } = offsets, { n, onFullGrid: full } = t;
   const { id, rising, told, R, low, split, high, again, nearer } = symbol, P = offsets.parts[id]!;
-  const base = full ? (n === 2 ? 910 : 1324) : n === 2 ? 1630 : 2044;
+  const base = full ? (n === 2 ? 902 : 1454) : n === 2 ? 1622 : 2174;
   const recents = full ? 9 : n === 2 ? 5 : 10, slots = recents + 4;
   const cut = Math.floor(((told * R + split) * 4096) / (P * R));
   let seen = 0;

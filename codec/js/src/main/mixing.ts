@@ -8,7 +8,7 @@ import type { Values } from "../values.js";
 import { Crowd } from "./crowd.js";
 import { type OffsetSymbol, offsetRows, valueRows } from "./geometry.js";
 import { Panel } from "./panel.js";
-import { anchor, componentRows, questionRows, refinementRows, rows, signRows } from "./rows.js";
+import { componentRows, questionRows, refinementRows, rows, signRows } from "./rows.js";
 import { begin, PAIR, type Tables } from "./tables.js";
 
 /** What an isovalue has beside its contexts. */
@@ -21,11 +21,11 @@ export class Mixing {
   private crowd: Crowd | undefined;
 
   /** What `lean` has begins as a copy (5.9.2, 7.18.3(2)). */
-  constructor(private readonly t: Tube, private readonly tables: Tables, lean: Mixing | undefined, framed: boolean) {
+  constructor(private readonly t: Tube, private readonly tables: Tables, lean: Mixing | undefined, framed: boolean, shared?: Mixing) {
     if (framed) this.weights = lean?.weights?.slice() ?? new Float64Array(PANEL_LISTS * PANEL_KINDS).fill(4096);
     if (framed && t.lean) this.panel = new Panel(t.lean.store, t.store, t.grid, t.meter);
-    this.mix = (lean ?? tables).mix.slice();
-    if (!lean) begin(tables, t.models);
+    this.mix = shared?.mix ?? (lean ?? tables).mix.slice();
+    if (!lean && !shared) begin(tables, t.models);
   }
 
   /** Forget what only further layers need. */
@@ -44,14 +44,10 @@ export class Mixing {
     this.crowd?.born(Math.min(x, lastX), Math.min(y, lastY), Math.min(z, lastZ));
   }
 
-  /**
-   * A refinement sign (7.12): 1 stands for `meaning`; `curve` is the sign that a parabola predicts, -1 without one, `ends`
-   * are the signs of both ends.
-   */
-  refinement(level: number, x: number, y: number, z: number, history: number, curve: number, ends: readonly [number, number],
-             earlier: number, apart: number, context: number, meaning: number): number {
-    const { t } = this, r = level % t.n, here = ends[anchor(t, level, x, y, z)], crossed = ends[0] === ends[1] ? 0 : 1;
-    const count = refinementRows(t, level, x, y, z, crossed, history, curve < 0 ? 0 : curve === here ? 2 : 1, here, earlier, apart);
+  /** A refinement sign (7.12): 1 stands for `meaning`; `here` is the sign of the anchor, `corners` as in `refinementRows`. */
+  refinement(level: number, x: number, y: number, z: number, crossed: number, corners: number, here: number, earlier: number,
+             apart: number, context: number, meaning: number): number {
+    const { t } = this, r = level % t.n, count = refinementRows(t, level, x, y, z, crossed, corners, here, earlier, apart);
     const panel = earlier < 0 ? undefined : this.panel, kind = 2 * r + crossed;
     panel?.look(kind, x, y, z, t.grid.edge(level), earlier & 1, meaning);
     return this.mixed(count, r, kind + (earlier >= 0 ? 6 : 0), context, meaning !== here, panel);

@@ -17,7 +17,7 @@ export class MainProfile {
   }
 
   /** What an isovalue has beside its contexts; `framed` says whether `lean` is of the frame before. */
-  begin(t: Tube, lean: Tube | undefined, framed: boolean): Mixing {
-    return new Mixing(t, this.of(t.n), lean?.main, framed);
+  begin(t: Tube, lean: Tube | undefined, framed: boolean, shared: Mixing | undefined): Mixing {
+    return new Mixing(t, this.of(t.n), lean?.main, framed, shared);
   }
 }

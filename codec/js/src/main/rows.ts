@@ -3,6 +3,7 @@ import { bits } from "../bits.js";
 import { EXPLICIT, KNOWN, OUT, SIGN } from "../store.js";
 import type { Tube } from "../tube.js";
 import type { Crowd } from "./crowd.js";
+import { SIGN_ROW, TREE_ROW } from "./tables.js";
 
 /** Rows that a network sees; what fills them says how many. */
 export const rows = new Int32Array(1024);
@@ -27,8 +28,7 @@ function around(n: number, r: number): number[][] {
 interface Frame {
   d: Int8Array;
   reach: number;
-  /** Whether the anchor is end 0; its difference from the middle. */
-  anchor: 0 | 1;
+  /** The anchor's difference from the middle. */
   away: [number, number, number];
 }
 
@@ -45,13 +45,7 @@ function frame(n: number, r: number, mx: number, my: number, mz: number): Frame 
   list.forEach((by, i) => order.forEach((a, j) => (d[3 * i + a] = way[a]! * by[j]!)));
   const away: [number, number, number] = [0, 0, 0];
   for (const a of axes) if (m[a]! & 1) away[a] = -way[a]!;
-  return (table[key] = { d, reach: Math.max(...d.map(Math.abs)), anchor: m[order[0]!] === 1 ? 0 : 1, away });
-}
-
-/** Whether the anchor of a middle is end 0 or end 1 (7.12(2)). */
-export function anchor(t: Tube, level: number, x: number, y: number, z: number): 0 | 1 {
-  const g = t.grid.edge(level) / 2;
-  return frame(t.n, level % t.n, (x / g) & 3, (y / g) & 3, t.n === 2 ? 0 : (z / g) & 3).anchor;
+  return (table[key] = { d, reach: Math.max(...d.map(Math.abs)), away });
 }
 
 /** 7.13(3). */
@@ -60,16 +54,14 @@ function rarity(t: Tube): number {
   return x < 0 ? 0 : x > 12 ? 12 : x;
 }
 
-/** Rows of a refinement sign (7.12); `curve` is 0 without a parabola, else 1 plus whether its sign is `here`. */
+/** Rows of a refinement sign (7.12); `corners` is the row of its part for classes of corners. */
 export function refinementRows(t: Tube, level: number, x: number, y: number, z: number, crossed: number,
-                               history: number, curve: number, here: number, earlier: number, apart: number): number {
+                               corners: number, here: number, earlier: number, apart: number): number {
   const { n, store } = t, r = level % n, c = t.grid.edge(level), g = c / 2;
   const f = frame(n, r, (x / g) & 3, (y / g) & 3, n === 2 ? 0 : (z / g) & 3), d = f.d, count = n === 2 ? 96 : 112;
-  const base = r * (n === 2 ? 300 : 332), list = rows;
+  const to = SIGN_ROW[n]![r]!, list = rows;
   let seen = 0;
-  list[seen++] = base + 4 * crossed + history;
-  if (curve) list[seen++] = base + 8 + curve - 1;
-  const [lastX, lastY, lastZ] = t.grid.last, reach = f.reach * g, to = base + 10;
+  const [lastX, lastY, lastZ] = t.grid.last, reach = f.reach * g;
   const same = here ? SIGN | KNOWN : KNOWN;
   if (x >= reach && y >= reach && x + reach <= lastX && y + reach <= lastY &&
     (n === 2 || (z >= reach && z + reach <= lastZ))) {
@@ -84,13 +76,14 @@ export function refinementRows(t: Tube, level: number, x: number, y: number, z: 
       if (mark & 1) list[seen++] = to + 2 * i + (mark === same ? 1 : 0);
     }
   }
-  const rest = base + 10 + 2 * count;
+  const rest = to + 2 * count;
   list[seen++] = rest + Math.min(bits(c) - 1, 8);
   list[seen++] = rest + 9 + rarity(t);
   list[seen++] = rest + 22 + (t.calm[crossed]! >> 8);
   if (earlier >= 0)
     list[seen++] = rest + 38 + 30 * ((earlier & 1) === here ? 1 : 0) + 10 * Math.min(apart, 2) +
       bits((4096 - t.agreed) >> 4);
+  list[seen++] = rest + 98 + corners;
   return seen;
 }
 
@@ -99,7 +92,7 @@ export function questionRows(t: Tube, what: number, level: number, x: number, y:
                              history: number): number {
   const { n, store, grid } = t, r = level % n, g = grid.edge(level) / 2;
   const { d, away } = frame(n, r, (x / g) & 3, (y / g) & 3, n === 2 ? 0 : (z / g) & 3);
-  const base = n === 2 ? 2644 : 3579, to = base + 44 + 96 * r;
+  const base = n === 2 ? 2636 : 3709, to = base + 44 + 96 * r;
   const here = t.see(x + away[0] * g, y + away[1] * g, z + away[2] * g) & SIGN;
   let seen = 0;
   rows[seen++] = base + 3 * what + r;
@@ -130,7 +123,7 @@ const tuples = [2, 3].map((n) => {
 export function signRows(t: Tube, level: number, cls: number, x: number, y: number, z: number, o: number,
                          predicted: number, kase: number, earlier: number): number {
   const { n } = t, r = level % n, c = t.grid.edge(level), { off } = t.grid.phases[r]!, d = tuples[n - 2]!;
-  const base = n === 2 ? 2880 : 3911, count = n === 2 ? 48 : 62, to = base + 18 + 2 * count * (r * (n + 1) + o);
+  const base = n === 2 ? 2872 : 4041, count = n === 2 ? 48 : 62, to = base + 18 + 2 * count * (r * (n + 1) + o);
   const at = 12 * cls, v = at + 3 * o;
   const e: number[] = [];
   for (let j = 0; j <= n; j++) {
@@ -153,7 +146,7 @@ export function signRows(t: Tube, level: number, cls: number, x: number, y: numb
 /** Rows of a node of the tree of new components, or of a slot (`height` -1), in the cube or node `q` (7.13(3)). */
 export function componentRows(t: Tube, crowd: Crowd, level: number, height: number, root: boolean, child: number, hits: number,
                               nearness: number, qx: number, qy: number, qz: number): number {
-  const { n, grid } = t, r = level % n, base = n === 2 ? 600 : 996;
+  const { n, grid } = t, r = level % n, base = TREE_ROW[n]!;
   let seen = 0;
   rows[seen++] = base + (height < 0 ? 24 + r : 3 * Math.min(height, 7) + r);
   if (!root) rows[seen++] = base + 27 + 8 * Math.min(hits, 2) + child;

@@ -19,6 +19,10 @@ export interface Tables {
 
 export const PAIR = 2 ** 26;
 
+/** First rows of the networks of refinement signs, by axes and phase, and of that of new components. */
+export const SIGN_ROW: Readonly<Record<number, readonly number[]>> = { 2: [0, 296], 3: [0, 362, 702] };
+export const TREE_ROW: Readonly<Record<number, number>> = { 2: 592, 3: 1126 };
+
 /** Begin contexts that do not begin as 7.1 states: those of classes of opinions (7.11(2)), and those that are trained. */
 export function begin({ squash, begin: told }: Tables, { p, seen }: Contexts): void {
   for (let c = 0; c < 32 * KINDS; c++) {
@@ -42,8 +46,8 @@ function stretches(squash: Uint16Array): Int16Array {
 
 /** Rows of each network, and columns of a row that the file has: in those behind, all weights are 0. */
 const ROWS: Readonly<Record<number, readonly number[]>> = {
-  2: [300, 300, 0, 310, 720, 514, 500, 236, 594],
-  3: [332, 332, 332, 328, 720, 775, 760, 332, 1506],
+  2: [296, 296, 0, 310, 720, 514, 500, 236, 594],
+  3: [362, 340, 424, 328, 720, 775, 760, 332, 1506],
 };
 const COLUMNS: readonly number[] = [48, 48, 48, 48, 32, 24, 48, 16, 24];
 
@@ -78,7 +82,7 @@ class Bits {
 
 /** Read `isospec/main.bin` (7.10(1)). */
 export function readTables(bytes: Uint8Array, n: number): Tables {
-  if (bytes.length !== 170174) throw new RangeError("the tables of the main profile have 170174 bytes");
+  if (bytes.length !== 173609) throw new RangeError("the tables of the main profile have 173609 bytes");
   if (n !== 2 && n !== 3) throw new RangeError("two or three axes");
   const file = new Bits(new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength));
   const squash = new Uint16Array(4095).fill(32768);

@@ -63,8 +63,8 @@ export function readHead(bytes: Uint8Array, order: (extent: number[]) => Uint32A
   const scale = flags & 32 ? c.binary64() : undefined;
   if (scale !== undefined && !(scale > 0 && scale < Infinity)) throw c.error("a scale that is not positive and finite");
   const coded: Opened["coded"] = [];
-  const isovalues = Array.from({ length: within("a number of isovalues", 1, 64, c.varint()) }, () => {
-    const kind = within("a kind of isovalue", 0, 2, c.byte()), { at } = c, isovalue = c.isovalue(kind);
+  const isovalues = Array.from({ length: within("a number of isovalues", 1, 4096, c.varint()) }, () => {
+    const kind = within("a kind of isovalue", 0, 3, c.byte()), { at } = c, isovalue = c.isovalue(kind);
     coded.push({ kind, bytes: bytes.slice(at, c.at) });
     return isovalue;
   });
