@@ -52,6 +52,7 @@ def leaves_of(field, isovalue=0.0, *, size=1, bisections=0, values=True, above=N
         full=bisections == field.ndim * (size.bit_length() - 1),
         edges=np.zeros((0, 2), np.int64),
         edge_offset=np.empty(0),
+        edge_room=np.empty(0),
     )
 
 

@@ -29,7 +29,7 @@ def test_simplex_drawing_interpolates_along_the_edge_as_published():
     # x0 = (0, 0) at 3, the others at -1: crossings at 3/4 of both edges from x0.
     leaves = Leaves(
         (5, 5), 0.0, np.array([[0, 0], [4, 0], [4, 4]]), np.array([True, False, False]), np.array([3.0, -1, -1]),
-        np.array([[0, 1, 2]]), np.array([0]), False, np.zeros((0, 2), np.int64), np.empty(0),
+        np.array([[0, 1, 2]]), np.array([0]), False, np.zeros((0, 2), np.int64), np.empty(0), np.empty(0),
     )
     contour = draw(leaves)
     assert contour.points[contour.cells].tolist() == [[[3.0, 0.0], [3.0, 3.0]]]
@@ -47,10 +47,10 @@ def test_offsets_place_points_and_take_precedence_over_values():
     high = np.ceil(exact.points).astype(np.int64)
     ends = [[index[tuple(p)], index[tuple(q)]] for p, q in zip(low.tolist(), high.tolist(), strict=True)]
     offset = (exact.points - low).max(axis=1)
-    stated = Leaves(**{**vars(plain), "edges": np.array(ends), "edge_offset": offset})
+    stated = Leaves(**{**vars(plain), "edges": np.array(ends), "edge_offset": offset, "edge_room": 0 * offset})
     drawn = draw(stated)
     assert np.allclose(drawn.points, exact.points, atol=1e-12, rtol=0) and (drawn.cells == exact.cells).all()
-    some = Leaves(**{**vars(stated), "edges": stated.edges[:5], "edge_offset": offset[:5]})
+    some = Leaves(**{**vars(stated), "edges": stated.edges[:5], "edge_offset": offset[:5], "edge_room": np.zeros(5)})
     assert (draw(some).points != draw(plain).points).any(axis=1).sum() == 5
 
 

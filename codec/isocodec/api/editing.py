@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
+from ..drawing.smoothing import SMOOTHING
 from ..errors import OptionError
 from ..field.decoded_samples import LABELS
 from ..field.placement import read_placement
@@ -127,7 +128,8 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
         or if the profile or precision is not possible for a mesh or a surface.
     """
     wanted = Precision.of(precision)
-    if "," in wanted.world or not (wanted.default or wanted.signs or wanted.world or wanted.tolerance is not None):
+    single = wanted.default or wanted.signs or wanted.world or wanted.tolerance is not None
+    if "," in wanted.world or wanted.smooth or not single:
         raise OptionError(f"precision {precision!r} does not apply to edits", code="precision",
                           remedy='give "signs", or a distance')
     if whole.kind in ("mesh", "surface"):
@@ -140,6 +142,8 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
             return signs_of(whole.data)
     held = held_by(whole.data, whole.limits)
     notes = held.kept_notes if wanted.default else last_promise(held.metadata)
+    if not wanted.default:
+        notes.pop(SMOOTHING, None)
     if wanted.world:
         placement = read_placement(held.metadata, len(held.header.shape))
         if set(held.promised) == {0.0}:

@@ -75,7 +75,7 @@ class ViewOptions(TypedDict, total=False):
     max_bytes: int | None
     window: Sequence[Sequence[float]] | None
     within: float | Callable[..., float] | None
-    smooth: bool
+    smooth: bool | None
     through_holes: bool
     partial: bool
     progress: Progress | None
@@ -90,7 +90,7 @@ class Viewed:
     max_bytes: int | None = None
     window: Sequence[Sequence[float]] | None = None
     within: Any = None
-    smooth: bool = False
+    smooth: bool | None = None
     through_holes: bool = False
     partial: bool = False
     progress: Progress | None = None
@@ -184,7 +184,7 @@ class WholeFile:
         decoder = self.received(None, view)
         return [clipped(one, view.window) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
 
-    def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
+    def each_frame(self, smooth: bool | None) -> Iterator[list[Contour]]:
         """Decode the contours frame by frame; at most two frames are in memory."""
         yield from frames_of([self.data], smooth=smooth, mesh=self.mesh_given, limits=self.limits)
 
@@ -414,7 +414,7 @@ class TileFile:
         """Decode the curves or surfaces of all isovalues; see `IsoFile.contours`."""
         return [*self._windows(range(len(self.tiled.isovalues)), view)]
 
-    def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
+    def each_frame(self, smooth: bool | None) -> Iterator[list[Contour]]:
         """Decode the contours of the only frame."""
         yield self.contours(Viewed(smooth=smooth))
 
@@ -478,7 +478,8 @@ def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessel
 
 
 def frames_of(
-    pieces: Any, *, smooth: bool = False, mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None
+    pieces: Any, *, smooth: bool | None = None, mesh: tuple[ArrayLike, ArrayLike] | None = None,
+    limits: Limits | None = None,
 ) -> Iterator[list[Contour]]:
     """Decode contours frame by frame from a file that arrives in pieces; at most two frames are in memory.
 

@@ -268,7 +268,7 @@ class Observed:
         precision = str(keywords.get("precision", ""))
         valued = precision == "exact" or precision.startswith("step=")
         topology = bool(keywords.get("keep_topology"))
-        kinds = "" if precision == "signs" else "biuf" if topology or valued else "biu"
+        kinds = "" if precision.startswith("signs") else "biuf" if topology or valued else "biu"
         kind = self._fields[0].dtype.kind
         if kind not in kinds:
             return []

@@ -157,7 +157,7 @@ class IsoFile:
     def contour(
         self, isovalue: float | None = None, *, frame: int | None = None, layers: int | None = None,
         max_bytes: int | None = None, window: Sequence[Sequence[float]] | None = None,
-        within: float | Callable[..., float] | None = None, smooth: bool = False, through_holes: bool = False,
+        within: float | Callable[..., float] | None = None, smooth: bool | None = None, through_holes: bool = False,
         partial: bool = False, progress: Callable[[int, int], object] | None = None,
     ) -> Contour:
         """Decode the curve or surface of an isovalue.
@@ -178,11 +178,12 @@ class IsoFile:
         within : float or callable, optional
             For grids: stop refining as soon as cubes of the mesh are at most this many samples wide. For tiled files
             also a function that returns this number for the window of a tile, n pairs of samples.
-        smooth : bool
-            If the file only records which grid edges are crossed, place the points so that the curve is smooth, rather
-            than at the midpoints of edges. On average this brings points closer to the true curve where the field is
-            smooth, by up to half the distance, and moves them away from it where the field is rough. Guaranteed
-            distances hold only without smoothing.
+        smooth : bool, optional
+            Move the points within the parts of grid edges in which the file places them, the whole edge if it only
+            records which are crossed, so that the curve is smooth. On average this brings points closer to the true
+            curve where the field is smooth, by up to half the distance, and moves them away from it where the field is
+            rough. Guaranteed distances hold with smoothing only if the file asks for it (``encode`` with
+            ``precision="0.2 smooth"``), which is followed if this is not given.
         through_holes : bool
             Draw the curve through missing samples, too; its course there was chosen by the encoder.
         partial : bool
@@ -215,7 +216,7 @@ class IsoFile:
         """Decode the curves or surfaces of all isovalues, in the order of the file; see `contour`."""
         return self.held.contours(Viewed(**view))
 
-    def each_frame(self, *, smooth: bool = False) -> Iterator[list[Contour]]:
+    def each_frame(self, *, smooth: bool | None = None) -> Iterator[list[Contour]]:
         """Decode frame by frame; at most two frames are in memory.
 
         Yields

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS
 from ..field.placement import CRS, PLACEMENT
@@ -72,6 +73,8 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     metadata: dict[str, str] = {}
     for held in reversed(all_held):
         metadata.update(held.metadata)
+    # moved points of several curves could cross; promises hold without, too
+    metadata.pop(SMOOTHING, None)
     sources = [source for held in all_held for source in held.frames[0]]
     if len({source.field.isovalue for source in sources}) < len(sources):
         raise OptionError("an isovalue is in two of the files", code="isovalue", remedy="leave it out of one of them")

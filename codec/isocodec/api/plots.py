@@ -97,7 +97,7 @@ class Steps:
     isovalue : float, optional
         Draw this one alone; all if not given, and of a surface of points evenly spaced ones.
     frame : int, optional
-    smooth : bool
+    smooth : bool, optional
         As of `IsoFile.contour`.
     mesh : bool
         Also draw the cells that the curve crosses.
@@ -110,7 +110,7 @@ class Steps:
     count: int = 5
     isovalue: float | None = None
     frame: int | None = None
-    smooth: bool = False
+    smooth: bool | None = None
     mesh: bool = False
     partial: bool = False
     view: str | None = None
@@ -160,8 +160,8 @@ def _by_layers(file: IsoFile, steps: Steps, progress: Any) -> tuple[list[Step], 
     drawn: list[Step] = []
     panels = Panels([""] * len(sizes), steps.count)
     view: dict[str, Any] = {"partial": steps.partial, "frame": steps.frame}
-    if steps.smooth:
-        view["smooth"] = True
+    if steps.smooth is not None:
+        view["smooth"] = steps.smooth
     for layer in range(1, len(sizes) + 1):
         contours = [file.contour(isovalue, layers=layer, **view) for isovalue in isovalues]
         if panels.draws(layer, lambda contours=contours: any(len(one.cells) for one in contours)):  # type: ignore[misc]
@@ -193,7 +193,7 @@ def _as_decoded(
         return [number for number in numbers if at > wanted or number <= last]
 
     def contours() -> list[Contour]:
-        return [decoder.contour(n, smooth=True) if steps.smooth else decoder.contour(n) for n in begun()]
+        return [decoder.contour(n, smooth=steps.smooth) for n in begun()]
 
     def draw(offset: int, within: float | None) -> None:
         meshes = [decoder.contents.mesh(n, False) for n in begun()] if steps.mesh else []  # type: ignore[union-attr]

@@ -117,7 +117,7 @@ def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
                 raise OptionError(f"{what} is not of a grid", code="recode", remedy="encode the field itself again")
             before = isinstance(event, FrameRead)
             frames.append(sources_of(decoder, what, before=before))
-            contours.append([decoder.contour(i, before=before) for i in range(len(decoder.isovalues))])
+            contours.append([decoder.contour(i, smooth=False, before=before) for i in range(len(decoder.isovalues))])
     decoder.close()
     assert decoder.header is not None
     metadata = dict(decoder.metadata)
@@ -171,7 +171,7 @@ def _drawn(data: bytes) -> Iterator[list[Contour]]:
     for event in decoder:
         if isinstance(event, End) or (isinstance(event, FrameRead) and event.number == 0):
             before = isinstance(event, FrameRead)
-            yield [decoder.contour(i, before=before) for i in range(len(decoder.isovalues))]
+            yield [decoder.contour(i, smooth=False, before=before) for i in range(len(decoder.isovalues))]
 
 
 def _same(a: Contour, b: Contour) -> bool:

@@ -54,7 +54,8 @@ class DecodeArguments(Converting, Viewing):
         """Keywords of `IsoFile.contour`, as far as they were given."""
         names = ("frame", "layers", "max_bytes", "window", "within", "partial", "smooth")
         given = {name: getattr(self, name) for name in names}
-        return {name: value for name, value in given.items() if value is not None and value is not False}
+        unset: dict[str, Any] = {name: None if name == "smooth" else False for name in names}
+        return {name: value for name, value in given.items() if value is not None and value is not unset[name]}
 
     @property
     def wanted(self) -> Wanted:

@@ -391,10 +391,10 @@ class Viewing(Opening):
                                help="Frame of a series, from 0.  [default: the first]")
     partial: bool = option("--partial", heading=PART, is_flag=True,
                            help="Decode as much as there is of a truncated file.")
-    smooth: bool = option(
-        "--smooth", heading=DRAWING, is_flag=True,
-        help="If the file only records which grid edges are crossed, place each point so that the curve is smooth, "
-        "rather than at the midpoint of its edge.",
+    smooth: bool | None = option(
+        "--smooth/--no-smooth", heading=DRAWING, default=None,
+        help="Move each point within the part of its grid edge in which the file places it, so that the curve is "
+        "smooth.  [default: as the file asks]",
     )
 
 

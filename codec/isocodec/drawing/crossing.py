@@ -21,14 +21,15 @@ class Drawn(NamedTuple):
     """A drawing: points (P, n), cells (M, n) between them, and where the points are.
 
     ``edges`` (E, 2) are the edges of the first E points, in no order, by the vertices at their ends, ``ratio`` (E,)
-    is where on them the points lie, ``free`` (E,) whether that is unknown; points in the middles of cells follow.
+    is where on them the points lie, ``part`` (E, 2) from where to where they may lie by what is known; points in the
+    middles of cells follow.
     """
 
     points: NDArray[np.float64]
     cells: NDArray[np.int64]
     edges: NDArray[np.int64]
     ratio: NDArray[np.float64]
-    free: NDArray[np.bool_]
+    part: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,7 @@ def _number(
     return used
 
 
-def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """`ratios_at` of edges that are sorted, as those of `distinct_edges`."""
     keys, stated = (some @ (len(leaves.position), 1) for some in (edges, leaves.edges))
     number = np.minimum(np.searchsorted(keys, stated), len(keys) - 1)
@@ -178,15 +179,16 @@ def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.fl
 
 def ratios_at(
     leaves: Leaves, edges: NDArray[np.int64], number: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Crossings as fractions of the way from the first ends of the edges, (P,) float64, and which of them are unknown.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Crossings as fractions of the way from the first ends of the edges, (P,) float64, and the parts in which they are
+    known to lie, (P, 2) float64.
 
     By offset, or where linear interpolation meets the isovalue, or else in the middle. Estimates of values may lie on
     the wrong side of the isovalue: then the point is the nearer end of the edge. ``number`` numbers the edges that
     carry an offset, -1 for the others.
     """
     ratio = np.full(len(edges), 0.5)
-    free = np.ones(len(edges), np.bool_)
+    part = np.tile((0.0, 1.0), (len(edges), 1))
     if leaves.value is not None:
         f_low, f_high = leaves.value[edges[:, 0]], leaves.value[edges[:, 1]]
         # Equal estimates at both ends, and differences that overflow, do not determine the place.
@@ -194,11 +196,11 @@ def ratios_at(
             linear = (leaves.isovalue - f_low) / (f_high - f_low)
         known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)
         ratio[known] = np.clip(linear[known], 0.0, 1.0)
-        free[known] = False
+        part[known] = ratio[known, None]
     there = number >= 0
     ratio[number[there]] = leaves.edge_offset[there]
-    free[number[there]] = False
-    return ratio, free
+    part[number[there]] = leaves.edge_offset[there, None] + leaves.edge_room[there, None] * (-1, 1)
+    return ratio, part
 
 
 def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:

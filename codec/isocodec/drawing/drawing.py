@@ -20,7 +20,7 @@ from .smoothing import smoothed
 
 
 def draw(
-    leaves: Leaves, *, complete: bool = True, smooth: bool = False, measured: bool = False
+    leaves: Leaves, *, complete: bool = True, smooth: int = 0, measured: bool = False
 ) -> Contour:
     """Draw the isocontour (n = 2) or isosurface (n = 3) that runs through mixed leaf simplices.
 
@@ -35,8 +35,8 @@ def draw(
         Mixed leaves of one isovalue in 2 or 3 dimensions.
     complete : bool
         Whether everything that belongs to these leaves has been received; copied to the result.
-    smooth : bool
-        Move points of which only the edge is known (`isocodec.drawing.smoothing`).
+    smooth : int
+        Rounds in which points move within the parts of edges in which they are known to lie (spec clause 9.10).
     measured : bool
         Leave points at ends of edges, where samples equal the isovalue: an encoder measures distances from there.
         Otherwise they are moved into their edges (`isocodec.drawing.separation.apart`).
@@ -55,7 +55,7 @@ def draw(
 
 
 def draw_with_ends(
-    leaves: Leaves, *, complete: bool = True, smooth: bool = False, measured: bool = False
+    leaves: Leaves, *, complete: bool = True, smooth: int = 0, measured: bool = False
 ) -> tuple[Contour, NDArray[np.int64]]:
     """Draw as `draw` does, and also return the samples between which the first points lie.
 
@@ -71,9 +71,9 @@ def draw_with_ends(
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
     drawn = draw_grid(leaves)[0] if leaves.full else _drawn_together(leaves)
     if not measured:
-        drawn = drawn._replace(ratio=apart(drawn.ratio), points=drawn.points.copy())
+        drawn = drawn._replace(ratio=apart(drawn.ratio), part=apart(drawn.part), points=drawn.points.copy())
         drawn.points[: len(drawn.edges)] = edge_points(leaves, drawn.edges, drawn.ratio)
-    points = smoothed(leaves, drawn) if smooth else drawn.points
+    points = smoothed(leaves, drawn, smooth) if smooth else drawn.points
     cells, masked = drawn.cells, leaves.whole is not None
     ends = leaves.position[drawn.edges].astype(np.int64)
     if leaves.whole is not None and not leaves.full:
@@ -109,5 +109,5 @@ def _joined(leaves: Leaves, grid: Drawn, other: Drawn) -> Drawn:
     of_other = number[len(grid.edges) :]
     points = np.concatenate([np.concatenate([grid.points[: len(grid.edges)], other.points])[first], centres])
     ratio = np.concatenate([grid.ratio, other.ratio])[first]
-    free = np.concatenate([grid.free, other.free])[first]
-    return Drawn(points, np.concatenate([of_grid[grid.cells], of_other[other.cells]]), both[first], ratio, free)
+    part = np.concatenate([grid.part, other.part])[first]
+    return Drawn(points, np.concatenate([of_grid[grid.cells], of_other[other.cells]]), both[first], ratio, part)

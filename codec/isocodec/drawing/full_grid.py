@@ -24,7 +24,7 @@ def draw_grid(leaves: Leaves) -> tuple[Drawn, NDArray[np.bool_]]:
     missing corners are drawn, as nothing.
     """
     grid = _Grid(leaves)
-    ratio, free = ratios_at(leaves, grid.edges, grid.find(leaves.edges))
+    ratio, part = ratios_at(leaves, grid.edges, grid.find(leaves.edges))
     points, cells = edge_points(leaves, grid.edges, ratio), grid.cells
     if len(grid.owner):
         first = np.flatnonzero(np.diff(grid.owner, prepend=-1))
@@ -32,7 +32,7 @@ def draw_grid(leaves: Leaves) -> tuple[Drawn, NDArray[np.bool_]]:
         centres = np.add.reduceat(points[grid.sides[:, 0]], first) / count[:, None]
         fans = np.column_stack([grid.sides, len(points) + np.repeat(np.arange(len(first)), count)])
         points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
-    return Drawn(points, cells, grid.edges, ratio, free), grid.drawn
+    return Drawn(points, cells, grid.edges, ratio, part), grid.drawn
 
 
 @record

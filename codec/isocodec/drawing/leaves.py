@@ -37,6 +37,8 @@ class Leaves:
         Edges that carry an offset: the vertices at their ends, the lexicographically smaller position first.
     edge_offset : (E,) float64
         Place of the crossing as a fraction of the way from the first end, within (0, 1).
+    edge_room : (E,) float64
+        How far from there it may lie, in the same unit; 0 if the place is known.
     whole : callable, optional
         Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All
         do if not given.
@@ -52,4 +54,5 @@ class Leaves:
     full: bool
     edges: NDArray[np.int64]
     edge_offset: NDArray[np.float64]
+    edge_room: NDArray[np.float64]
     whole: WholeCells | None = None

@@ -83,18 +83,20 @@ def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> D
     """
     ends, owner = _pieces(leaves)
     edges, cells = distinct_edges(leaves, ends)
-    ratio, free = edge_ratios(leaves, edges)
+    ratio, part = edge_ratios(leaves, edges)
     for ring in rings(leaves, edges):
         at = np.ones(len(ring.edge), np.bool_) if leaves.value is None else _is_short(leaves, edges[ring.edge])
         ratio[ring.edge[at]] = ring.ratio(ratio)[at]
-        free[ring.edge[at]] = free[ring.beside[at]].any(axis=1)
+        known = part[ring.beside[at]]
+        free = ((known[..., 0] == 0) & (known[..., 1] == 1)).any(axis=1)
+        part[ring.edge[at]] = np.where(free[:, None], (0.0, 1.0), ratio[ring.edge[at], None])
     if chosen is None:
-        return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, free)
+        return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, part)
     cells = cells[chosen[owner]]
     used = np.zeros(len(edges), np.bool_)
     used[cells] = True
     edges, ratio, cells = edges[used], ratio[used], (np.cumsum(used) - 1)[cells]
-    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, free[used])
+    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, part[used])
 
 
 def _is_short(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -1,28 +1,32 @@
-"""Smoothing: points of which only the edge is known move to where the curve bends as evenly as possible.
+"""Smoothing: points move within the parts of edges that a file states, to where the curve bends as evenly as possible.
 
-Half-way is right in the mean, but makes steps of what is smooth. Here each such point goes along its edge until it
-bends away from its neighbours as much as these do from theirs. This is not part of the format: what is drawn keeps all
-that is stated, and promises nothing more.
+The middle of a part is right in the mean, but makes steps of what is smooth. Here each point goes along its edge until
+it bends away from its neighbours as much as these do from theirs, and no farther than to the end of its part
+(spec clause 9.10).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernel import kernel, record
-from ..kernel.types import BoolVector, FloatMatrix, FloatVector, IntMatrix
+from ..kernel.types import FloatMatrix, FloatVector, IntMatrix
 from .crossing import Drawn, edge_ends
 from .leaves import Leaves
 
 ROUNDS = 6
-"""More come nearer where a field is smooth, and get farther where it is rough."""
+"""Default number; more come nearer where a field is smooth, and get farther where it is rough."""
+MOST_ROUNDS = 64
+SMOOTHING = "smoothing"
+"""Name of the note with the rounds that a file asks for."""
 STEP = 0.5
 """Share of the way that a point goes in a round; with more than that, points on a straight line swing."""
 NEAR = 1 / 64
-"""Share of its edge that a point keeps from the ends, where points of several edges would fall together."""
+"""Share of its part that a point keeps from the ends, where points of several edges would fall together."""
 GRAZING = 1e-6
 """Edges along which a curve runs do not determine its shape."""
 
@@ -36,38 +40,69 @@ class _Ways(NamedTuple):
     start, way : (P, n) float64
         The lower ends of their edges, and the way from there to the upper ends; of points in the middles of cells
         the way is 0.
-    free : (P,) bool
-        Whether nothing else is known of a point.
+    least, most : (P,) float64
+        How far along its edge each may go; the same of points that stay.
     ratio : (P,) float64
         How far along its edge each is.
     """
 
     start: FloatMatrix
     way: FloatMatrix
-    free: BoolVector
+    least: FloatVector
+    most: FloatVector
     ratio: FloatVector
 
 
-def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
+def rounds_of(notes: Mapping[str, str], smooth: bool | None = None) -> int:
+    """Rounds of a drawing: by default those of a file's notes (spec clause 3.7.2), 0 if they ask for none."""
+    if smooth is not None and not smooth:
+        return 0
+    text = notes.get(SMOOTHING, "")
+    stated = text.isascii() and text.isdecimal() and text[0] != "0" and len(text) < 3 and int(text) <= MOST_ROUNDS
+    return int(text) if stated else ROUNDS if smooth else 0
+
+
+def smoothed(leaves: Leaves, drawn: Drawn, rounds: int = ROUNDS) -> NDArray[np.float64]:
     """Points (P, n) of a drawing, moved along their edges; those in the middles of cells follow their neighbours."""
     low, high = edge_ends(leaves, drawn.edges)
-    count = len(drawn.points) - len(low)
-    start = np.concatenate([low, drawn.points[len(low) :]])
-    way = np.concatenate([high - low, np.zeros_like(start[:count])])
-    ratio = np.concatenate([drawn.ratio, np.zeros(count)])
-    free = np.concatenate([drawn.free, np.ones(count, np.bool_)])
-    ways = _Ways(start, way, free, ratio)
-    points = drawn.points.copy()
+    return evened(drawn.points, drawn.cells, low, high - low, drawn.ratio, drawn.part, rounds)
+
+
+def evened(
+    points: NDArray[np.float64], cells: NDArray[np.int64], low: NDArray[np.float64], along: NDArray[np.float64],
+    where: NDArray[np.float64], part: NDArray[np.float64], rounds: int,
+) -> NDArray[np.float64]:
+    """Points (P, n) of cells (M, n), moved along edges, those in the middles of cells, which come last, with them.
+
+    Edges go from ``low`` (E, n) along ``along`` (E, n); points lie ``where`` (E,) on them, and may go from
+    ``part[:, 0]`` to ``part[:, 1]``.
+    """
+    count = len(points) - len(low)
+    start = np.concatenate([low, points[len(low) :]])
+    way = np.concatenate([along, np.zeros_like(start[:count])])
+    ratio = np.concatenate([where, np.zeros(count)])
+    near = NEAR * (part[:, 1] - part[:, 0])
+    least, most = (np.concatenate([end, np.zeros(count)]) for end in (part[:, 0] + near, part[:, 1] - near))
+    ways = _Ways(start, way, least, most, ratio)
+    points = points.copy()
     total, normal = np.empty_like(points), np.empty_like(points)
     neighbours, bend, around = (np.empty(len(points)) for _ in range(3))
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for array in (total, normal, neighbours, around):
             array[:] = 0
-        _gather(points, drawn.cells, total, normal, neighbours)
+        _gather(points, cells, total, normal, neighbours)
         _bend(points, total, neighbours, normal, bend)
-        _around(drawn.cells, bend, around)
+        _around(cells, bend, around)
         _move(points, ways, total, neighbours, normal, bend, around)
     return points
+
+
+def normals(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Unit normals (P, n) at points, the mean of those of their cells by length or area; 0 where that is none."""
+    total, normal, count = np.zeros_like(points), np.zeros_like(points), np.zeros(len(points))
+    _gather(points, cells, total, normal, count)
+    _bend(points, total, count, normal, np.empty(len(points)))
+    return normal
 
 
 @kernel
@@ -134,7 +169,7 @@ def _move(
     n = points.shape[1]
     way, ratio = ways.way, ways.ratio
     for i in range(len(points)):
-        if count[i] < 2 or not ways.free[i]:
+        if count[i] < 2:
             continue
         length, across = 0.0, 0.0
         for axis in range(n):
@@ -142,6 +177,6 @@ def _move(
             across += way[i, axis] * normal[i, axis]
         if length > 0 and across * across > GRAZING * length:
             to = ratio[i] + STEP * (bend[i] - around[i] / count[i]) / across
-            ratio[i] = min(max(to, NEAR), 1 - NEAR)
+            ratio[i] = min(max(to, ways.least[i]), ways.most[i])
         for axis in range(n):
             points[i, axis] = ways.start[i, axis] + ratio[i] * way[i, axis] if length > 0 else total[i, axis] / count[i]

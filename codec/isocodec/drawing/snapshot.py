@@ -109,6 +109,7 @@ def leaves_of(
         full=tube.full,
         edges=est.edges[sent],
         edge_offset=(est.offset[sent] + 0.5) / est.parts[sent],
+        edge_room=0.5 / est.parts[sent],
         whole=holes.whole_cells if holes else None,
     )
 

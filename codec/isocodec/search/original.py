@@ -45,7 +45,7 @@ def original(field: Samples, *, measured: bool = True) -> Contour:
     leaves = Leaves(
         shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
         simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,
-        edges=edges, edge_offset=places,
+        edges=edges, edge_offset=places, edge_room=np.zeros(len(places)),
         whole=None if field.gone is None else partial(whole_cells_of, field.gone),
     )
     return draw(leaves, measured=measured)

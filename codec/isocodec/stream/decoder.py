@@ -119,8 +119,8 @@ class Decoder(Session):
         return self
 
     def contour(
-        self, number: int = 0, *, isovalue: float | None = None, smooth: bool = False, through_holes: bool = False,
-        before: bool = False,
+        self, number: int = 0, *, isovalue: float | None = None, smooth: bool | None = None,
+        through_holes: bool = False, before: bool = False,
     ) -> Contour:
         """Draw what has been decoded of an isovalue (spec clause 9), up to the events taken so far.
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw_with_ends
 from ..drawing.rows import MaskRows
+from ..drawing.smoothing import rounds_of
 from ..drawing.snapshot import drawing_bytes, known_rows, leaves_of, state_of
 from ..drawing.tessellation import Tessellation, compact, inferred, tessellated
 from ..errors import LimitError, OptionError, TruncatedError
@@ -24,22 +25,26 @@ from ..limits import Budget, Limits
 
 def contour_of(
     tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
-    smooth: bool, budget: Budget, holes: Holes | None = None, through_holes: bool = False,
+    smooth: bool | None, budget: Budget, holes: Holes | None = None, through_holes: bool = False,
 ) -> Contour:
-    """Draw the contour of a tube, empty before a mesh is known; ``through_holes``: also through missing samples."""
+    """Draw the contour of a tube, empty before a mesh is known; ``through_holes``: also through missing samples.
+
+    ``smooth``: whether points move within their parts, None if as the file's notes ask.
+    """
     if header is None:
         return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
     n = len(header.shape)
     if tube is None:
         contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
     else:
-        contour = ends_of(tube, isovalue, header, complete, budget, holes, smooth, through_holes)[0]
+        rounds = rounds_of(metadata, smooth)
+        contour = ends_of(tube, isovalue, header, complete, budget, holes, rounds, through_holes)[0]
     return replace(contour, metadata=dict(metadata))
 
 
 def ends_of(
     tube: Tube, isovalue: float, header: Header, complete: bool, budget: Budget, holes: Holes | None,
-    smooth: bool = False, through_holes: bool = False,
+    smooth: int = 0, through_holes: bool = False,
 ) -> tuple[Contour, NDArray[np.int64]]:
     """Draw the contour of a tube; also returns the samples between which its points lie: see `draw_with_ends`."""
     budget.check(drawing_bytes(tube))

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
+from ..field.decoded_samples import LABELS
 from ..field.framed import Frames
 from ..field.meshed import Mesh
+from ..field.placement import Placement
 from ..field.sampled import Field
 from ..field.samples import Samples
+from ..search.original import original
+from ..search.rounds import rounds_for
+from ..search.tolerance import radices
 from ..tin.tin import Tin
 from .container import ContainerEncoder, Ending
 from .given import field_of, frames_of, levels_of, options_of, placement_of_file, samples_of, taken
@@ -49,7 +57,27 @@ def grid_encoder(
     options = options_of(field, isovalue, options)
     placement = placement_of_file(field, options)
     samples = samples_of(field, isovalues, options, placement)
+    options = _as_smooth(options, samples, placement)
     return GridEncoder(grid_file(samples, Series(isovalues), options, placement, report=progress), samples)
+
+
+def _as_smooth(options: Options, fields: Sequence[Samples], placement: Placement | None) -> Options:
+    """Options with the rounds of smoothing of a field at its isovalue, or without if it is too rough to be smoothed."""
+    precision = options.precision
+    if not precision.smooth:
+        if SMOOTHING in options.metadata and precision.tolerance is not None:
+            raise OptionError(f"the note {SMOOTHING} would break the promise of precision {precision.text!r}",
+                              code="metadata", remedy=f'use precision "{precision.text} smooth"')
+        return options
+    if len(fields) > 1 or LABELS in options.metadata:
+        raise OptionError("smooth applies to files of one isovalue: curves of several could cross", code="smooth",
+                          remedy="leave it out")
+    if placement is not None and placement.periodic:
+        raise OptionError("periodic axes and smooth cannot be combined", code="periodic", remedy="leave it out")
+    rounds = rounds_for([original(fields[0])], math.prod(radices(precision.offsets)))
+    if not rounds:
+        return replace(options, precision=replace(precision, smooth=False))
+    return replace(options, metadata={**options.metadata, SMOOTHING: str(rounds)})
 
 
 class Encoder:
@@ -188,6 +216,7 @@ class _SeriesFrames:
         options = options_of(field, self._isovalue, self._options)
         placement = placement_of_file(field, options)
         samples = samples_of(field, isovalues, options, placement, series=True)
+        options = _as_smooth(options, samples, placement)
         series = Series(isovalues, options.interval)
         grid = GridFrames(grid_file(samples, series, options, placement, report=self._report))
         out = grid.chunks(samples)

@@ -83,7 +83,7 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
     ):
         precision = Precision(signs=True)
     if precision.rounded:
-        notes[PROMISE] = precision.text
+        notes[PROMISE] = replace(precision, smooth=False).text
     if precision.world:
         gone = missing_of(field.values, field.mask)
         precision = in_cells(precision, field.placement, notes, options.metadata, field.shape, gone)

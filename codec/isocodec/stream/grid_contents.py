@@ -208,7 +208,7 @@ class GridContents:
         return state_of(self._mask.tube) if self._mask.tube else None
 
     def contour(
-        self, number: int = 0, *, smooth: bool = False, through_holes: bool = False, before: bool = False
+        self, number: int = 0, *, smooth: bool | None = None, through_holes: bool = False, before: bool = False
     ) -> Contour:
         """Draw the curve or surface of an isovalue, by number; ``smooth`` and ``through_holes`` as for `decode`.
 
@@ -225,7 +225,7 @@ class GridContents:
             pass
         raise out_of_memory("to draw the contour")
 
-    def _drawn(self, number: int, smooth: bool, through_holes: bool, before: bool) -> Contour:
+    def _drawn(self, number: int, smooth: bool | None, through_holes: bool, before: bool) -> Contour:
         tube = self._strands.before[number] if before else self._tube_of(number)
         isovalue = self.outline.isovalues[number] if tube else math.nan
         contour = contour_of(

@@ -168,7 +168,7 @@ def grid_file(
             "the axis", code="periodic", remedy=f"use exact, step=.., signs or a distance below {SEARCHED:g}",
         )
     options.check_data(first.integer)
-    radices(options.precision.tolerance)
+    radices(options.precision.offsets)
     options.check_placement_note(len(shape))
     if options.layers.written:
         plans = options.layers.plans or options.layers.plan
@@ -456,9 +456,10 @@ class GridFrame:
         if plan is not None:
             return self._planned(plan, number, lean)
         values: list[Entry] = [(LayerKind.VALUES, None)] if precision.exact or precision.step is not None else []
-        fine = None if values or precision.signs else precision.tolerance or DEFAULT_TOLERANCE
-        # crossings in the planes that close an axis must be the same
-        free = o.entropy == Profile.MAIN and not file.periodic and self._slack_keeps_order(fine)
+        fine = None if values or precision.signs else precision.offsets or DEFAULT_TOLERANCE
+        # crossings in the planes that close an axis must be the same, and smoothed ones lie in their parts
+        unmoved = not (file.periodic or precision.smooth)
+        free = o.entropy == Profile.MAIN and unmoved and self._slack_keeps_order(fine)
         behind = [*values, *grid_offsets(fine, free)] if file.geometry is None else file.geometry[number]
         searched = precision.searched if level is None else None
         if searched is precision.steps is o.layers.criterion is None and not o.keep_topology:

@@ -111,7 +111,7 @@ class MeshContents:
         return self._domain
 
     def contour(
-        self, number: int = 0, *, smooth: bool = False, through_holes: bool = False, before: bool = False
+        self, number: int = 0, *, smooth: bool | None = None, through_holes: bool = False, before: bool = False
     ) -> Contour:
         """Draw the curve or surface of an isovalue, by number, up to the events taken so far.
 

@@ -379,7 +379,7 @@ def _check_options(options: Options) -> None:
     for name, given in (
         ("keep_topology", options.keep_topology), ("layers", not options.layers.default),
         ("profile", options.entropy != Profile.MAIN), (f"order {options.order!r}", options.order == LEVELS),
-        (f"precision {precision.text!r}", precision.steps is not None or "," in precision.world),
+        (f"precision {precision.text!r}", precision.steps is not None or "," in precision.world or precision.smooth),
     ):
         if given:
             raise OptionError(f"{name} does not apply to meshes", code=name.split()[0], remedy="leave it out")

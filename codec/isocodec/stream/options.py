@@ -12,6 +12,7 @@ import numpy as np
 
 from isospec.container import Profile
 
+from ..drawing.smoothing import NEAR
 from ..errors import OptionError
 from ..field.placement import PLACEMENT, read_placement
 from ..field.units import distance_of
@@ -37,6 +38,8 @@ SEARCHED = 0.1
 """From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be coded anyway."""
 COORDINATES_SHARE = 0.05
 """Coordinates of samples may take this share of a distance in the world, unless it is stated how precise they are."""
+SMOOTH = " smooth"
+"""Suffix of a precision."""
 _CRITERIA = ("crossing", "topology", "curvature", "distortion", "level")
 LEVELS, ISOVALUES, INDEPENDENT = ORDERS = ("levels", "isovalues", "independent")
 """Orders of the layers of several isovalues."""
@@ -77,6 +80,8 @@ class Precision:
     error : float
         What coordinates in the file may be off in cells, so that they keep to a distance in the world; 0 if they are
         left as precise as they are.
+    smooth : bool
+        On the full grid, with points that a decoder moves within their parts of edges, where that brings them nearer.
     """
 
     exact: bool = False
@@ -86,10 +91,13 @@ class Precision:
     steps: tuple[float, ...] | None = None
     step: float | None = None
     error: float = 0.0
+    smooth: bool = False
 
     @classmethod
     def of(cls, given: PrecisionGiven | Precision) -> Precision:
         """Parse a precision: a number, "exact", "signs", "100m", "step=0.5", distances as a sequence or "4,1m,exact".
+
+        A single distance and "signs" may end in " smooth".
 
         Raises
         ------
@@ -110,6 +118,12 @@ class Precision:
 
     @classmethod
     def _of_text(cls, text: str) -> Precision:
+        if text.endswith(SMOOTH):
+            plain = cls._of_text(text.removesuffix(SMOOTH).rstrip())
+            if not (plain.signs or plain.tolerance is not None or (plain.world and "," not in plain.world)):
+                raise OptionError(f"precision {text!r} has places that leave nothing to smooth", code="precision",
+                                  remedy='smooth goes with signs or with one distance: "0.2 smooth"')
+            return replace(plain, smooth=True)
         if text in ("exact", "signs"):
             return cls(exact=text == "exact", signs=text == "signs")
         if text.startswith(STEP):
@@ -167,12 +181,20 @@ class Precision:
             "exact": self.exact, "signs": self.signs, f"{STEP}{self.step}": self.step is not None,
             self.world: bool(self.world), f"{self.tolerance}": self.tolerance is not None,
         }
-        return next((text for text, given in chosen.items() if given), "")
+        return next((text for text, given in chosen.items() if given), "") + (SMOOTH if self.smooth else "")
 
     @property
     def searched(self) -> float | None:
         """The tolerance, if the encoder chooses a mesh for it."""
-        return self.tolerance if self.tolerance is not None and self.tolerance >= SEARCHED else None
+        return self.tolerance if self.tolerance is not None and self.tolerance >= SEARCHED and not self.smooth else None
+
+    @property
+    def offsets(self) -> float | None:
+        """The distance along edges that crossings on the full grid are coded to, if one is given."""
+        # moved points are up to a whole part away, less what they keep from its end
+        if self.smooth and self.tolerance is not None:
+            return self.tolerance / (2 - 2 * NEAR)
+        return self.tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,6 +352,9 @@ class Options:
         if layers.planned and (self.keep_topology or not (precision.default or precision.step is not None)):
             other = "keep_topology" if self.keep_topology else f"precision {precision.text!r}"
             raise OptionError(f"a plan and {other} cannot be combined", code="options", remedy="give only the plan")
+        if precision.smooth and not (layers.default and not self.keep_topology):
+            raise OptionError(f"layers or topology and precision {precision.text!r} cannot be combined", code="options",
+                              remedy="choose one")
         if precision.steps is not None and not layers.default:
             raise OptionError(f"layers and precision {precision.text!r} cannot be combined", code="options",
                               remedy="choose one")

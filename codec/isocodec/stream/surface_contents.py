@@ -117,8 +117,8 @@ class SurfaceContents:
         )
 
     def contour(
-        self, number: int = 0, *, isovalue: float | None = None, smooth: bool = False, through_holes: bool = False,
-        before: bool = False,
+        self, number: int = 0, *, isovalue: float | None = None, smooth: bool | None = None,
+        through_holes: bool = False, before: bool = False,
     ) -> Contour:
         """Draw an isocontour of the surface, which is linear on its triangles; errors as for `received`.
 

@@ -91,7 +91,9 @@ def _check_options(options: Options) -> None:
     unused = {
         "keep_topology": options.keep_topology, "layers": not options.layers.default,
         "profile": options.entropy != Profile.MAIN, "order": options.order is not None,
-        f"precision {precision.text!r}": precision.signs or precision.steps is not None or bool(precision.world),
+        f"precision {precision.text!r}": bool(
+            precision.signs or precision.steps is not None or precision.world or precision.smooth
+        ),
     }
     if name := next((name for name, given in unused.items() if given), ""):
         raise OptionError(f"{name} does not apply to surfaces", code=name.split()[0], remedy="leave it out")

@@ -65,7 +65,8 @@ class Tiling:
         o = self.options
         o.check_data(np.dtype(self.dtype).kind in "biu")
         unused = {
-            "layers": not o.layers.default, f"precision {o.precision.text!r}": o.precision.steps is not None,
+            "layers": not o.layers.default,
+            f"precision {o.precision.text!r}": o.precision.steps is not None or o.precision.smooth,
             "keep_topology": o.keep_topology,
         }
         if chosen := next((name for name, given in unused.items() if given), ""):
