@@ -43,4 +43,4 @@ const compiled = `${root}build/wasm/decoder.wasm`;
 if (existsSync(compiled)) copyFileSync(compiled, `${root}build/viewer/kernels.wasm`);
 const size = gzipSync(page, { level: 9 }).length;
 console.log(`viewer: ${page.length} bytes, ${size} gzipped; tiles.js: ${gzipSync(tiles, { level: 9 }).length} gzipped`);
-if (size > 64000) throw new Error("the page takes more than 64 kB gzipped");
+if (size > 65536) throw new Error("the page takes more than 64 KiB gzipped");

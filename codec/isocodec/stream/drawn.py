@@ -37,7 +37,8 @@ def contour_of(
     if tube is None:
         contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
     else:
-        rounds = rounds_of(metadata, smooth)
+        # a file asks for it on the full grid, a caller anywhere
+        rounds = rounds_of(metadata, smooth) if smooth or tube.full else 0
         contour = ends_of(tube, isovalue, header, complete, budget, holes, rounds, through_holes)[0]
     return replace(contour, metadata=dict(metadata))
 

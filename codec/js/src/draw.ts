@@ -4,6 +4,7 @@ import type { Decoder } from "./decoder.js";
 import { apart, Crossings, EdgeIndex, leafVertices } from "./edges.js";
 import type { GridFile } from "./gridfile.js";
 import { cutOut } from "./holes.js";
+import { roundsOf, smooth, type Ways } from "./smooth.js";
 import { Cells, KNOWN, SIGN } from "./store.js";
 import { Leaves, type Tube } from "./tube.js";
 
@@ -111,12 +112,15 @@ class Points {
       const id = offsets.edges.find(e[o]!, e[o + 1]!, e[o + 2]!, e[o + 3]!, e[o + 4]!, e[o + 5]!);
       if (id >= 0 && offsets.parts[id]! > 1) return (offsets.number[id]! + 0.5) / offsets.parts[id]!;
     }
-    if (this.t.values) {
-      const low = this.estimate(e[o]!, e[o + 1]!, e[o + 2]!), high = this.estimate(e[o + 3]!, e[o + 4]!, e[o + 5]!);
-      const at = -low / (high - low);
-      if (Number.isFinite(at)) return Math.min(1, Math.max(0, at));
-    }
-    return 0.5;
+    const at = this.linear(e, o);
+    return Number.isFinite(at) ? Math.min(1, Math.max(0, at)) : 0.5;
+  }
+
+  /** The same by the values at both ends, not limited; NaN or infinite where these do not determine it. */
+  private linear(e: Int32Array, o: number): number {
+    if (!this.t.values) return NaN;
+    const low = this.estimate(e[o]!, e[o + 1]!, e[o + 2]!), high = this.estimate(e[o + 3]!, e[o + 4]!, e[o + 5]!);
+    return -low / (high - low);
   }
 
   /** The same with what is implied (9.5(1), (5)). */
@@ -168,6 +172,23 @@ class Points {
   }
   private readonly numbers: number[] = [];
 
+  /** How points on the full grid may move (9.10(2)). */
+  ways(points: Float64Array): Ways {
+    const { ids, numbers, t: { n, offsets } } = this, count = points.length / n, all = (): Float64Array => new Float64Array(count);
+    const low = new Int32Array(n * count), way = new Int32Array(n * count), t = all(), from = all(), to = all();
+    for (let id = 0; id < ids.count; id++) {
+      const o = 6 * id, e = ids.ends, v = numbers[id]!, place = this.plain(e, o);
+      for (let a = 0; a < n; a++) way[n * v + a] = e[o + 3 + a]! - (low[n * v + a] = e[o + a]!);
+      const sent = offsets ? offsets.edges.find(e[o]!, e[o + 1]!, e[o + 2]!, e[o + 3]!, e[o + 4]!, e[o + 5]!) : -1;
+      const half = sent >= 0 && offsets!.parts[sent]! > 1 ? 0.5 / offsets!.parts[sent]! : Number.isFinite(this.linear(e, o)) ? 0 : 0.5;
+      const least = apart(place - half), most = apart(place + half), margin = (most - least) / 64;
+      t[v] = apart(place);
+      from[v] = least + margin;
+      to[v] = most - margin;
+    }
+    return { low, way, t, from, to };
+  }
+
   /** The ends of the edges of all points. */
   ends(): Int32Array {
     const { ids, numbers, at, t: { n } } = this, found = new Int32Array(2 * at.length).fill(-1);
@@ -191,13 +212,16 @@ class Points {
   }
 }
 
-/** The contour of an isovalue as it is known at the moment, in a series that of the present frame or of another one. */
-export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.length - 1, ends = false): Drawing {
+/**
+ * The contour of an isovalue as it is known at the moment, in a series that of the present frame or of another one; points
+ * are moved where the file asks for it (9.10), if `even`.
+ */
+export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.length - 1, ends = false, even = true): Drawing {
   const { grid, domain, meter, meter: { memory, vertices, blocks } } = decoder;
   try {
     if (domain) return domain.draw(isovalue, frame);
     const contour = grid?.series.frames[frame]?.[isovalue];
-    if (contour) return drawn(grid!, contour.strand.tube, ends);
+    if (contour) return drawn(grid!, contour.strand.tube, ends, even ? roundsOf(decoder.metadata) : 0);
     return { n: 2, d: 2, points: new Float64Array(0), cells: new Uint32Array(0), full: false };
   } finally {
     // what drawing took is no part of the state
@@ -207,7 +231,7 @@ export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.leng
   }
 }
 
-function drawn(file: GridFile, tube: Tube, ends: boolean): Drawing {
+function drawn(file: GridFile, tube: Tube, ends: boolean, rounds: number): Drawing {
   const t = atPresent(tube), { n, grid, leaves } = t, { missing, periodic } = file;
   const full = (t.baseDone && t.onFullGrid) || (n === 3 && wholeCubes(t, leaves));
   const whole = missing ? (x: number, y: number, z: number): boolean => {
@@ -226,6 +250,7 @@ function drawn(file: GridFile, tube: Tube, ends: boolean): Drawing {
     n, d: n, full, points: points.at.data.slice(0, points.at.length),
     cells: Uint32Array.from(cells.data.subarray(0, cells.length)),
   };
+  if (rounds && t.baseDone && t.onFullGrid) smooth(n, drawing.points, drawing.cells, points.ways(drawing.points), rounds);
   if (ends) drawing.ends = points.ends();
   if (periodic.length) drawing.seam = points.seam(periodic);
   return whole && !full ? cutOut(drawing, whole, grid.last, t.meter) : drawing;
