@@ -214,7 +214,7 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
     source = tmp_path / "ball.iso"
     data = isocodec.encode(BALL, 50.5)
     source.write_bytes(data)
-    assert "--smooth does not apply to --what mesh" in fails(
+    assert "--smooth/--no-smooth does not apply to --what mesh" in fails(
         2, "decode", source, "--what", "mesh", "--smooth", "-o", tmp_path / "a.ply"
     )
     line = fails(2, "decode", source, "--what", "mesh", "-o", tmp_path / "a.stl")

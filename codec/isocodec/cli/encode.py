@@ -108,8 +108,7 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
         help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, "
-        "100m, 0.2mm; falling distances: 4,1,0.25,exact; step=S (floats, in steps); '0.2 smooth' or 'signs smooth': "
-        "decoders place points so that the curve bends evenly, for smooth fields.  [default: 0.05]",
+        "100m, 0.2mm; falling distances: 4,1,0.25,exact; step=S (floats); '0.2 smooth'.  [default: 0.05]",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")
