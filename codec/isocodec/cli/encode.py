@@ -107,8 +107,8 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
     )
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
-        help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, "
-        "100m, 0.2mm; falling distances: 4,1,0.25,exact; step=S (floats); '0.2 smooth'.  [default: 0.05]",
+        help="exact (integers); signs (samples inside); a distance in cells or in the world: 0.05, 100m, "
+        "0.2mm; falling ones: 4,1,0.25,exact; step=S (floats); drawn smooth: '0.2 smooth'.  [default: 0.05]",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,21 +14,19 @@ _WORTH = 0.97
 """Share of the error without smoothing that it must come below."""
 
 
-def rounds_for(originals: Sequence[Contour], parts: int) -> int:
-    """Rounds after which curves, whose points are known to one of ``parts`` parts of edges, are nearest in the mean.
+def rounds_for(original: Contour, parts: int) -> int:
+    """Rounds after which a curve, whose points are known to one of ``parts`` parts of edges, is nearest in the mean.
 
-    Errors are measured across the curve. 0 if the original curves are so rough that the middles of parts are nearer.
+    Errors are measured across the curve. 0 if the original is so rough that the middles of parts are nearer.
 
     Parameters
     ----------
-    originals : sequence of Contour
-        Drawings of the full grid, with points on its edges.
+    original : Contour
+        Drawing of the full grid, with points on its edges.
     parts : int
         Parts of an edge, of equal length.
     """
-    errors = np.zeros(1 + len(_TRIED))
-    for contour in originals:
-        errors += _errors(contour, parts)
+    errors = _errors(original, parts)
     best = int(errors.argmin())
     return _TRIED[best - 1] if best and errors[best] <= _WORTH * errors[0] else 0
 

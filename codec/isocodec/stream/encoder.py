@@ -74,7 +74,7 @@ def _as_smooth(options: Options, fields: Sequence[Samples], placement: Placement
                           remedy="leave it out")
     if placement is not None and placement.periodic:
         raise OptionError("periodic axes and smooth cannot be combined", code="periodic", remedy="leave it out")
-    rounds = rounds_for([original(fields[0])], math.prod(radices(precision.offsets)))
+    rounds = rounds_for(original(fields[0]), math.prod(radices(precision.offsets)))
     if not rounds:
         return replace(options, precision=replace(precision, smooth=False))
     return replace(options, metadata={**options.metadata, SMOOTHING: str(rounds)})
