@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
+from ..deferred import dataclass
 from ..drawing.smoothing import SMOOTHING
 from ..errors import OptionError
 from ..field.decoded_samples import LABELS

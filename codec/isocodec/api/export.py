@@ -6,12 +6,13 @@ import io
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import FormatError, OptionError
 from ..io.writers.output_formats import Cost, Kind, OutputOptions

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..errors import OptionError
 from ..field.placement import Placement, matrix_of, unplaced
 from ..field.reference_system import named_system

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.cropping import PartWindows, part_of, spans_within
 from ..field.framed import Frames

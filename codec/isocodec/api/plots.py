@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.pictures.map_picture import DARK, LIGHT, map_picture
 from ..drawing.pictures.map_picture import MapLook as Drawing

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
 from ..field.placement import Placement, read_placement

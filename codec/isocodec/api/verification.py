@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from isospec.container import DomainKind
 
+from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS, DecodedSamples, values_of_steps
 from ..field.labelling import having

@@ -18,15 +18,10 @@ __all__ = ["main"]
 def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
     if not asked or context.resilient_parsing:
         return
-    from importlib import metadata
-
+    from .. import __version__
     from ..api.selfcheck import kernels
 
-    try:
-        version = f"isocodec {metadata.version('isocodec')}"
-    except metadata.PackageNotFoundError:
-        version = "isocodec, run from its sources (not installed)"
-    click.echo(f"{version} (kernels: {kernels()})")
+    click.echo(f"isocodec {__version__} (kernels: {kernels()})")
     context.exit()
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..deferred import dataclass
 from ..errors import OptionError, TruncatedError
 from .option_records import COUNT, DRAWING, OUTPUT, PART, Converting, SizeType, Viewing, WindowType, command, option
 from .report import PARTIAL, STANDARD, Failure, concerning, named, progress_bar, timed_result, written_out

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import click
 
+from ..deferred import dataclass
 from .option_records import (
     COUNT,
     PART,

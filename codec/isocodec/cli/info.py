@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..deferred import dataclass
 from ..errors import plain
 from .option_records import OUTPUT, Opening, command, option
-from .report import concerning, warn
+from .report import concerning, table, warn
 
 if TYPE_CHECKING:
     from ..api.isofile import FileInfo, FileStatistics
@@ -55,20 +55,16 @@ def info_command(options: InfoArguments) -> None:
 
 
 def _print(source: str, info: FileInfo, complete: bool, promise: str | None) -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    console = Console()
-    facts = Table(title=escape(plain(source)), title_justify="left", title_style="bold", show_header=False, box=None)
     promised = "nothing about distances" if promise is None else promise if complete else f"{promise}, when complete"
-    for name, text in [*_facts(info), ("promise", promised)]:
-        facts.add_row(escape(plain(name, "\n")), escape(plain(text, "\n")))
-    console.print(facts)
-    console.print(_table(_frames(info) if info.frames else _layers(info)))
+    facts = [(plain(name, "\n"), plain(text, "\n")) for name, text in [*_facts(info), ("promise", promised)]]
+    click.echo(plain(source))
+    width = max(len(name) for name, _ in facts)
+    for name, text in facts:
+        click.echo(f"{name:{width}}  {text}")
+    click.echo("\n" + table(*(_frames(info) if info.frames else _layers(info))))
     if not info.frames and any(layer.bytes is None for layer in info.layers):
         why = "is too small for an index of its layers" if complete else "has no index of its layers, or not all of it"
-        console.print(f"- : unknown, because the file {why}; --symbols decodes the file to find out.")
+        click.echo(f"- : unknown, because the file {why}; --symbols decodes the file to find out.")
 
 
 def _facts(info: FileInfo) -> list[tuple[str, str]]:
@@ -104,17 +100,6 @@ Rows = tuple[dict[str, str], list[list[str]]]
 """Headings, each with how its column is justified, and rows."""
 
 
-def _table(rows: Rows, title: str | None = None) -> Any:
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left")
-    for heading, justify in rows[0].items():
-        table.add_column(heading, justify=justify)  # type: ignore[arg-type]
-    for row in rows[1]:
-        table.add_row(*row)
-    return table
-
-
 def _columns(*names: str) -> dict[str, str]:
     return {name: "left" if name in ("kind", "symbols", "for each") else "right" for name in names}
 
@@ -143,9 +128,6 @@ def _layers(info: FileInfo) -> Rows:
 
 def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
     """Print two tables: signs predicted correctly, by layer; bits for each pixel, vertex and face, by isovalue."""
-    from rich.console import Console
-
-    console = Console()
     rows = [
         [str(number), str(layer.kind), str(layer.level), f"{layer.bits:,}", f"{layer.signs:,}",
          f"{layer.right / layer.signs:.1%}"]
@@ -155,7 +137,7 @@ def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
     if signs:
         rows.append(["", "all", "", "", f"{signs:,}", f"{right / signs:.1%}"])
     columns = _columns("layer", "kind", "level", "bits", "signs", "right")
-    console.print(_table((columns, rows), "Signs that were predicted correctly"))
+    click.echo("\n" + table(columns, rows, "Signs that were predicted correctly"))
 
     pixel, face = ("crossed voxel", "face") if dimension == 3 else ("crossed pixel", "segment")
     columns = _columns("for each", "number", "connectivity", "geometry", "all", "signs before coding")
@@ -163,7 +145,7 @@ def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
         parts = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
         counts = ((pixel, one.pixels), ("vertex", one.vertices), (face, one.faces))
         rows = [[name, f"{count:,}", *(f"{part / count:.3f}" for part in parts)] for name, count in counts if count]
-        console.print(_table((columns, rows), f"Bits, isovalue {shortest(one.isovalue)}"))
+        click.echo("\n" + table(columns, rows, f"Bits, isovalue {shortest(one.isovalue)}"))
 
 
 def shortest(number: float) -> str:

@@ -7,13 +7,14 @@ import re
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from ..deferred import dataclass
 from ..errors import FormatError
 from ..limits import FIELD_SAMPLES, Limits
 from .report import STANDARD, concerning, one_warning, own_warnings

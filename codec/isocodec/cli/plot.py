@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..deferred import dataclass
 from .decode import explained
 from .option_records import (
     COUNT,

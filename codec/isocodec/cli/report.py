@@ -7,8 +7,9 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -268,36 +269,44 @@ def one_warning(path: str | os.PathLike[str], doing: str = "reading") -> Iterato
 
     Must not enclose code that prints on purpose: both output streams of the process are redirected.
     """
-    import logging
-
     noted: list[str] = []
-
-    class Notes(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            noted.append(record.getMessage())
-
     printed = io.StringIO()
-    loggers = [logging.getLogger(name) for name in [*logging.root.manager.loggerDict]]
-    handlers = [(logger, logger.handlers) for logger in (logging.root, *loggers)]
-    for logger, _ in handlers:
-        logger.handlers = []
-    logging.root.handlers = [Notes(logging.WARNING)]
     raw: list[str] = []
-    try:
-        with (
-            warnings.catch_warnings(record=True) as caught, redirect_stdout(printed), redirect_stderr(printed),
-            _streams(raw),
-        ):
-            warnings.simplefilter("always")
-            yield
-    finally:
-        for logger, before in handlers:
-            logger.handlers = before
+    with (
+        _logged(noted), warnings.catch_warnings(record=True) as caught, redirect_stdout(printed),
+        redirect_stderr(printed), _streams(raw),
+    ):
+        warnings.simplefilter("always")
+        yield
     texts = [*(str(one.message) for one in caught), *noted, *printed.getvalue().splitlines(), *raw]
     lines = [*dict.fromkeys(line for text in texts if (line := one_line(text)))]
     if lines:
         more = f", and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
         warn(path, f"messages while {doing}: {'; '.join(lines[:_SHOWN])}{more}")
+
+
+@contextmanager
+def _logged(texts: list[str]) -> Iterator[None]:
+    """Collect what libraries log; one that is loaded meanwhile logs to the error stream, which is collected, too."""
+    logging = sys.modules.get("logging")
+    if logging is None:
+        yield
+        return
+
+    class Notes(logging.Handler):  # type: ignore[name-defined]
+        def emit(self, record: Any) -> None:
+            texts.append(record.getMessage())
+
+    loggers = [logging.getLogger(name) for name in [*logging.root.manager.loggerDict]]
+    handlers = [(logger, logger.handlers) for logger in (logging.root, *loggers)]
+    for logger, _ in handlers:
+        logger.handlers = []
+    logging.root.handlers = [Notes(logging.WARNING)]
+    try:
+        yield
+    finally:
+        for logger, before in handlers:
+            logger.handlers = before
 
 
 @contextmanager
@@ -370,6 +379,30 @@ def write_output(output: Path, data: bytes) -> None:
             sys.stdout.buffer.flush()
         else:
             write_bytes(output, data)
+
+
+def table(headings: Mapping[str, str], rows: Sequence[Sequence[str]], title: str | None = None) -> str:
+    """Format a table: columns two spaces apart, under a rule; cells may have several lines.
+
+    Parameters
+    ----------
+    headings : mapping of str to str
+        Names of columns, each with ``"left"`` or ``"right"``.
+    rows : sequence of sequence of str
+    title : str, optional
+    """
+    columns = zip(headings, *rows, strict=True)
+    width = [max(len(line) for cell in column for line in cell.split("\n")) for column in columns]
+    sides = [str.rjust if side == "right" else str.ljust for side in headings.values()]
+
+    def lines(cells: Iterable[str]) -> Iterator[str]:
+        for parts in zip_longest(*(cell.split("\n") for cell in cells), fillvalue=""):
+            placed = (side(part, most) for part, side, most in zip(parts, sides, width, strict=True))
+            yield "  ".join(placed).rstrip()
+
+    rule = "  ".join("-" * most for most in width)
+    shown = [*lines(headings), rule, *(line for row in rows for line in lines(row))]
+    return "\n".join(([title] if title else []) + shown)
 
 
 def named(output: str | os.PathLike[str]) -> str:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import click
 
+from ..deferred import dataclass
 from .option_records import COUNT, SURFACE, NumberType, Reading, ThinningArguments, Writing, argument, command, option
 from .report import concerning, named, progress_bar, timed_result, warn, write_output, written_to
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
+from ..deferred import dataclass
 from .option_records import INPUT, Limited, Reading, argument, command, opened, option
 from .report import BROKEN, concerning, result
 

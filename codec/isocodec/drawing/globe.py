@@ -6,12 +6,12 @@ Lines are ragged arrays: points (P, 2 or 3) of all lines, and where each line st
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..errors import OptionError
 from ..field.reference_system import DEGREES, Transform, epsg_of, is_named, to_degrees
 from .areas import oriented, polygons

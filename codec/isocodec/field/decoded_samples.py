@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from .samples import Samples, interval_value
 
 LABELS = "labels"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations
 from numbers import Real
@@ -14,6 +14,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from .coordinates import arrays_of, whole_cells
 from .mapped import Mapped, between

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from isospec.container import DomainKind, MeshLayer, unzigzag, write_varint, zigzag
 
+from ..deferred import dataclass
 from ..errors import FormatError, OptionError
 from .header import varint
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from ..deferred import dataclass
 from .chunks import Promises
 from .coordinate_record import CoordinatesRecord
 from .header import Header

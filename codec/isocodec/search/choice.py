@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from ..deferred import dataclass
 from ..grid.lattice.vertex_set import Chosen
 from .cubes import cubed, exponents
 from .promise import Promise

@@ -9,11 +9,11 @@ one to where their surroundings like them best, over and over; then the nearest 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.crossing import distinct_pairs, edge_points, edge_ratios
 from ..drawing.leaves import Leaves

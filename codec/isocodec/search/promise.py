@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from dataclasses import field as derived
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from isospec.container import Profile
 
+from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..deferred import dataclass
 from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import Entry
 from .fit import Faults

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..drawing.drawing import draw
 from ..field.samples import Samples
 from ..grid.lattice.tables import AXES

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from isospec.container import ChunkType, Profile
 
+from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.snapshot import drawing_bytes, leaves_of

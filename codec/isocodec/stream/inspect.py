@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, field, replace
 from functools import partial
 from typing import Any
 
 from isospec.container import ChunkType, DomainKind
 
+from ..deferred import dataclass
 from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import Envelope, LayerRecord, Promises, whole_bytes
 from ..format.coordinate_record import CoordinatesRecord

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from isospec.container import ChunkType
 
+from ..deferred import dataclass
 from ..errors import FormatError
 from ..format.chunks import (
     Envelope,

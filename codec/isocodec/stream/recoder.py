@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..drawing.window import bounds_of
 from ..errors import LimitError, OptionError
 from ..field.decoded_samples import DecodedSamples, near_values, values_of_steps

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from bisect import bisect
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
+from ..deferred import dataclass
 from ..format.frames import FRAME_BEFORE, is_key, key_of
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from isospec.container import ChunkType, MeshLayer
 
+from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..format.chunks import payload_of, write_chunk, write_further, write_metadata
 from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_interval

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import prod
@@ -11,6 +10,7 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..grid.lattice.tables import cube_exponent
 
 Index = tuple[int, ...]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import ChunkType, Profile
 
+from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.samples import Samples, check_field, mask_field, missing_of, without_holes
 from ..format.chunks import write_chunk

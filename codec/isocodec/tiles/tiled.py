@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isospec.container import ChunkType
 
+from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.window import bounds_of, clipped
 from ..errors import LimitError, OptionError

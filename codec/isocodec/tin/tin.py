@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..errors import OptionError
 from ..format.surface import TinHead
 from .coded_tin import SurfaceLayers

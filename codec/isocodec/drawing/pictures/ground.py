@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...deferred import dataclass
 from ...errors import OptionError
 from ...extras import optional
 from ...field.reference_system import DEGREES, is_named, short_name, system_of

@@ -6,10 +6,12 @@ All coordinates are on the page, in points of 1/72 inch, with y upwards.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ...deferred import dataclass
 
 Points = NDArray[np.float64]
 

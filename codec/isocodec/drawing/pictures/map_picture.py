@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deferred import dataclass
 from ...errors import OptionError, one_line
 from ...extras import optional
 from ...field.sampled import UNIT

@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
 from itertools import chain, product
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deferred import dataclass
 from ...errors import OptionError, one_line
 from ...extras import optional
 from ...field.sampled import UNIT

@@ -9,11 +9,11 @@ from the front.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deferred import dataclass
 from ...errors import OptionError
 from ..curve import Curve
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from isospec.container import LAYER_LIMIT, ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
 
+from ...deferred import dataclass
 from ...entropy.range_coder import UNLIMITED, Coder
 from ...entropy.run import Account, ReadingRun
 from ...errors import FormatError, LimitError

@@ -7,9 +7,9 @@ line for a name that was not seen.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
+from ...deferred import dataclass
 from ...errors import InputError, LimitError
 from .source import InputFile
 

@@ -8,7 +8,7 @@ import re
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deferred import dataclass
 from ...errors import InputError, LimitError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement

@@ -7,12 +7,13 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deferred import dataclass
 from ...errors import InputError, OptionError, plain
 from ...field.cropping import Box, cropped
 from ...field.framed import Frames

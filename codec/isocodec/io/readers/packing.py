@@ -6,12 +6,12 @@ import base64
 import math
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deferred import dataclass
 from ...errors import one_line
 
 Array = NDArray[Any]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from numpy.typing import NDArray
 
+from ...deferred import dataclass
 from ...field.cropping import Box, part_of, spans_within
 from ...field.placement import Placement
 from ...field.sampled import Field

@@ -7,12 +7,12 @@ import os
 import stat
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...deferred import dataclass
 from ...errors import InputError, LimitError, OptionError, plain
 from ...limits import FIELD_SAMPLES
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, Literal
 
+from ...deferred import dataclass
 from ...extras import check_installed
 
 Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin", "pyramid", "picture"]

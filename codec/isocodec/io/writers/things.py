@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deferred import dataclass
 from ...drawing.contour import Contour
 from ...drawing.rows import MaskRows
 from ...drawing.tessellation import Tessellation
 from ...errors import IsoError, OptionError, one_line
 from ...field.placement import CRS, LPS, Placement, read_placement, unplaced
-from ...tin.tin import Tin
 from .output_formats import Kind
+
+if TYPE_CHECKING:
+    from ...tin.tin import Tin
 
 Mask = NDArray[np.bool_]
 ABOVE, LEVEL = "above", "level"
@@ -160,9 +163,6 @@ def thing_of(what: Any) -> Thing:
         return Thing("contour", what.n, False, bool(what.shape))
     if isinstance(what, Tessellation):
         return Thing("mesh", what.cells.shape[1] - 1)
-    if isinstance(what, Tin | PlacedTin):
-        tin = what.tin if isinstance(what, PlacedTin) else what
-        return Thing("tin", 2, False, tin.shape is not None)
     if isinstance(what, Areas):
         return replace(_of_contours(what.contours), kind="areas", several=False)
     if isinstance(what, SampleMask):
@@ -175,6 +175,13 @@ def thing_of(what: Any) -> Thing:
         return Thing("picture", None)
     if isinstance(what, Collection) and not isinstance(what, np.ndarray | str | bytes):
         return _of_contours(what)
+    if isinstance(what, PlacedTin):
+        return thing_of(what.tin)
+    # loads much that curves do without
+    from ...tin.tin import Tin
+
+    if isinstance(what, Tin):
+        return Thing("tin", 2, False, what.shape is not None)
     raise OptionError(f"a {type(what).__name__} cannot be written", code="what",
                       remedy="give contours, areas, a bool array, a mesh or a triangulated surface")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import io
 from collections.abc import Iterator
 from contextlib import suppress
@@ -38,9 +37,11 @@ def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
 
 
 def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[bytes]:
+    from gzip import GzipFile
+
     out = io.BytesIO()
     # without the time, so that equal masks give equal bytes
-    with gzip.GzipFile(filename="", mode="wb", fileobj=out, mtime=0) as packed:
+    with GzipFile(filename="", mode="wb", fileobj=out, mtime=0) as packed:
         for piece in _nii(mask, suffix, options):
             packed.write(piece)
             yield out.getvalue()

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import io
-import re
-from collections.abc import Collection, Iterable
-from itertools import groupby
+from collections.abc import Collection, Iterable, Iterator
+from itertools import chain
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...drawing.contour import Contour
-from ...drawing.pictures.picture import contour_picture
 from ...extras import optional
+from .decimal_text import millionths, pair_texts
 from .output_formats import Cost, Output, OutputOptions
 from .things import Picture, SampleMask
 
 
 def _drawn(contours: Collection[Contour], suffix: str, _: OutputOptions) -> bytes:
+    from ...drawing.pictures.picture import contour_picture
+
     return contour_picture(contours, suffix)
 
 
@@ -38,12 +37,13 @@ def _mask_png(mask: SampleMask, _: str, __: OutputOptions) -> bytes:
     return buffer.getvalue()
 
 
-_ZEROS = re.compile(r"\.?0+(?=[ ,])")
-"""Decimals that are 0, at the end of a number."""
-
-
 def _picture(picture: Picture, suffix: str, _: OutputOptions) -> bytes:
     return picture.draw(suffix)
+
+
+_STROKES = b'<g fill="none" stroke="black" stroke-width="1" stroke-linejoin="round"><title>isovalue %s</title>'
+_PATH = b'<path d="M%b" vector-effect="non-scaling-stroke" />'
+"""The line width is measured on screen, since a contour has no width."""
 
 
 def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
@@ -52,33 +52,42 @@ def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
     The view box matches the picture's pixels, so that the two can be overlaid: x runs along axis 1 of the array and y
     along axis 0, in samples, regardless of the placement.
     """
-    strokes = {"fill": "none", "stroke": "black", "stroke-width": "1", "stroke-linejoin": "round"}
-    size: dict[str, str] = {}
-    groups = []
+    size, groups = "", []
     for contour in contours:
         rows, columns = contour.shape
         # samples are the centres of pixels
-        size = {"width": str(columns), "height": str(rows), "viewBox": f"-0.5 -0.5 {columns} {rows}"}
-        group = ElementTree.Element("g", strokes)
-        ElementTree.SubElement(group, "title").text = f"isovalue {contour.isovalue:g}"
-        for path in filter(None, map(_path, contour.lines)):
-            # The line width is measured on screen, since a contour has no width.
-            ElementTree.SubElement(group, "path", {"d": path, "vector-effect": "non-scaling-stroke"})
-        groups.append(ElementTree.tostring(group))
-        del contour, group
-    root = ElementTree.tostring(ElementTree.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size}))
-    head = b'<?xml version="1.0" encoding="UTF-8"?>\n' + root.replace(b" />", b">")
-    return b"".join([head, *groups, b"</svg>\n"])
+        size = f' width="{columns}" height="{rows}" viewBox="-0.5 -0.5 {columns} {rows}"'
+        groups += [_STROKES % f"{contour.isovalue:g}".encode(), *_paths(contour), b"</g>"]
+        del contour
+    head = f'<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg"{size}>'
+    return b"".join([head.encode(), *groups, b"</svg>\n"])
 
 
-def _path(line: NDArray[np.float64]) -> str:
-    closed = len(line) > 2 and bool((line[0] == line[-1]).all())
-    # Six decimals are a millionth of a cell, finer than any stroke, and take half the size of all digits.
-    text = "%.6f,%.6f " * len(line) % tuple(line[:, ::-1].ravel().tolist())
-    text = _ZEROS.sub("", text.replace("-0.000000", "0.000000"))
+def _paths(contour: Contour) -> Iterator[bytes]:
+    """Yield a path for each polyline.
+
+    Six decimals are a millionth of a cell, finer than any stroke, and take half the size of all digits.
+    """
+    walks = contour.walks
+    if not walks:
+        return
+    sizes = np.array([len(walk) for walk in walks])
+    points = contour.points[np.fromiter(chain.from_iterable(walks), np.int64, int(sizes.sum())), ::-1]
+    ends = np.cumsum(sizes)
+    firsts = ends - sizes
+    closed = (sizes > 2) & (points[firsts] == points[ends - 1]).all(axis=1)
+    corners = millionths(points)
     # points that fall together are one, and one point is no path
-    corners = [corner for corner, _ in groupby(text.split())]
-    return "" if len(corners) < 2 else "M" + " ".join(corners[: -1 if closed else None]) + ("Z" if closed else "")
+    apart = np.concatenate([[True], (corners[1:] != corners[:-1]).any(axis=1)])
+    apart[firsts] = True
+    number = np.cumsum(apart)
+    stops = number[ends - 1]
+    starts = np.concatenate([[0], stops[:-1]])
+    text, at = pair_texts(corners[apart])
+    from_, to = at[starts].tolist(), at[stops - closed].tolist()
+    for start, stop, ring, single in zip(from_, to, closed.tolist(), (stops - starts < 2).tolist(), strict=True):
+        if not single:
+            yield _PATH % (text[start : stop - 1] + b"Z" * ring)
 
 
 PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=3 << 26, kept=0)}

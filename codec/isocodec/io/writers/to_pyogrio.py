@@ -8,9 +8,7 @@ from __future__ import annotations
 import errno
 import io
 import os
-import sqlite3
 import warnings
-import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -80,10 +78,12 @@ def _file(rows: Rows, suffix: str, shape: str, layer: str, options: OutputOption
             return
         if suffix == SHAPEFILE:
             _check_whole(folder)
+            from zipfile import ZipFile, ZipInfo
+
             packed = io.BytesIO()
-            with zipfile.ZipFile(packed, "w") as archive:
+            with ZipFile(packed, "w") as archive:
                 for part in sorted(folder.iterdir()):
-                    archive.writestr(zipfile.ZipInfo(part.suffix), part.read_bytes())
+                    archive.writestr(ZipInfo(part.suffix), part.read_bytes())
             yield packed.getvalue()
             return
         with path.open("rb") as file:
@@ -126,6 +126,8 @@ def _copied(path: Path, to: Path, layer: str) -> str:
         If it is none, has something else by the name of the layer, or another program has it open: what that writes to
         its log would otherwise be lost, or harm the new file.
     """
+    import sqlite3
+
     real = os.path.realpath(path)
     if any(os.path.exists(real + log) for log in ("-wal", "-journal")):
         raise InputError(f"another program has {path} open", code="open",
@@ -169,7 +171,9 @@ def _check_numbers(rows: Rows) -> None:
 
 def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
     """Unpack the files of a Shapefile at ``path``, the file with that name last."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+    from zipfile import ZipFile
+
+    with ZipFile(io.BytesIO(data)) as archive:
         parts = [(path.with_suffix(name), archive.read(name)) for name in archive.namelist() if name != SHAPEFILE]
         return [*parts, (path, archive.read(SHAPEFILE))]
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import math
 import re
-import zipfile
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -148,14 +147,16 @@ def _bytes(data: Any) -> bytes:
 
 def _repacked(data: bytes) -> bytes:
     """Write an archive without timestamps and with fixed object identifiers, so that equal input gives equal bytes."""
+    from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
     out = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(data)) as given, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as made:
+    with ZipFile(io.BytesIO(data)) as given, ZipFile(out, "w", ZIP_DEFLATED) as made:
         for name in given.namelist():
             parts = _UUID.split(given.read(name))
             numbered = [part + b'"00000000-0000-4000-8000-%012x"' % i for i, part in enumerate(parts[:-1])]
             text = b"".join([*numbered, parts[-1]])
-            info = zipfile.ZipInfo(name, _THE_DAY)
-            info.compress_type = zipfile.ZIP_DEFLATED
+            info = ZipInfo(name, _THE_DAY)
+            info.compress_type = ZIP_DEFLATED
             made.writestr(info, text)
     return out.getvalue()
 

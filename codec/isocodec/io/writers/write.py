@@ -11,18 +11,18 @@ import os
 import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
+from ...deferred import dataclass
 from ...drawing.contour import Contour
 from ...drawing.tessellation import Tessellation
 from ...errors import OptionError, one_line
 from ...field.placement import Placement, unplaced
 from ...storage.atomic import check_target, writing
-from ...tin.tin import Tin
 from .losses import Losses
 from .output_formats import Output, OutputOptions
 from .registry import find
@@ -212,7 +212,7 @@ def _located(what: Any, output: Output, options: OutputOptions, losses: Losses) 
         return Each([what], turn)
     if isinstance(what, Areas):
         return replace(what, contours=Each(what.contours, change))
-    if isinstance(what, Tin):
+    if output.kind == "tin" and not isinstance(what, PlacedTin):
         what = PlacedTin.of(what, options.in_samples)
         losses.see(what)
         return what
