@@ -11,6 +11,9 @@ MINUTES ?= 5
 # Arguments of the speed measurement, for example BENCH="terrain.npy:500.5 --json".
 BENCH ?=
 
+# Tables that growth is measured in, and other arguments, for example GROWTH="length --most 1e7".
+GROWTH ?=
+
 PLATFORMS ?= linux-x86_64 linux-aarch64 macos-aarch64 macos-x86_64 windows-x86_64
 
 DOCS_PYTHON := .venv-docs/bin/python
@@ -18,7 +21,7 @@ DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help kernels wheels demo docs test test-web view heavy lint bench vectors zoo fuzz clean
+.PHONY: help kernels wheels demo docs test test-web view heavy lint bench growth vectors zoo fuzz clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -59,8 +62,12 @@ lint: .venv-test/.installed ## Run ruff and mypy.
 	.venv-test/bin/ruff check .
 	.venv-test/bin/mypy
 
-bench: kernels .venv-test/.installed ## Measure speed, first use and memory.
+bench: kernels .venv-test/.installed ## Measure speed, first use and memory, beside what a user would pick instead.
 	$(TEST_PYTHON) tools/bench_speed.py $(BENCH)
+
+growth: kernels .venv-test/.installed ## Measure how time and memory grow with sizes; a plot in build/growth.png.
+	mkdir -p build
+	$(TEST_PYTHON) tools/growth.py --plot build/growth.png $(GROWTH)
 
 vectors: kernels .venv-test/.installed ## Write the conformance vectors anew.
 	$(TEST_PYTHON) -m isoconform generate $(VECTORS)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..grid.lattice.implied import Implied, implied_edges, implied_ratio, near_ends
 from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_points, edge_ratios, rank_of
 from .leaves import Leaves

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Real
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import MAX_SIDE
 
+from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from .filling import filled_smoothly
 

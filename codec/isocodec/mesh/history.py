@@ -8,12 +8,12 @@ Both sides compute the same from the mesh alone.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..errors import OptionError
 from ..kernel import inlined, inner, kernel, record
 from ..kernel.types import BoolVector, IntMatrix, IntVector

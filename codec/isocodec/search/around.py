@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deferred import dataclass
 from ..kernel import kernel
 from ..kernel.types import BoolVector, BoolVolume, IntMatrix
 

@@ -18,26 +18,40 @@ NAMES = {"NAT": NAT, "AT1": AT1, "AT2": AT2, "AT3": AT3, "inf": LARGEST, "l2": S
 
 
 @inner
-def by_ears(s, q):
-    """The value at a point of the gathered polygon, by the ear that holds it."""
+def by_ears(s, q, near):
+    """The value at a point of the gathered polygon, by the first ear that holds it, and this ear.
+
+    It is ``near``, that of a point beside it, if the point lies within: then no other ear holds it.
+    """
     ear, ring = s.tri.ear, s.tri.ring
+    a, b, c = np.int64(ring[ear[near, 0]]), np.int64(ring[ear[near, 1]]), np.int64(ring[ear[near, 2]])
+    u, v, w = orientation(s.tri, b, c, q), orientation(s.tri, c, a, q), orientation(s.tri, a, b, q)
+    if u > 0 and v > 0 and w > 0:
+        return (u * s.value[a] + v * s.value[b] + w * s.value[c]) / (u + v + w), near
     for e in range(s.tri.reg.ears):
         found = interpolated(
             s, np.int64(ring[ear[e, 0]]), np.int64(ring[ear[e, 1]]), np.int64(ring[ear[e, 2]]), q
         )
         if not np.isnan(found):
-            return found
-    return np.nan
+            return found, np.int64(e)
+    return np.nan, near
 
 
 @inner
-def largest_without(s, v):
-    """The largest error in the star of a vertex, without it: in the gathered and filled polygon."""
-    out = abs(by_ears(s, v) - s.target[v]) * s.weight[v]
+def largest_without(s, v, most):
+    """The largest error in the star of a vertex, without it: in the gathered and filled polygon.
+
+    Once it exceeds ``most``, an error that does.
+    """
+    found, near = by_ears(s, v, np.int64(0))
+    out = abs(found - s.target[v]) * s.weight[v]
     for i in range(s.tri.reg.cavity):
         p = np.int64(s.first[s.tri.cavity[i]])
         while p >= 0:
-            out = max(out, abs(by_ears(s, p) - s.target[p]) * s.weight[p])
+            if out > most:
+                return out
+            found, near = by_ears(s, p, near)
+            out = max(out, abs(found - s.target[p]) * s.weight[p])
             p = np.int64(s.next[p])
     return out
 
@@ -45,12 +59,14 @@ def largest_without(s, v):
 @inner
 def _more_squared(s, v):
     """Growth of the sum of squared errors without a vertex."""
-    missed = by_ears(s, v) - s.target[v]
+    found, near = by_ears(s, v, np.int64(0))
+    missed = found - s.target[v]
     out = missed * missed - s.error[v] * s.error[v]
     for i in range(s.tri.reg.cavity):
         p = np.int64(s.first[s.tri.cavity[i]])
         while p >= 0:
-            missed = by_ears(s, p) - s.target[p]
+            found, near = by_ears(s, p, near)
+            missed = found - s.target[p]
             out += missed * missed - s.error[p] * s.error[p]
             p = np.int64(s.next[p])
     return out
@@ -108,8 +124,11 @@ def _nearest_two(s, v):
 
 
 @inner
-def keys(s, criterion, v):
-    """The anticipated error of a vertex and what decides between equal ones; infinite for corners of the hull."""
+def keys(s, criterion, v, most):
+    """The anticipated error of a vertex and what decides between equal ones; infinite for corners of the hull.
+
+    By AT1, of an error greater than ``most`` only that it is.
+    """
     gather(s.tri, v)
     if s.tri.reg.open and not straight(s.tri, v):
         return np.inf, 0.0
@@ -119,10 +138,10 @@ def keys(s, criterion, v):
         return (_along_hull(s, v) if s.tri.reg.open else _directional(s, v)), 0.0
     fill(s.tri)
     if criterion == AT2:
-        return abs(by_ears(s, v) - s.target[v]), 0.0
+        return abs(by_ears(s, v, np.int64(0))[0] - s.target[v]), 0.0
     if criterion == SQUARED:
         return _more_squared(s, v), 0.0
-    return largest_without(s, v), 0.0
+    return largest_without(s, v, most if criterion == AT1 else np.inf), 0.0
 
 
 @inner

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .swapping import gains, put_back
+from .removed_points import farthest
+from .swapping import put_back
 from .thinning import Thinning, refresh, thin_to
 
 _SHARE = 0.3
@@ -32,14 +33,13 @@ def fewest(state: Thinning, value: NDArray[np.float64], error: float, rounds: in
     s = state.surface
     best = np.flatnonzero(s.tri.leaving >= 0)
     triangles = len(s.first)
-    point, gain = np.zeros(triangles, np.int32), np.zeros(triangles)
+    point, size = np.zeros(triangles, np.int32), np.zeros(triangles)
     apart = value - s.target
     inserting = state._replace(surface=s._replace(target=value))
     for _ in range(rounds):
         _down(state, int((1 - _SHARE) * state.reg.count), np.inf)
         while True:
-            gains(s, point, gain)
-            size = np.where(point >= 0, np.abs(s.error[point]) * s.weight[point], 0.0)
+            farthest(s, point, size)
             some = np.flatnonzero(size > error)
             if len(some) == 0:
                 break
@@ -56,7 +56,7 @@ def fewest(state: Thinning, value: NDArray[np.float64], error: float, rounds: in
 
 
 def _down(state: Thinning, count: int, error: float) -> None:
-    refresh(state)
+    refresh(state, error)
     state.reg.removed = 0
     while not thin_to(state, count, error, _PIECE):
         pass

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernel import inlined, inner, record
+from ..kernel import inlined, inner, kernel, record
 from ..kernel.types import FloatVector, Int32Vector, Integer, IntVector
 from .heap import Heap, new_heap, set_key, take_out
 from .triangulation import NONE, Triangulation, orientation
@@ -121,6 +121,28 @@ def settle(s):
                 at = i
                 break
         p = after
+
+
+@inner
+def farthest_in(s, t):
+    """The point of a triangle with the largest error, -1 without one, and this error."""
+    point, size = np.int64(NONE), 0.0
+    p = np.int64(s.first[t])
+    while p >= 0:
+        if counted(s, p) > size:
+            point, size = p, counted(s, p)
+        p = np.int64(s.next[p])
+    return point, size
+
+
+@kernel
+def farthest(s: Surface, point: Int32Vector, size: FloatVector) -> None:
+    """Find for each triangle the point with the largest error, -1 without one, and this error."""
+    for t in range(len(point)):
+        point[t] = NONE
+        size[t] = 0.0
+        if s.tri.origin[3 * t] >= 0:
+            point[t], size[t] = farthest_in(s, t)
 
 
 @inlined

@@ -8,7 +8,7 @@ from ..kernel import inner, kernel
 from ..kernel.types import FloatVector, Int32Vector, UInt8Vector
 from .delaunay import carve_at, fan
 from .fitting import fit
-from .removed_points import Surface, counted, interpolated, loosen, settle
+from .removed_points import Surface, farthest_in, interpolated, loosen, settle
 from .thinning import Thinning, refresh, thin_to
 
 _SHARES = (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.08, 0.06)
@@ -54,13 +54,7 @@ def gains(s: Surface, point: Int32Vector, gain: FloatVector) -> None:
         gain[t] = 0.0
         if s.tri.origin[3 * t] < 0:
             continue
-        worst = 0.0
-        p = np.int64(s.first[t])
-        while p >= 0:
-            if counted(s, p) > worst:
-                worst = counted(s, p)
-                point[t] = p
-            p = np.int64(s.next[p])
+        point[t], _ = farthest_in(s, t)
         if point[t] >= 0:
             gain[t] = _gain(s, np.int64(point[t]), t)
 
@@ -135,7 +129,7 @@ def exchange(
 
 def _down(th: Thinning, count: int, low: float, high: float, fitted: bool) -> None:
     """Thin to so many vertices and, if asked for, fit the values of those."""
-    refresh(th)
+    refresh(th, np.inf)
     th.reg.removed = 0
     while not thin_to(th, count, np.inf, _PIECE):
         pass

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernel import inner, kernel, record
 from ..kernel.types import FloatVector, Int32Vector, Registers
-from .criteria import LARGEST, keys, largest_outside, largest_without
+from .criteria import AT1, LARGEST, keys, largest_outside, largest_without
 from .delaunay import delaunay
 from .heap import Heap, new_heap, set_key, take_out
 from .removed_points import Surface, counted, largest_error, loosen, settle, surface
@@ -79,13 +79,13 @@ def thinning(
         surface(delaunay(x, y)[0], value, target, weight), new_heap(count), np.zeros(count, np.int32), np.zeros(count),
         np.zeros(count), np.zeros(count, np.int32), reg,
     )
-    refresh(out)
+    refresh(out, np.inf)
     return out
 
 
 @kernel
-def refresh(th: Thinning) -> None:
-    """Bring all triangles and vertices up to date in their heaps."""
+def refresh(th: Thinning, most: float) -> None:
+    """Bring all triangles and vertices up to date in their heaps; by AT1, vertices with larger errors leave theirs."""
     s = th.surface
     for t in range(len(s.tri.origin) // 3):
         if s.tri.origin[3 * t] < 0:
@@ -100,15 +100,20 @@ def refresh(th: Thinning) -> None:
         set_key(s.worst, t, -size, 0.0)
     for v in range(len(s.value)):
         if s.tri.leaving[v] >= 0:
-            _appraise(th, v)
+            _appraise(th, v, most)
 
 
 @inner
-def _appraise(th, v):
-    """Bring a vertex's place in the queue up to date; corners of the hull stay out of it."""
-    key, next_key = keys(th.surface, th.reg.criterion, v)
-    if key < np.inf:
+def _appraise(th, v, most):
+    """Bring a vertex's place in the queue up to date; corners of the hull stay out of it.
+
+    By AT1 so do vertices that cannot go without an error greater than ``most``: they come back if their star changes.
+    """
+    key, next_key = keys(th.surface, th.reg.criterion, v, most)
+    if key < np.inf and (key <= most or th.reg.criterion != AT1):
         set_key(th.queue, v, key, next_key)
+    else:
+        take_out(th.queue, v)
 
 
 @inner
@@ -139,7 +144,7 @@ def _least(th):
 
 
 @inner
-def _take(th, v):
+def _take(th, v, most):
     """Take a vertex out of the gathered and filled polygon; the keys of those around it change."""
     s = th.surface
     tri = s.tri
@@ -156,7 +161,7 @@ def _take(th, v):
     take_out(th.queue, v)
     th.reg.count -= 1
     for i in range(count):
-        _appraise(th, np.int64(th.around[i]))
+        _appraise(th, np.int64(th.around[i]), most)
 
 
 @kernel
@@ -174,11 +179,12 @@ def thin_to(th: Thinning, least: int, error: float, most: int) -> bool:
             return True
         gather(s.tri, v)
         fill(s.tri)
-        if error < np.inf and largest_without(s, v) > error:
+        # by AT1, the key is the largest error without the vertex
+        if key > error if reg.criterion == AT1 else error < np.inf and largest_without(s, v, np.inf) > error:
             # it comes back if its star changes
             take_out(th.queue, v)
             continue
-        _take(th, v)
+        _take(th, v, error)
         th.order[reg.removed] = v
         th.anticipated[reg.removed] = key
         th.largest[reg.removed] = largest_error(s)
