@@ -28,14 +28,14 @@ ONE = 1.05
 """Exponents above this are marked."""
 CLEAR = 4.0
 """Quantities below this many times the least one are constant costs, and are not fitted."""
-VERTICES_A_SAMPLE = 0.33
+VERTICES_A_SAMPLE = 0.2
 """Of the waves that curve lengths are measured on."""
 BOX = 256
 """Rows and columns of the curve in the boxes, and rows of these."""
 
 
 def waves(side: int) -> NDArray[np.int16]:
-    """A field (side, side) whose contour at 0.5 has about as many vertices as a third of its samples."""
+    """A field (side, side) whose contour at 0.5 has about as many vertices as a fifth of its samples."""
     rng = np.random.default_rng(7)
     out = np.empty((side, side), np.int16)
     across = np.arange(side)

@@ -56,15 +56,16 @@ def info_command(options: InfoArguments) -> None:
 
 def _print(source: str, info: FileInfo, complete: bool, promise: str | None) -> None:
     promised = "nothing about distances" if promise is None else promise if complete else f"{promise}, when complete"
+    # not by click, which writes UTF-8 where the terminal's encoding is ASCII
     facts = [(plain(name, "\n"), plain(text, "\n")) for name, text in [*_facts(info), ("promise", promised)]]
-    click.echo(plain(source))
+    print(plain(source))
     width = max(len(name) for name, _ in facts)
     for name, text in facts:
-        click.echo(f"{name:{width}}  {text}")
-    click.echo("\n" + table(*(_frames(info) if info.frames else _layers(info))))
+        print(f"{name:{width}}  {text}")
+    print("\n" + table(*(_frames(info) if info.frames else _layers(info))))
     if not info.frames and any(layer.bytes is None for layer in info.layers):
         why = "is too small for an index of its layers" if complete else "has no index of its layers, or not all of it"
-        click.echo(f"- : unknown, because the file {why}; --symbols decodes the file to find out.")
+        print(f"- : unknown, because the file {why}; --symbols decodes the file to find out.")
 
 
 def _facts(info: FileInfo) -> list[tuple[str, str]]:
@@ -137,7 +138,7 @@ def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
     if signs:
         rows.append(["", "all", "", "", f"{signs:,}", f"{right / signs:.1%}"])
     columns = _columns("layer", "kind", "level", "bits", "signs", "right")
-    click.echo("\n" + table(columns, rows, "Signs that were predicted correctly"))
+    print("\n" + table(columns, rows, "Signs that were predicted correctly"))
 
     pixel, face = ("crossed voxel", "face") if dimension == 3 else ("crossed pixel", "segment")
     columns = _columns("for each", "number", "connectivity", "geometry", "all", "signs before coding")
@@ -145,7 +146,7 @@ def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
         parts = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
         counts = ((pixel, one.pixels), ("vertex", one.vertices), (face, one.faces))
         rows = [[name, f"{count:,}", *(f"{part / count:.3f}" for part in parts)] for name, count in counts if count]
-        click.echo("\n" + table(columns, rows, f"Bits, isovalue {shortest(one.isovalue)}"))
+        print("\n" + table(columns, rows, f"Bits, isovalue {shortest(one.isovalue)}"))
 
 
 def shortest(number: float) -> str:
