@@ -341,7 +341,7 @@ def test_info_loads_no_compiler(curve: Path) -> None:
         "from isocodec.cli import main\n"
         "try: main(['info', sys.argv[1]])\n"
         "except SystemExit as end: assert end.code == 0\n"
-        "heavy = {'numba', 'llvmlite', 'matplotlib', 'scipy', 'trimesh'} & set(sys.modules)\n"
+        "heavy = {'numba', 'llvmlite', 'matplotlib', 'rich', 'scipy', 'trimesh'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     done = subprocess.run([sys.executable, "-c", code, str(curve)], capture_output=True, text=True, timeout=60)
