@@ -37,8 +37,8 @@ from .state import (
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
-MOST_LEVELS, MOST_POINTS = 80, 20
-"""Turns of a path, and points of a curve that are remembered, at most."""
+MOST_LEVELS, MOST_POINTS, MOST_AROUND, SCRATCH = 80, 20, 112, 128
+"""Turns of a path, points of a curve and vertices around a middle that are remembered, and passing numbers, at most."""
 ROWS = 2048
 STEP_GATES = 128
 """Gates for which a base's stack has room after it has grown: many more than a step pushes."""
@@ -83,7 +83,8 @@ def first_state(
         no_lean(n).known,
         np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
-        *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, 128, STACK)),
+        *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10)),
+        np.zeros(MOST_AROUND, np.int32), np.zeros(SCRATCH, np.int64), np.zeros(STACK, np.int64),
     )
 
 
