@@ -21,8 +21,8 @@ class Drawn(NamedTuple):
     """A drawing: points (P, n), cells (M, n) between them, and where the points are.
 
     ``edges`` (E, 2) are the edges of the first E points, in no order, by the vertices at their ends, ``ratio`` (E,)
-    is where on them the points lie, ``part`` (E, 2) from where to where they may lie by what is known; points in the
-    middles of cells follow.
+    is where on them the points lie, ``part`` (E, 2) from where to where they may lie by what is known, without rows
+    unless asked for; points in the middles of cells follow.
     """
 
     points: NDArray[np.float64]
@@ -178,17 +178,17 @@ def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.fl
 
 
 def ratios_at(
-    leaves: Leaves, edges: NDArray[np.int64], number: NDArray[np.int64]
+    leaves: Leaves, edges: NDArray[np.int64], number: NDArray[np.int64], parts: bool = True
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Crossings as fractions of the way from the first ends of the edges, (P,) float64, and the parts in which they are
-    known to lie, (P, 2) float64.
+    known to lie, (P, 2) float64: no rows unless these are asked for by ``parts``.
 
     By offset, or where linear interpolation meets the isovalue, or else in the middle. Estimates of values may lie on
     the wrong side of the isovalue: then the point is the nearer end of the edge. ``number`` numbers the edges that
     carry an offset, -1 for the others.
     """
     ratio = np.full(len(edges), 0.5)
-    part = np.tile((0.0, 1.0), (len(edges), 1))
+    part = np.tile((0.0, 1.0), (len(edges) if parts else 0, 1))
     if leaves.value is not None:
         f_low, f_high = leaves.value[edges[:, 0]], leaves.value[edges[:, 1]]
         # Equal estimates at both ends, and differences that overflow, do not determine the place.
@@ -196,22 +196,24 @@ def ratios_at(
             linear = (leaves.isovalue - f_low) / (f_high - f_low)
         known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)
         ratio[known] = np.clip(linear[known], 0.0, 1.0)
-        part[known] = ratio[known, None]
+        if parts:
+            part[known] = ratio[known, None]
     there = number >= 0
     ratio[number[there]] = leaves.edge_offset[there]
-    part[number[there]] = leaves.edge_offset[there, None] + leaves.edge_room[there, None] * (-1, 1)
+    if parts:
+        part[number[there]] = leaves.edge_offset[there, None] + leaves.edge_room[there, None] * (-1, 1)
     return ratio, part
 
 
 def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points on edges, (P, n) float64."""
     out = np.empty((len(edges), leaves.position.shape[1]))
-    _enter_points(leaves.position, edges, ratio, out)
+    enter_points(leaves.position, edges, ratio, out)
     return out
 
 
 @kernel
-def _enter_points(position: IntMatrix, edges: IntMatrix, ratio: FloatVector, out: FloatMatrix) -> None:
+def enter_points(position: IntMatrix, edges: IntMatrix, ratio: FloatVector, out: FloatMatrix) -> None:
     """Enter the points so far along edges from their first ends."""
     for i in range(len(edges)):
         for axis in range(position.shape[1]):

@@ -11,7 +11,7 @@ from ..errors import OptionError
 from ..grid.lattice.tables import cube_exponent
 from .clipping import clipped
 from .contour import Contour
-from .crossing import Drawn, edge_points
+from .crossing import Drawn, enter_points
 from .full_grid import draw_grid
 from .leaves import Leaves
 from .separation import apart
@@ -51,12 +51,10 @@ def draw(
     OptionError
         If the field does not have 2 or 3 axes.
     """
-    return draw_with_ends(leaves, complete=complete, smooth=smooth, measured=measured)[0]
+    return _drawn(leaves, complete, smooth, measured)[0]
 
 
-def draw_with_ends(
-    leaves: Leaves, *, complete: bool = True, smooth: int = 0, measured: bool = False
-) -> tuple[Contour, NDArray[np.int64]]:
+def draw_with_ends(leaves: Leaves, *, complete: bool = True, smooth: int = 0) -> tuple[Contour, NDArray[np.int64]]:
     """Draw as `draw` does, and also return the samples between which the first points lie.
 
     Returns
@@ -66,20 +64,27 @@ def draw_with_ends(
         Ends of the edges of the first E points; other points lie inside cells, or where pieces were cut at missing
         samples.
     """
+    contour, edges = _drawn(leaves, complete, smooth, False)
+    return contour, leaves.position[edges].astype(np.int64)
+
+
+def _drawn(leaves: Leaves, complete: bool, smooth: int, measured: bool) -> tuple[Contour, NDArray[np.int64]]:
+    """The contour, and the vertices at the ends of the edges of its first points."""
     n = len(leaves.shape)
     if n not in (2, 3):
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
-    drawn = draw_grid(leaves)[0] if leaves.full else _drawn_together(leaves)
+    drawn = draw_grid(leaves, parts=smooth > 0)[0] if leaves.full else _drawn_together(leaves)
     if not measured:
-        drawn = drawn._replace(ratio=apart(drawn.ratio), part=apart(drawn.part), points=drawn.points.copy())
-        drawn.points[: len(drawn.edges)] = edge_points(leaves, drawn.edges, drawn.ratio)
-    points = smoothed(leaves, drawn, smooth) if smooth else drawn.points
+        drawn = drawn._replace(ratio=apart(drawn.ratio))
+        # those in the middle of cells stay
+        enter_points(leaves.position, drawn.edges, drawn.ratio, drawn.points[: len(drawn.edges)])
+    points = smoothed(leaves, drawn._replace(part=apart(drawn.part)), smooth) if smooth else drawn.points
     cells, masked = drawn.cells, leaves.whole is not None
-    ends = leaves.position[drawn.edges].astype(np.int64)
+    edges = drawn.edges
     if leaves.whole is not None and not leaves.full:
         points, cells, kept = clipped(points, cells, tuple(leaves.shape), leaves.whole)
-        ends = ends[kept[kept < len(ends)]]
-    return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete, masked=masked), ends
+        edges = edges[kept[kept < len(edges)]]
+    return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete, masked=masked), edges
 
 
 def _drawn_together(leaves: Leaves) -> Drawn:

@@ -14,8 +14,8 @@ from .cube import cube_table
 from .leaves import Leaves
 
 
-def draw_grid(leaves: Leaves) -> tuple[Drawn, NDArray[np.bool_]]:
-    """Draw leaves of the finest level; which of them (M,) bool are drawn.
+def draw_grid(leaves: Leaves, parts: bool = True) -> tuple[Drawn, NDArray[np.bool_]]:
+    """Draw leaves of the finest level; which of them (M,) bool are drawn. ``parts`` asks for `Drawn.part`.
 
     A saddle (of a cell in 2-D, of a cell's face in 3-D) is resolved by the mesh: the two corners on its diagonal are
     connected. Points that are not on grid edges, in the middle of a few cells (n = 3), come last.
@@ -24,7 +24,9 @@ def draw_grid(leaves: Leaves) -> tuple[Drawn, NDArray[np.bool_]]:
     missing corners are drawn, as nothing.
     """
     grid = _Grid(leaves)
-    ratio, part = ratios_at(leaves, grid.edges, grid.find(leaves.edges))
+    number = grid.find(leaves.edges)
+    grid.release()
+    ratio, part = ratios_at(leaves, grid.edges, number, parts)
     points, cells = edge_points(leaves, grid.edges, ratio), grid.cells
     if len(grid.owner):
         first = np.flatnonzero(np.diff(grid.owner, prepend=-1))
@@ -41,7 +43,7 @@ class _Cells(NamedTuple):
 
     Attributes
     ----------
-    pattern : (C,) int64
+    pattern : (C,) uint8
         Signs of their corners as bits.
     corners : (C, 2**n) int32
         Vertices, from x0 on.
@@ -49,7 +51,7 @@ class _Cells(NamedTuple):
         The axes along which x0 is the upper end, as bits.
     """
 
-    pattern: IntVector
+    pattern: UInt8Vector
     corners: Int32Matrix
     upper: UInt8Vector
 
@@ -70,38 +72,75 @@ class _Grid:
     owner : (S,) int64
         Numbers of their cells, ascending.
     drawn : (M,) bool
-        Simplices whose cells have all their mixed leaves.
+        Simplices whose cells have all their mixed leaves; empty where these come in pieces.
     """
 
     def __init__(self, leaves: Leaves) -> None:
         n = len(leaves.shape)
-        vertices = len(leaves.position)
         table = cube_table(n)
-        self._last = np.empty(vertices, np.uint8)
+        self._last = np.empty(len(leaves.position), np.uint8)
         _enter_last_bits(leaves.position, self._last)
-        corners = np.empty((len(leaves.simplices), 2**n), np.int32)
-        upper, count = np.empty(len(corners), np.uint8), np.empty(len(corners), np.uint8)
-        cell = np.empty(len(corners), np.int32)
-        used = _join(self._last, leaves.simplices, np.zeros(vertices << n, np.int32), corners, upper, count, cell)
-        self._cells = _Cells(np.empty(used, np.int64), corners[:used], upper[:used])
-        _enter_patterns(leaves.above, self._cells.corners, count, table.mixed, self._cells.pattern)
-        self.drawn = self._cells.pattern[cell] != 0
+        self._cells, self.drawn = self._joined(leaves, table.mixed, n)
         if leaves.whole is not None:
-            low = leaves.position[corners[:used, 0]] - (upper[:used, None] >> np.arange(n) & 1)
+            low = leaves.position[self._cells.corners[:, 0]] - (self._cells.upper[:, None] >> np.arange(n) & 1)
             self._cells.pattern[~leaves.whole(low)] = 0
-        self._number = np.full((vertices, n), -1, np.int32)
-        self.edges = np.empty((n * vertices, 2), np.int64)
+        self._number = np.full((len(leaves.position), n), -1, np.int32)
+        self.edges = np.empty((0, 2), np.int64)
         met, self.cells, _ = self._rows(table.cells, 0)
-        met, self.sides, self.owner = self._rows(table.fans, met)
-        self.edges = self.edges[:met]
+        met, self.sides, count = self._rows(table.fans, met)
+        self.owner = np.repeat(np.arange(len(count)), count)
+        self.edges.resize((met, 2), refcheck=False)
 
-    def _rows(self, table: PatternTable, met: int) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
-        """Number of edges met then; rows of a table for all cells, and their owners."""
-        pattern = self._cells.pattern
-        owner = np.repeat(np.arange(len(pattern)), np.diff(table.first)[pattern])
-        rows = np.empty((len(owner), table.edges.shape[1]), np.int64)
-        met = _enter_rows(table.edges, table.first, self._cells, self._number, self.edges, met, rows)
-        return met, rows, owner
+    def release(self) -> None:
+        """Free what only the making of cells and `find` need."""
+        del self._last, self._cells, self._number
+
+    def _joined(self, leaves: Leaves, mixed: NDArray[np.int64], n: int) -> tuple[_Cells, NDArray[np.bool_]]:
+        """The unit cells of all leaves, and for each simplex whether its cell has all its mixed leaves."""
+        # both ends of a diagonal have coordinates that are all even or all odd
+        parities = self._last & _PARITIES[n]
+        end = (parities == 0) | (parities == _PARITIES[n])
+        seat = np.cumsum(end, dtype=np.int32)
+        entered = np.zeros(int(seat[-1]) << n if len(seat) else 0, np.int32)
+        seat -= 1
+        corners, upper, count = np.empty((0, 2**n), np.int32), np.empty(0, np.uint8), np.empty(0, np.uint8)
+        pieces = [leaves.simplices] if leaves.pieces is None else leaves.pieces()
+        cell = np.empty(0, np.int32)
+        used = 0
+        for simplices in pieces:
+            if used + len(simplices) > len(corners):
+                room = used + used // 2 + len(simplices)
+                # in place: there is no moment at which both are there
+                corners.resize((room, 2**n), refcheck=False)
+                upper.resize(room, refcheck=False)
+                count.resize(room, refcheck=False)
+            if len(cell) < len(simplices):
+                cell = np.empty(len(simplices), np.int32)
+            used = _join(self._last, seat, simplices, entered, corners, upper, count, cell, used)
+        del entered, seat
+        corners.resize((used, 2**n), refcheck=False)
+        upper.resize(used, refcheck=False)
+        cells = _Cells(np.empty(used, np.uint8), corners, upper)
+        _enter_patterns(leaves.above, cells.corners, count, mixed, cells.pattern)
+        return cells, cells.pattern[cell] != 0 if leaves.pieces is None else np.zeros(0, np.bool_)
+
+    def _rows(self, table: PatternTable, met: int) -> tuple[int, NDArray[np.int64], NDArray[np.uint8]]:
+        """Number of edges met then; rows of a table for all cells, and how many of each."""
+        pattern, corners, upper = self._cells
+        count = np.diff(table.first).astype(np.uint8)[pattern]
+        rows = np.empty((int(count.sum()), table.edges.shape[1]), np.int64)
+        most = corners.shape[1] * (corners.shape[1].bit_length() - 1) // 2
+        row = 0
+        for first in range(0, len(pattern), _PIECE):
+            some = slice(first, first + _PIECE)
+            cells = _Cells(pattern[some], corners[some], upper[some])
+            room = most * len(cells.pattern)
+            if met + room > len(self.edges):
+                self.edges.resize((met + met // 2 + room, 2), refcheck=False)
+            end = row + int(count[some].sum())
+            met = _enter_rows(table.edges, table.first, cells, self._number, self.edges, met, rows[row:end])
+            row = end
+        return met, rows, count
 
     def find(self, stated: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers of edges (S, 2) of the mesh among ``edges``, or -1."""
@@ -120,7 +159,11 @@ def _enter_last_bits(position: IntMatrix, last: UInt8Vector) -> None:
         last[i] = bits
 
 
-_PARITIES = np.int64(0b010101)
+_LAST = np.int64(0b010101)
+_PARITIES = {2: np.uint8(0b0101), 3: np.uint8(0b010101)}
+"""The last bits of all coordinates."""
+_PIECE = 1 << 13
+"""Cells that are looked up at a time."""
 
 
 @inner
@@ -132,7 +175,7 @@ def _axes(bits):
 @inner
 def _differ(a, b):
     """Set bit i if two vertices of a cell, by their last bits, differ along axis i."""
-    return _axes((a ^ b) & _PARITIES)
+    return _axes((a ^ b) & _LAST)
 
 
 @inner
@@ -142,25 +185,25 @@ def _upper(a, b):
     Of two bits, a is b + 1 if the last ones differ, and the first ones do exactly if b is odd.
     """
     carries = ~((a ^ b) >> 1 ^ b)
-    return _axes((a ^ b) & carries & _PARITIES)
+    return _axes((a ^ b) & carries & _LAST)
 
 
 @kernel
 def _join(
-    last: UInt8Vector, simplices: IntMatrix, entered: Int32Vector, corners: Int32Matrix, upper: UInt8Vector,
-    count: UInt8Vector, cell_of: Int32Vector,
+    last: UInt8Vector, seat: Int32Vector, simplices: IntMatrix, entered: Int32Vector, corners: Int32Matrix,
+    upper: UInt8Vector, count: UInt8Vector, cell_of: Int32Vector, used: int,
 ) -> int:
-    """Enter the simplices' vertices as corners of their cells, in the order of these; returns how many there are.
+    """Enter the simplices' vertices as corners of their cells, behind ``used`` ones; returns how many there are then.
 
     A cell is known by xn and the axes along which x0 is the upper end. Corners are numbered from x0 (see
-    `isocodec.drawing.cube`), -1 where no mixed leaf has one. ``entered`` has each cell's number and 1, or 0.
+    `isocodec.drawing.cube`), -1 where no mixed leaf has one. ``entered`` has each cell's number and 1, or 0, by the
+    ``seat`` of its xn.
     """
     n = simplices.shape[1] - 1
-    used = 0
     for i in range(len(simplices)):
         start = np.int64(last[simplices[i, 0]])
         axes = _upper(start, np.int64(last[simplices[i, n]]))
-        key = simplices[i, n] << n | axes
+        key = np.int64(seat[simplices[i, n]]) << n | axes
         cell = entered[key] - 1
         if cell < 0:
             cell = used
@@ -178,7 +221,7 @@ def _join(
 
 @kernel
 def _enter_patterns(
-    above: BoolVector, corners: Int32Matrix, count: UInt8Vector, mixed: IntVector, pattern: IntVector,
+    above: BoolVector, corners: Int32Matrix, count: UInt8Vector, mixed: IntVector, pattern: UInt8Vector,
 ) -> None:
     """Enter the signs of each cell as its pattern; 0, which draws nothing, if it lacks some mixed leaves."""
     for cell in range(len(corners)):
@@ -204,7 +247,8 @@ def _enter_rows(
     for i in range(len(pattern)):
         axes = np.int64(cells.upper[i])
         mirrored = (axes ^ axes >> 1 ^ axes >> 2) & 1
-        for k in range(first[pattern[i]], first[pattern[i] + 1]):
+        signs = np.int64(pattern[i])
+        for k in range(first[signs], first[signs + 1]):
             for j in range(table.shape[1]):
                 low, high = table[k, j, 0], table[k, j, 1]
                 axis = (low ^ high) >> 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 
 WholeCells = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
+Pieces = Callable[[], Iterator[NDArray[np.int64]]]
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class Leaves:
     whole : callable, optional
         Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All
         do if not given.
+    pieces : callable, optional
+        On the full grid, yields the simplices some rows at a time; ``simplices`` and ``levels`` have none then.
     """
 
     shape: tuple[int, ...]
@@ -57,3 +60,4 @@ class Leaves:
     edge_offset: NDArray[np.float64]
     edge_room: NDArray[np.float64]
     whole: WholeCells | None = None
+    pieces: Pieces | None = None

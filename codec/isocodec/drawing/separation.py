@@ -18,7 +18,8 @@ def apart(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     Points at a sample that equals the isovalue would otherwise fall together: segments would have no length, triangles
     no area, and rings would touch. Moved into their edges they form the curve of a slightly higher isovalue.
     """
-    return np.clip(np.nan_to_num(ratio, nan=0.5), NEAR_END, 1 - NEAR_END)
+    out = np.nan_to_num(ratio, nan=0.5)
+    return np.clip(out, NEAR_END, 1 - NEAR_END, out=out)
 
 
 def single(points: NDArray[np.float64]) -> NDArray[np.float32]:

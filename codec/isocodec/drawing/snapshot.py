@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from ..grid.lattice.vertex_set import IN
 from ..grid.passes.runner import Tube
 from ..grid.tube.decoded import Decoded
 from ..grid.tube.holes import Holes
-from ..grid.tube.leaf_vertices import drawn, drawn_leaves
+from ..grid.tube.leaf_vertices import drawn, drawn_leaves, in_pieces
 from .leaves import Leaves
 from .rows import MaskRows
 
@@ -58,14 +59,24 @@ _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 1
 """Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
 _PLACED = {2: 120, 3: 135}
 """Bytes for each leaf of the full grid if the file states where the curve crosses each edge."""
+_IN_PIECES = {2: (90, 64, 24), 3: (30, 66, 24)}
+"""The same where leaves come in pieces."""
 _CORNERS, _CHILDREN = 8, 16
 """Most corners that a diamond makes known, and most children that it has."""
 
 
-def drawing_bytes(tube: Tube) -> int:
+def _in_pieces(tube: Tube) -> bool:
+    """Whether leaves need not be listed all at once: on the full grid, once it is complete."""
+    return tube.full and tube.settled
+
+
+def drawing_bytes(tube: Tube, listed: bool = False) -> int:
     """Most memory, in bytes, that `leaves_of` and the drawing take, including the result."""
-    vertex, leaf, edge = _DRAWN[tube.n, tube.full]
     est = tube.estimates
+    if not listed and _in_pieces(tube):
+        vertex, leaf, edge = _IN_PIECES[tube.n]
+        return vertex * tube.vertices + leaf * tube.simplices + edge * len(est.edges)
+    vertex, leaf, edge = _DRAWN[tube.n, tube.full]
     if tube.full and (est.has_values or (len(est.parts) > 0 and bool((est.parts > 1).all()))):
         leaf = _PLACED[tube.n]
     vertices, leaves = tube.vertices, tube.simplices if tube.settled else drawn_leaves(tube.state)
@@ -73,21 +84,27 @@ def drawing_bytes(tube: Tube) -> int:
     if coded:
         # diamonds of a round that goes on are bisected in a copy
         vertices, leaves = vertices + _CORNERS * coded, leaves + _CHILDREN * coded
-    listed = est.bytes_to_list(tube.state) if tube.settled else 0
-    return listed + vertex * vertices + leaf * leaves + edge * len(est.edges)
+    rows = est.bytes_to_list(tube.state) if tube.settled else 0
+    return rows + vertex * vertices + leaf * leaves + edge * len(est.edges)
 
 
 def leaves_of(
-    tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]], holes: Holes | None = None
+    tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]], holes: Holes | None = None,
+    listed: bool = True,
 ) -> Leaves:
     """Everything that drawing needs; ``value_of(number, above)`` converts numbers of steps to field values.
 
-    ``holes`` are those of a mask that was not used in coding the tube.
+    ``holes`` are those of a mask that was not used in coding the tube. Unless ``listed``, simplices of the full grid
+    come in pieces.
     """
     holes = holes or tube.holes
     st, est = tube.drawn_state(), tube.estimates
     count = int(st.counters.vertices)
-    rows, levels = est.leaves(st) if tube.settled else drawn(st)
+    pieces = None
+    if not listed and _in_pieces(tube):
+        rows, levels, pieces = np.zeros((0, tube.n + 1), np.int64), np.zeros(0, np.int64), partial(in_pieces, st)
+    else:
+        rows, levels = est.leaves(st) if tube.settled else drawn(st)
     above = st.vertex[:count, 3] != 0
     value = None
     if est.has_values:
@@ -98,6 +115,9 @@ def leaves_of(
         middle = np.ldexp(est.number + 0.5, est.left) - 0.5
         value[:known] = np.where(some, value_of(middle, above[:known]), np.nan)
     sent = est.parts > 1
+    edges, offset, parts = est.edges, est.offset, est.parts
+    if not sent.all():
+        edges, offset, parts = edges[sent], offset[sent], parts[sent]
     return Leaves(
         shape=tube.shape,
         isovalue=isovalue,
@@ -107,10 +127,11 @@ def leaves_of(
         simplices=rows,
         levels=levels,
         full=tube.full,
-        edges=est.edges[sent],
-        edge_offset=(est.offset[sent] + 0.5) / est.parts[sent],
-        edge_room=0.5 / est.parts[sent],
+        edges=edges,
+        edge_offset=(offset + 0.5) / parts,
+        edge_room=0.5 / parts,
         whole=holes.whole_cells if holes else None,
+        pieces=pieces,
     )
 
 

@@ -49,7 +49,9 @@ def ends_of(
 ) -> tuple[Contour, NDArray[np.int64]]:
     """Draw the contour of a tube; also returns the samples between which its points lie: see `draw_with_ends`."""
     budget.check(drawing_bytes(tube))
-    leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes)
+    leaves = leaves_of(
+        tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes, listed=False
+    )
     if through_holes:
         leaves = replace(leaves, whole=None)
     contour, ends = draw_with_ends(leaves, complete=complete, smooth=smooth)
@@ -107,7 +109,7 @@ def mesh_of(tube: Tube | None, n: int, budget: Budget) -> tuple[NDArray[np.int64
     """Positions and simplices of the crossed leaves of a tube's mesh with ``n`` axes."""
     if tube is None:
         return np.zeros((0, n), np.int64), np.zeros((0, n + 1), np.int64)
-    budget.check(drawing_bytes(tube))
+    budget.check(drawing_bytes(tube, listed=True))
     leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
     return leaves.position, leaves.simplices
 
@@ -119,7 +121,7 @@ def tessellation_of(
     """The mesh of a tube, with signs and levels: the mesh of the whole field, or only its crossed leaves."""
     if tube is None or header is None or tube.origin_above is None or (whole and tube.running == "base"):
         raise TruncatedError("too little has been received to know the mesh", code="truncated", clause="4.7")
-    budget.check(drawing_bytes(tube))
+    budget.check(drawing_bytes(tube, listed=True))
     if whole:
         state = state_of(tube)
         points, cells, levels = tessellated(tube.shape, tube.k, state.level, state.mesh, budget.check)

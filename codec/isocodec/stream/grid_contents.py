@@ -105,13 +105,20 @@ class GridContents:
         if chunk.type not in LAYER_CHUNKS:
             event = self.outline.read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
             self._begin(event)
+            self._end(chunk)
             return event
+        self._end(chunk)
         return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start) if skipped else None
 
     def drop(self) -> None:
         """See `Contents.drop`."""
         self.discard()
         self._mask.drop()
+
+    def _end(self, chunk: Envelope) -> None:
+        """Free what only further layers need, after the last chunk."""
+        if chunk.last:
+            self._strands.settle()
 
     def _begin(self, event: Event) -> None:
         """Begin what an event announces: a further isovalue, a series or a further frame."""

@@ -136,7 +136,7 @@ class Tubes:
             raise LimitError(
                 f"more than {self._limits.isovalues} isovalues", code="limit-isovalues", offset=offset, clause="11.2"
             )
-        self._settle()
+        self.settle()
         self._header = header
         before = self.progresses[-1] if self.progresses else Progress(0)
         if not self._is_wanted(number):
@@ -162,7 +162,7 @@ class Tubes:
         """Begin an isovalue of a further frame; the tubes of the previous frame are in ``before``."""
         if self.past:
             return
-        self._settle()
+        self.settle()
         number, lean = event.number, event.lean
         if not self._is_wanted(number):
             self.all.append(None)
@@ -182,7 +182,7 @@ class Tubes:
         for tube in self.before:
             if tube is not None:
                 self._budget.release(tube, tube.estimates)
-        self._settle()
+        self.settle()
         self.before[:], self._progresses_before = self.all, list(self.progresses)
         self.all.clear()
         self.progresses.clear()
@@ -226,7 +226,7 @@ class Tubes:
         self._layered.clear()
         self._sum[:] = 0
 
-    def _settle(self) -> None:
+    def settle(self) -> None:
         """Let the isovalues rest to which no further layers come, and those that have none yet."""
         for number in {*self._layered, *range(self._settled, len(self.all))}:
             tube = self.all[number]

@@ -47,7 +47,7 @@ class Crossings(NamedTuple):
     rising : (E,) bool
         Whether the upper end is above.
     earlier : (E, 2) int64
-        Number and parts at an earlier isovalue, 0 parts where it has none.
+        Number and parts at an earlier isovalue, 0 parts where it has none; no rows if there is no such isovalue.
     """
 
     edges: IntMatrix

@@ -22,7 +22,7 @@ class Beside(NamedTuple):
 
     Attributes
     ----------
-    grid : (V, n) int64
+    grid : (V, n) int32
         Number of the edge that leaves a vertex upwards along an axis, or -1; without rows for curves off the full grid.
     near : (V, 2) int64
         For each vertex, how far the crossings known on its edges lie from it, and their number; without rows on the
@@ -36,7 +36,7 @@ class Beside(NamedTuple):
         profile keeps it up to date.
     """
 
-    grid: IntMatrix
+    grid: Int32Matrix
     near: IntMatrix
     chain: IntMatrix
     links: Int32Matrix
@@ -45,8 +45,8 @@ class Beside(NamedTuple):
 
 def nothing_beside(n: int) -> Beside:
     """Tables without edges."""
-    grid, near, chain = (np.zeros((0, columns), np.int64) for columns in (n, 2, 4))
-    return Beside(grid, near, chain, _no_links(n), np.zeros(0, np.int64))
+    near, chain = (np.zeros((0, columns), np.int64) for columns in (2, 4))
+    return Beside(np.zeros((0, n), np.int32), near, chain, _no_links(n), np.zeros(0, np.int64))
 
 
 def _no_links(n: int) -> NDArray[np.int32]:
@@ -73,18 +73,18 @@ def beside_leaves(
     if n == 3:
         return Beside(_leaving(st, edges, n), near, np.zeros((0, 4), np.int64), _no_links(n), place)
     chain = _chain(rows @ (count, 1), edges @ (count, 1))
-    return Beside(np.zeros((0, n), np.int64), near, chain, _no_links(n), place)
+    return Beside(np.zeros((0, n), np.int32), near, chain, _no_links(n), place)
 
 
-def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int32]:
     """Find the edge that leaves a vertex upwards along an axis."""
-    index = np.full((int(st.counters.vertices), n), -1, np.int64)
+    index = np.full((int(st.counters.vertices), n), -1, np.int32)
     _enter_straight(st, edges, index)
     return index
 
 
 @kernel
-def _enter_straight(st: State, edges: IntMatrix, index: IntMatrix) -> None:
+def _enter_straight(st: State, edges: IntMatrix, index: Int32Matrix) -> None:
     """Enter the edges that run along an axis."""
     for i in range(len(edges)):
         axes, along = 0, 0

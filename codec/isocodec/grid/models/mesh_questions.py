@@ -15,7 +15,7 @@ from ..lattice.grid import edge_of, lattice, phase_of
 from ..lattice.store import get
 from ..lattice.vertex_set import IN, KEPT, OUT
 from ..tube.state import entry
-from .neighbourhood import PLANE, SPACE, anchor
+from .neighbourhood import PLANE, SPACE
 from .network_rows import MESH_AROUND, MESH_KIND, MESH_NET, MESH_ROW
 
 _MESH_2, _MESH_3 = MESH_ROW[2], MESH_ROW[3]
@@ -69,6 +69,13 @@ def nearby(st, diamond):
 
 
 @inlined
+def _anchor(st, edge, w0, w1, w2):
+    """Sign of the end of a middle's subdivision edge that lies at multiples of 4 g, 0 if it is not known."""
+    a0, a1, a2 = w0 - (1 - (w0 & 2)) * (w0 & 1), w1 - (1 - (w1 & 2)) * (w1 & 1), w2 - (1 - (w2 & 2)) * (w2 & 1)
+    return entry(st, (a0 * edge) >> 1, (a1 * edge) >> 1, (a2 * edge) >> 1) & 1
+
+
+@inlined
 def see_mesh(st, cd, question):
     """List what the main profile sees around a middle that may be in the mesh (spec clause 7.16)."""
     n = dimension(st.grid.tables)
@@ -83,7 +90,7 @@ def see_mesh(st, cd, question):
     edge = edge_of(st.grid, level)
     w0, w1, w2 = lattice(st.grid, level, question.x, question.y, question.z)
     key = (w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4
-    here = anchor(st, edge, w0, w1, w2)
+    here = _anchor(st, edge, w0, w1, w2)
     most = np.int64(1) << st.grid.exponent
     for i in range(MESH_AROUND):
         d = PLANE[key, i] if n == 2 else SPACE[key, i]

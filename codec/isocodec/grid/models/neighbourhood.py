@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from ...kernel import inlined, inner
 from ...kernel.flat import flat
+from ..lattice.access import corners as corner_count
 from ..lattice.access import dimension
 from ..lattice.grid import cycle_of
 from ..lattice.store import PAGES, full, page_or_first, put, wipe
-from ..tube.state import entry
+from ..lattice.tables import MOST_CORNERS, START, mesh_tables
 from .network_rows import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
 
 _FAR = {2: 10, 3: 6}
@@ -49,6 +50,25 @@ PLANE, SPACE = _table(2), _table(3)
 # the same as one number: differences of x * 64 + y, and of x * 1024 + y * 32 + z
 _PLANE_AT = (PLANE[..., 0] * 64 + PLANE[..., 1]).astype(np.int16)
 _SPACE_AT = (SPACE[..., 0] * 1024 + SPACE[..., 1] * 32 + SPACE[..., 2]).astype(np.int16)
+
+
+def _corners(n: int) -> NDArray[np.int64]:
+    """Corners of diamonds, by their middles' coordinates modulo 4: which of the vertices of the lists they are."""
+    t, table = mesh_tables(n), PLANE if n == 2 else SPACE
+    found = np.zeros((4**n, MOST_CORNERS), np.int64)
+    for r in range(n):
+        kinds = t[START["KIND"] + 64 * r :][: 4**n]
+        for key in np.flatnonzero(kinds >= 0):
+            kind = int(kinds[key])
+            corner = t[START["CORNER"] + kind * MOST_CORNERS * 3 :][: 3 * t[START["CORNERS"] + kind]].reshape(-1, 3)
+            from_middle = corner - (int(key) >> np.array([0, 2, 4]) & 3)
+            same = (table[key][None] == from_middle[:, None]).all(axis=2)
+            assert same.any(axis=1).all(), "a corner is among the nearest vertices"
+            found[key, : len(corner)] = same.argmax(axis=1)
+    return found
+
+
+CORNER_2, CORNER_3 = _corners(2), _corners(3)
 _REACH_2, _REACH_3 = int(abs(PLANE).max()), int(abs(SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
 _FIRST_2, _FIRST_3 = AROUND_SUM[2], AROUND_SUM[3]
@@ -123,25 +143,34 @@ def _as_differences(near, count):
 
 
 @inlined
+def _short(number):
+    """A number in 32 bits: a vector has twice as many of them. So many places the board may have."""
+    return np.int32(number)
+
+
+@inlined
 def _places_2(near, table, at, out):
     """Places on the board of so many vertices, given from the corner of two by two pages, a coordinate in 6 bits."""
-    n0, n1, n2, n3 = near[0], near[1], near[2], near[3]
+    n0, n1, n2, n3 = _short(near[0]), _short(near[1]), _short(near[2]), _short(near[3])
+    at = _short(at)
     for i in range(len(table)):
-        s = at + np.int64(table[i])
-        y, x = -(s >> 5 & 1), -(s >> 11 & 1)
-        page = n0 ^ (y & n1) ^ (x & n2) ^ (x & y & n3)
-        out[i] = page << 10 | (s >> 1 & 0x3E0) | (s & 31)
+        s = _short(at + table[i])
+        y, x = _short(-_short(s >> 5 & 1)), _short(-_short(s >> 11 & 1))
+        page = _short(n0 ^ (y & n1) ^ (x & n2) ^ (x & y & n3))
+        out[i] = _short(page << 10) | _short(s >> 1 & 0x3E0) | _short(s & 31)
 
 
 @inlined
 def _places_3(near, table, at, out):
     """Places for n = 3, a coordinate in 5 bits."""
-    n0, n1, n2, n3, n4, n5, n6, n7 = near[0], near[1], near[2], near[3], near[4], near[5], near[6], near[7]
+    n0, n1, n2, n3 = _short(near[0]), _short(near[1]), _short(near[2]), _short(near[3])
+    n4, n5, n6, n7 = _short(near[4]), _short(near[5]), _short(near[6]), _short(near[7])
+    at = _short(at)
     for i in range(len(table)):
-        s = at + np.int64(table[i])
-        z, y, x = -(s >> 4 & 1), -(s >> 9 & 1), -(s >> 14 & 1)
-        page = n0 ^ (z & (n1 ^ (y & n3))) ^ (y & n2) ^ (x & (n4 ^ (z & (n5 ^ (y & n7))) ^ (y & n6)))
-        out[i] = page << 12 | (s >> 2 & 0xF00) | (s >> 1 & 0xF0) | (s & 15)
+        s = _short(at + table[i])
+        z, y, x = _short(-_short(s >> 4 & 1)), _short(-_short(s >> 9 & 1)), _short(-_short(s >> 14 & 1))
+        page = _short(n0 ^ (z & (n1 ^ (y & n3))) ^ (y & n2) ^ (x & (n4 ^ (z & (n5 ^ (y & n7))) ^ (y & n6))))
+        out[i] = _short(page << 12) | _short(s >> 2 & 0xF00) | _short(s >> 1 & 0xF0) | _short(s & 15)
 
 
 @inlined
@@ -157,13 +186,6 @@ def _listed(cells, row, count, first, mirror, places):
         first += PATTERNS
         count += 1
     return count
-
-
-@inlined
-def anchor(st, edge, w0, w1, w2):
-    """Sign of the end of a middle's subdivision edge that lies at multiples of 4 g, 0 if it is not known."""
-    a0, a1, a2 = w0 - (1 - (w0 & 2)) * (w0 & 1), w1 - (1 - (w1 & 2)) * (w1 & 1), w2 - (1 - (w2 & 2)) * (w2 & 1)
-    return entry(st, (a0 * edge) >> 1, (a1 * edge) >> 1, (a2 * edge) >> 1) & 1
 
 
 @inlined
@@ -187,28 +209,53 @@ def _window(st, q0, q1, q2):
 
 
 @inlined
-def see_around(st, cd, r, w0, w1, w2):
-    """List the known vertices around a middle as rows; returns the sign that they are relative to.
+def _key(w0, w1, w2):
+    """A middle's coordinates modulo 4, as one number."""
+    return (w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4
 
-    That is the sign of the end of the subdivision edge at multiples of 4 g. The board has been surveyed.
-    """
-    here = anchor(st, st.counters.edge, w0, w1, w2)
-    board, row = st.board, cd.blend.row
+
+@inlined
+def look_around(st, w0, w1, w2):
+    """Find the places on the board of the vertices around a middle. The board has been surveyed."""
     near = st.window[_PAGES : _PAGES + 8]
     p0, p1, p2 = w0 + _MARGIN, w1 + _MARGIN, w2 + _MARGIN
     if dimension(st.grid.tables) == 2:
-        places = st.scratch[:_COUNT_2]
         q0, q1 = (p0 - _REACH_2) >> 5, (p1 - _REACH_2) >> 5
         _window(st, q0, q1, np.int64(0))
-        table = _PLANE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2)]
-        _places_2(near, table, (p0 - (q0 << 5)) << 6 | (p1 - (q1 << 5)), places)
+        _places_2(near, _PLANE_AT[np.uint64(_key(w0, w1, w2))], (p0 - (q0 << 5)) << 6 | (p1 - (q1 << 5)), st.place)
     else:
-        places = st.scratch[:_COUNT_3]
         q0, q1, q2 = (p0 - _REACH_3) >> 4, (p1 - _REACH_3) >> 4, (p2 - _REACH_3) >> 4
         _window(st, q0, q1, q2)
-        table = _SPACE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4)]
         at = (p0 - (q0 << 4)) << 10 | (p1 - (q1 << 4)) << 5 | (p2 - (q2 << 4))
-        _places_3(near, table, at, places)
-    first = _FIRST_2 + r * _SUMS_2 if dimension(st.grid.tables) == 2 else _FIRST_3 + r * _SUMS_3
-    row[0] = _listed(flat(board.pages), row, row[0] + 1, first, _MIRROR[np.uint64(here)], places) - 1
-    return here
+        _places_3(near, _SPACE_AT[np.uint64(_key(w0, w1, w2))], at, st.place)
+
+
+@inlined
+def corners_around(st, diamond, corners):
+    """Bits of the corners that are known, and of the known ones above; `look_around` has found them.
+
+    ``corners`` are bits of those that exist.
+    """
+    key = np.uint64(_key(diamond.w0, diamond.w1, diamond.w2))
+    cells = flat(st.board.pages)
+    known = above = np.int64(0)
+    plane = dimension(st.grid.tables) == 2
+    for i in range(corner_count(st.grid.tables, diamond.kind)):
+        at = CORNER_2[key, np.uint64(i)] if plane else CORNER_3[key, np.uint64(i)]
+        cell = np.int64(cells[np.uint64(st.place[np.uint64(at)])])
+        known |= np.int64(cell != 0) << i
+        above |= (cell >> 1) << i
+    return known & corners, above & corners
+
+
+@inlined
+def see_around(st, cd, r, here):
+    """List the known vertices around a middle, as `look_around` has found them, as rows.
+
+    They are relative to the sign ``here``, that of the end of the subdivision edge at multiples of 4 g.
+    """
+    row = cd.blend.row
+    plane = dimension(st.grid.tables) == 2
+    first = _FIRST_2 + r * _SUMS_2 if plane else _FIRST_3 + r * _SUMS_3
+    places = st.place[:_COUNT_2] if plane else st.place[:_COUNT_3]
+    row[0] = _listed(flat(st.board.pages), row, row[0] + 1, first, _MIRROR[np.uint64(here)], places) - 1

@@ -117,12 +117,13 @@ def expected_sign(st, diamond, seen):
 
 
 @inlined
-def see_middle(st, cd, diamond, expected, before):
+def see_middle(st, cd, diamond, seen, expected, before):
     """List what the main profile sees around a middle (spec clause 7.12); whether its rows speak of the bit 0."""
     plane = dimension(st.grid.tables) == 2
     r, crossed = diamond.phase, expected.crossed
     clear(cd)
-    here = see_around(st, cd, r, diamond.w0, diamond.w1, diamond.w2)
+    here = anchored(st, diamond, seen)
+    see_around(st, cd, r, here)
     target = expected.guess if crossed else 1 - expected.guess
     manner = _FIRST_2[np.uint64(r)] + _MANNER_2 if plane else _FIRST_3[np.uint64(r)] + _MANNER_3
     see(cd, manner + min(bits(st.counters.edge) - 1, 8))
@@ -152,11 +153,11 @@ def context_of(expected, before):
 
 
 @inlined
-def code_middle(st, cd, diamond, expected, before, context, bit):
+def code_middle(st, cd, diamond, seen, expected, before, context, bit):
     """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``."""
     if not mixing(cd):
         return code(cd, context, bit)
-    flip, kind = see_middle(st, cd, diamond, expected, before)
+    flip, kind = see_middle(st, cd, diamond, seen, expected, before)
     x, y, z = middle_position(diamond)
     target = expected.guess if expected.crossed else 1 - expected.guess
     spot = Spot(x, y, z, st.counters.edge)

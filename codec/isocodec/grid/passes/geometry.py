@@ -282,9 +282,9 @@ class Estimates:
 
         On longer edges the order of crossings is not certain: each isovalue may have several.
         """
-        out = np.zeros((len(self.edges), 2), np.int64)
         if self._lean is None or not len(self._lean[0].edges):
-            return out
+            return np.zeros((0, 2), np.int64)
+        out = np.zeros((len(self.edges), 2), np.int64)
         earlier, other = self._lean[0], self._lean[1]()
         ends = np.empty((2, len(self.edges)), np.int64)
         for i in (0, 1):

@@ -33,7 +33,7 @@ def radix_of(length, parts, target, unit):
 @inlined
 def _leans(crossings, i):
     """Whether edge i is crossed at an earlier isovalue, too, and a digit of it counts from there."""
-    return crossings.parts[i] == 1 and crossings.earlier[i, 1] > 0
+    return len(crossings.earlier) > 0 and crossings.parts[i] == 1 and crossings.earlier[i, 1] > 0
 
 
 @inlined

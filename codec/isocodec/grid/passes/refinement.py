@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...entropy.mixer import mixing
 from ...entropy.range_coder import ENCODE, ONE, Coder, code
 from ...kernel import BAD, DONE, GROW, inlined, kernel
 from ...kernel.types import Int32Matrix, IntMatrix, IntVector
 from ..lattice.access import below, dimension, middle, twins, vertex
-from ..lattice.diamond import diamond_at, middle_position
+from ..lattice.diamond import diamond_at, existing, middle_position
 from ..lattice.grid import clamped, cycle_of, phase_of
 from ..lattice.order import key_bits, order_key, point_of, sort
 from ..lattice.simplex import middle_at
@@ -21,6 +22,7 @@ from ..lattice.store import get, put, spot
 from ..lattice.vertex_set import IN, KEPT, has
 from ..models import contexts as ctx
 from ..models.mesh_questions import OF_LEAF, Question, ask, nearby
+from ..models.neighbourhood import corners_around, look_around
 from ..models.refinement_signs import (
     Before,
     anchored,
@@ -53,6 +55,18 @@ TORN = 7
 """Error: two diamonds give a corner different signs."""
 _KNOWN, _CORNERS, _WHOLE = 12, 12, 24
 """Bits of a row of ``State.active`` at which what is known begins, behind the signs, and corners, behind members."""
+
+
+@inlined
+def _look(st, cd, diamond):
+    """Look up what is known of a diamond: in the main profile on the board."""
+    if not mixing(cd):
+        return look(st, diamond)
+    w0, w1, w2 = diamond.w0, diamond.w1, diamond.w2
+    whole, members, corners = existing(st.grid, diamond.edge, diamond.phase, diamond.kind, w0, w1, w2)
+    look_around(st, w0, w1, w2)
+    known, above = corners_around(st, diamond, corners)
+    return Known(whole, members, corners, known, above)
 
 
 @inlined
@@ -153,7 +167,7 @@ def _sign(st, cd, diamond, seen):
     before = Before(other, apart)
     context = context_of(expected, before)
     likely = np.int64(cd.prob[np.uint64(context)] > ONE >> 1)
-    bit = code_middle(st, cd, diamond, expected, before, context, bit)
+    bit = code_middle(st, cd, diamond, seen, expected, before, context, bit)
     if bit < 0:
         return bit
     right = bit == crossed
@@ -247,7 +261,7 @@ def _signs(st, cd):
             if state & KEPT:
                 st.counters.coded += 1
                 continue
-        seen = _assumed(st, diamond, look(st, diamond))
+        seen = _assumed(st, diamond, _look(st, cd, diamond))
         x, y, z = clamped(st.grid, *middle_position(diamond))
         page, cell = spot(st.known, x, y, z)
         e = np.int64(st.known.pages[np.uint64(page), np.uint64(cell)])

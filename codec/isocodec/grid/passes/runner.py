@@ -24,7 +24,7 @@ from ..lattice.order import COUNTS, in_order
 from ..lattice.store import PAGES, copied, get, new_store, size_of
 from ..lattice.tables import cube_exponent
 from ..lattice.vertex_set import IN, Chosen, finest_level
-from ..tube.capacity import NOTHING, at_rest, first_state, no_lean, state_bytes, wider_state
+from ..tube.capacity import NOTHING, at_rest, first_state, no_lean, state_bytes, wider_state, without_rounds
 from ..tube.holes import Holes
 from ..tube.leaf_list import one_by_one
 from ..tube.softened import softened
@@ -451,6 +451,9 @@ class Tube:
 
     def _end_mesh(self) -> None:
         self.state.counters.meshes += 1
+        if self.full:
+            self.state = without_rounds(self.state)
+            self._hold(state_bytes(self.state, self._mark), 0)
 
     def _grow(self) -> None:
         self.state, self._mark = wider_state(
@@ -470,9 +473,11 @@ class Tube:
         self.lean = self.truth = None
         # the models of one that has no layers may be those of others
         self.coder = put_away(self.coder) if self.begun else self.coder
+        # one after the other: what is kept is copied
+        self.estimates.rest()
+        self.state = without_rounds(self.state)
         self.state = at_rest(self.state)
         self._mark = no_lean(self.n).known
-        self.estimates.rest()
         self._hold(state_bytes(self.state, self._mark), 0)
 
 

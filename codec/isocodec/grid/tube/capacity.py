@@ -37,8 +37,8 @@ from .state import (
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
-MOST_LEVELS, MOST_POINTS = 80, 20
-"""Turns of a path, and points of a curve that are remembered, at most."""
+MOST_LEVELS, MOST_POINTS, MOST_AROUND, SCRATCH = 80, 20, 112, 128
+"""Turns of a path, points of a curve and vertices around a middle that are remembered, and passing numbers, at most."""
 ROWS = 2048
 STEP_GATES = 128
 """Gates for which a base's stack has room after it has grown: many more than a step pushes."""
@@ -75,6 +75,9 @@ def first_state(
     counters.masked = hole is not None
     base = BaseWalk()
     base.last_root = -1
+    turns, trail, early, candidates, window, scratch, stack = (
+        np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, SCRATCH, STACK)
+    )
     return State(
         grid_of(shape), counters, np.zeros(len(ELEMENTS) + 2, np.int64), np.full(2, MOSTLY, np.int64),
         np.zeros(2, np.int64), new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
@@ -83,7 +86,7 @@ def first_state(
         no_lean(n).known,
         np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
-        *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, 128, STACK)),
+        turns, trail, early, candidates, window, np.zeros(MOST_AROUND, np.int32), scratch, stack,
     )
 
 
@@ -172,18 +175,23 @@ def wider_state(
     return st._replace(**larger), resized(mark, visited)
 
 
+def without_rounds(st: State) -> State:
+    """The state without what only rounds of refinement need: on the full grid there are none."""
+    first = _first_arrays(int(st.grid.tables[0]))
+    return st._replace(below=st.below[:0].copy(), crowd=first.crowd, board=first.board)
+
+
 def at_rest(st: State) -> State:
     """Copy the state without what only further layers need; the mesh, and what others may lean on, stays.
 
     What is kept is as long as it needs to be: a file may have thousands of isovalues.
     """
     n, counters = int(st.grid.tables[0]), st.counters
-    first = _first_arrays(n)
-    return st._replace(
+    return without_rounds(st)._replace(
         known=_trimmed(st.known), mesh=_trimmed(st.mesh), vertex=st.vertex[: counters.vertices].copy(),
-        leaf=st.leaf[: counters.leaves].copy(), below=st.below[:0].copy(), active=st.active[:0].copy(),
+        leaf=st.leaf[: counters.leaves].copy(), active=st.active[:0].copy(),
         path=st.path[:0].copy(), stack=st.stack[:0].copy(), soft=no_lean(n).known, lean=no_lean(n),
-        truth=np.zeros((0, 0, 0), np.bool_), crowd=first.crowd, board=first.board, chosen=first.chosen,
+        truth=np.zeros((0, 0, 0), np.bool_), chosen=_first_arrays(n).chosen,
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,11 @@ from .state import (
     corner_entry,
     entry,
 )
+
+_PIECE = 1 << 10
+"""Rows of the list of leaves that are looked up at a time."""
+_CHILDREN = {2: 4, 3: 16}
+"""Leaves in a row at most: the children of a diamond."""
 
 
 @kernel
@@ -60,6 +67,18 @@ def vertex_numbers(
                 rows += 1
             c += 1
     return rows
+
+
+def in_pieces(st: State) -> Iterator[NDArray[np.int64]]:
+    """Vertex numbers of the leaves of a mesh that is settled, some rows at a time, each in the place of those before.
+    """
+    number = np.empty(MOST_CORNERS + 1, np.int64)
+    n = int(dimension(st.grid.tables))
+    room = _CHILDREN[n] * min(_PIECE, st.counters.leaves)
+    rows, levels = np.empty((room, n + 1), np.int64), np.empty(room, np.int64)
+    for first in range(0, st.counters.leaves, _PIECE):
+        some = st.leaf[first : min(first + _PIECE, st.counters.leaves)]
+        yield rows[: vertex_numbers(st, some, len(some), number, rows, levels)]
 
 
 def drawn_leaves(st: State) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from isospec.elements import ELEMENTS
 
 from ...kernel import inlined, record
-from ...kernel.types import BoolVolume, Int32Matrix, IntMatrix, IntVector, Registers
+from ...kernel.types import BoolVolume, Int32Matrix, Int32Vector, IntMatrix, IntVector, Registers
 from ..lattice.access import vertex
 from ..lattice.grid import Grid, clamped, position
 from ..lattice.store import Bytes, Store, full, get, spot
@@ -255,6 +255,7 @@ class State(NamedTuple):
     early: IntVector  # first points of the component, likewise
     candidates: IntVector  # for a crossing, see models.crossing_candidates
     window: IntVector  # the pages of the board around the last middle, see models.neighbourhood
+    place: Int32Vector  # where the vertices around it lie on the board
     scratch: IntVector  # a step's intermediate results
     stack: IntVector  # of the running pass
 

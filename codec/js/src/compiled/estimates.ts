@@ -63,7 +63,7 @@ export class Estimates {
     this.leafRows = m.array("int64", [0, n + 1]);
     this.leafLevels = none;
     this.rising = m.array("bool", [0]);
-    this.beside = { grid: m.array("int64", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), links: this.noLinks(), place: none };
+    this.beside = { grid: m.array("int32", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), links: this.noLinks(), place: none };
   }
 
   /** Another array in the place of one that goes. */
@@ -339,7 +339,7 @@ export class Estimates {
     this.rising = m.array("bool", [0]);
     this.earlierParts = m.array("int64", [0, 2]);
     this.leafRows = m.array("int64", [0, n + 1]);
-    this.beside = { grid: m.array("int64", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), links: this.noLinks(), place: this.none };
+    this.beside = { grid: m.array("int32", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), links: this.noLinks(), place: this.none };
     this.activeMesh = this.edgesMesh = this.leavesMesh = -1;
   }
 

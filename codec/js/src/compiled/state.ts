@@ -61,6 +61,7 @@ export interface State {
   readonly early: Arr;
   readonly candidates: Arr;
   readonly window: Arr;
+  readonly place: Arr;
   readonly scratch: Arr;
   readonly stack: Arr;
 }
@@ -79,6 +80,8 @@ const VERTICES = 16, LEAVES = 24, CELLS = 26, GATES = 128;
 const MOST_LEAVES = 2 ** 28;
 /** Entries of turns, trail, early points, candidates, window, scratch. */
 const SIZES = [80, 40, 40, 80, 10, 128];
+/** Vertices around a middle that the main profile sees. */
+const AROUND = 112;
 
 /** States of a file: what all of them share. */
 export class States {
@@ -113,7 +116,7 @@ export class States {
       active: m.array("int32", [0, 5]), mesh: newStore(m, n), crowd: newCounts(m, n), board: newBoard(m, n), path: m.array("int64", [ANCESTORS, 4]), chosen: this.chosen,
       lean: lean ?? noLean, hole: noLean, soft: noLean.known, truth: m.array("bool", [0, 0, 0]), base,
       refinement: m.registers("RefinementWalk"), tree: m.registers("TreeWalk"), value: m.registers("ValueWalk"), digit: m.registers("DigitWalk"),
-      turns, trail, early, candidates, window, scratch, stack: m.array("int64", [STACK]),
+      turns, trail, early, candidates, window, place: m.array("int32", [AROUND]), scratch, stack: m.array("int64", [STACK]),
     };
   }
 
@@ -168,6 +171,6 @@ export class States {
     for (const store of [st.known, st.mesh, st.crowd, st.board, st.soft]) if (!shared.includes(store)) release(m, store);
     const walks = [st.counters, st.base, st.refinement, st.tree, st.value, st.digit].map((walk) => walk.array);
     for (const array of [...walks, st.tally, st.calm, st.valueBits, st.vertex, st.leaf, st.below, st.active, st.path, st.turns, st.trail, st.early,
-      st.candidates, st.window, st.scratch, st.stack]) m.release(array);
+      st.candidates, st.window, st.place, st.scratch, st.stack]) m.release(array);
   }
 }
