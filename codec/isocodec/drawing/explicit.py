@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +12,9 @@ from .simplices import simplex_table
 
 
 def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Crossed edges of triangles (L, 3), whose ends lie on different sides: (E, 2), lower vertex first, sorted."""
-    ends = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    """Crossed edges of simplices (L, n + 1), whose ends lie on different sides: (E, 2), lower vertex first, sorted."""
+    pairs = [*combinations(range(cells.shape[1]), 2)]
+    ends = np.sort(cells[:, pairs].reshape(-1, 2), axis=1)
     return np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
 
 
