@@ -148,7 +148,7 @@ def thin(
     if contours is not None:
         assert tolerance is not None
         assert field is not None
-        return found(near_contours(given, field, contours, float(tolerance), lambda each: len(file(each))))
+        return found(near_contours(given, field, contours, float(tolerance)))
     if to is not None:
         return found(best(given, int(to), step))
     assert size is not None

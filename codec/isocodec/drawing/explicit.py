@@ -15,7 +15,9 @@ def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray
     """Crossed edges of simplices (L, n + 1), whose ends lie on different sides: (E, 2), lower vertex first, sorted."""
     pairs = [*combinations(range(cells.shape[1]), 2)]
     ends = np.sort(cells[:, pairs].reshape(-1, 2), axis=1)
-    return np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
+    ends = ends[above[ends[:, 0]] != above[ends[:, 1]]]
+    # sorted as one number each, which is much faster than as pairs
+    return np.stack(np.divmod(np.unique(ends[:, 0] * np.int64(len(above)) + ends[:, 1]), len(above)), axis=1)
 
 
 def surface_contour(

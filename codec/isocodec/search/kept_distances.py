@@ -91,7 +91,10 @@ def keep(promise: Promise, plan: Sequence[Entry], meshes: Sequence[PlannedMesh])
     ends = {geometry_end(plan, each.entry): number for number, each in enumerate(meshes) if each.distance is not None}
     for _ in range(MOST_REPAIRS * len(ends)):
         failed = False
-        for end, contour in promise.after_entries(out, ends).items():
+        # how many bits values have depends on the layers that follow
+        whole = any(each[0] == LayerKind.VALUES for each in out)
+        tried = out if whole else out[: max(ends) + 1]
+        for end, contour in promise.after_entries(tried, ends).items():
             number = ends[end]
             distance = meshes[number].distance
             assert distance is not None
