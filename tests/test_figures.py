@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from isocodec.field.samples import check_field
+from isocodec.search.original import original
+from isocodec.search.proof import hausdorff
 from isocodec.stream.inspect import inspect
 
 pytest.importorskip("matplotlib")
@@ -17,6 +20,7 @@ import isocodec
 from commands import HILLS
 from figures.corpus import by_bytes, ends, stages
 from figures.planes import draw_mesh
+from figures.surfaces import COARSE, FINE, PARTS, PLAN, steps_of
 from figures.walk import path_of, small_field, symbols_of
 
 
@@ -62,3 +66,16 @@ def test_all_sides_of_a_mesh_are_drawn_once() -> None:
     corners = ([0, 1], [1, 2], [2, 0])
     sides = {frozenset(map(tuple, mesh.points[cell[two]])) for cell in mesh.cells for two in corners}
     assert found == sides
+
+
+def test_the_surface_paper_figure_8_keeps_its_thresholds() -> None:
+    """A knotted tube and a slab with edges: what is drawn of them with geometry lies within both thresholds."""
+    z, y, x = np.mgrid[:30, :34, :38] - np.array([14.2, 16.7, 18.1])[:, None, None, None]
+    ring = np.hypot(np.hypot(y, x) - 9 - np.sin(3 * np.arctan2(y, x)), z) - 3.1
+    slab = np.maximum(np.maximum(abs(z) - 8.3, abs(y) - 7.2), abs(x + y / 3) - 9.4)
+    for field in (ring, slab):
+        data = isocodec.encode(field, 0.0, layers=PLAN.format(coarse=COARSE, parts=PARTS))
+        whole = original(check_field(field, 0.0))
+        found = [stage.decoder.contour() for stage in stages(data, steps_of(data))]
+        for contour, threshold in ((found[1], COARSE), (found[3], FINE)):
+            assert max(hausdorff(whole.points, whole.cells, contour.points, contour.cells)) <= threshold + 0.01

@@ -337,3 +337,30 @@ def test_profiles_are_those_asked_for(kind: str, profile: Any, tiles: bytes) -> 
         with pytest.raises(OptionError, match="profile") if refused else nullcontext():
             made = isocodec.merge([data, more], profile=profile) if way == "merge" else file.edited(profile=profile)
             assert isocodec.open(made).info.profile == profile
+
+
+@pytest.mark.parametrize("profile", get_args(ProfileName))
+@pytest.mark.parametrize("kind", KINDS)
+def test_profiles_of_new_files(kind: str, profile: Any, tmp_path: Path) -> None:
+    """A new file has the profile that was asked for, or the kind that cannot have it refuses it by name."""
+    refused = profile != "main" and kind in ("mesh", "surface")
+    with pytest.raises(OptionError, match=f"profile '{profile}'") if refused else nullcontext():
+        if kind == "tiles":
+            isocodec.save(tmp_path / "a.iso", HILL, LEVELS, tile=32, profile=profile)
+            assert isocodec.open(tmp_path / "a.iso").info.profile == profile
+        else:
+            what: Any = field_of(kind)
+            if kind == "series":
+                what = Frames([what, what])
+            if kind == "surface":
+                what = isocodec.thin(what, to=9)
+            data = isocodec.encode(what, None if kind == "surface" else level_of(kind), profile=profile)
+            assert isocodec.open(data).info.profile == profile
+
+
+def test_merged_series_keep_their_profile() -> None:
+    files = [isocodec.encode(Frames([HILL, OTHER]), isovalue, profile="baseline") for isovalue in LEVELS]
+    with pytest.raises(OptionError, match=r"profile 'main'.*baseline"):
+        isocodec.merge(files, profile="main")
+    for made in (isocodec.merge(files), isocodec.merge(files, profile="baseline")):
+        assert isocodec.open(made).info.profile == "baseline"

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
+from scipy.ndimage import gaussian_filter
 
 import isocodec
 from commands import BALL, HILLS, fails, ok
@@ -14,6 +16,7 @@ from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
 from isocodec.grid.layers.plan import Criteria
+from isocodec.search.original import original
 from isocodec.search.promise import Promise
 from isocodec.stream.plan_file import __doc__ as LANGUAGE
 from isocodec.stream.plan_file import check_plan, read_plan
@@ -101,7 +104,7 @@ def test_bits_left_are_never_more_than_there_are() -> None:
 
 @pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
 def test_adaptive_meshes_by_criteria_come_to_the_field(field: np.ndarray, isovalue: float) -> None:
-    text = "adaptive-base topology distortion=2\noffsets 3 unit=1\nadapt distortion=0.5\nrefine 2\nrefine\nvalues"
+    text = "adaptive-base topology distortion=2\noffsets 3 unit=1\nadapt distortion=0.8\nrefine 2\nrefine\nvalues"
     data = isocodec.encode(field, isovalue, layers=text)
     assert np.array_equal(isocodec.open(data).above(), field > isovalue)
     whole, own = isocodec.encode(field, isovalue, precision="exact"), isocodec.decode(data)
@@ -111,12 +114,79 @@ def test_adaptive_meshes_by_criteria_come_to_the_field(field: np.ndarray, isoval
 def test_meshes_are_those_of_the_reduction_each_part_of_the_next() -> None:
     promise = Promise(check_field(HILLS, 60.5))
     fine = promise.reduction()
-    fine.reduce(distortion=0.25, original=promise.target(0.25), coarsest=3)
+    bends = promise.curvature()
+    fine.reduce(curvature=bends, kappa=0.1, coarsest=3)
     coarse = promise.reduction(fine.chosen)
-    coarse.reduce(topology=True, distortion=2, original=promise.target(2), coarsest=2)
+    coarse.reduce(topology=True, curvature=bends, kappa=0.4, coarsest=2)
     expected = [("base", 2), ("adapt", 1, coarse.chosen), ("refine", 1), ("adapt", 1, fine.chosen)]
-    text = "base 2\nadapt topology distortion=2\nrefine 1\nadapt distortion=0.25"
+    text = "base 2\nadapt topology curvature=0.4\nrefine 1\nadapt curvature=0.1"
     assert isocodec.encode(HILLS, 60.5, layers=text) == isocodec.encode(HILLS, 60.5, layers=expected)
+
+
+def far_by_shapely(data: bytes, layers: int | None, field: np.ndarray, isovalue: float) -> float:
+    """How far the curve after some layers and that of the field lie apart, at most, both ways."""
+    own = isocodec.open(data).contour(isovalue, layers=layers)
+    lines = [shapely.MultiLineString([*each.points[each.cells]])
+             for each in (own, original(check_field(field, isovalue)))]
+    return max(
+        float(shapely.distance(shapely.points(shapely.get_coordinates(one.segmentize(0.05))), other).max())
+        for one, other in (lines, lines[::-1])
+    )
+
+
+DISTANCES = [
+    ("adaptive-base distortion=2", None), ("adaptive-base topology distortion=1", None),
+    ("adaptive-base distortion=1.5\noffsets 3", None),
+    ("adaptive-base distortion=1\noffsets 3 unit=1\noffsets 3", None),
+    ("adaptive-base distortion=2\nvalues", 0.25), ("adaptive-base topology distortion=1\nvalues 4", None),
+    ("base 4\nadapt distortion=2\noffsets 9\nadapt distortion=0.5\noffsets 9", None),
+    ("base 3\nadapt distortion=3\nadapt distortion=0.8 topology\nvalues", None),
+    ("base 4\nrefine 1\nadapt distortion=1\nvalues 3\nadapt distortion=0.5\nvalues", 0.5),
+]
+"""Plans, and the step of values, if the field is one of floats."""
+
+
+@pytest.mark.parametrize(("text", "step"), DISTANCES)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_distortion_keeps_its_distance(text: str, step: float | None, seed: int) -> None:
+    """The curve lies within each distance once the geometry behind its line is decoded, as measured by shapely."""
+    noise = gaussian_filter(np.random.default_rng(seed).normal(size=(47, 58)), 3)
+    field = 100 * noise / noise.std()
+    if step is None:
+        field = np.rint(field).astype(np.int32)
+    options = {} if step is None else {"precision": f"step={step}"}
+    data = isocodec.encode(field, 20.5, layers=text, **options)
+    kinds = [layer.kind for layer in isocodec.open(data).info.layers]
+    wanted = [float(word.partition("=")[2]) for word in text.split() if word.startswith("distortion=")]
+    begins = [i for i, kind in enumerate(kinds) if kind in ("adaptive_base", "adapt")]
+    assert len(begins) == len(wanted)
+    for begin, distance in zip(begins, wanted, strict=True):
+        end = begin
+        while end + 1 < len(kinds) and kinds[end + 1] in ("values", "offsets"):
+            end += 1
+        assert 0 < far_by_shapely(data, end + 1, field, 20.5) <= distance + 1e-6
+
+
+def test_distances_of_further_isovalues_are_kept() -> None:
+    """With what they know from an earlier one; and on leaves of its mesh."""
+    noise = gaussian_filter(np.random.default_rng(2).normal(size=(50, 44)), 3)
+    field = np.rint(100 * noise / noise.std()).astype(np.int32)
+    texts = {
+        20.5: "base 3\nadapt distortion=1\nvalues 4", 40.5: "adaptive-base distortion=1\nvalues",
+        -30.5: "leaf-base\nadapt distortion=0.7\nvalues",
+    }
+    plans = "\n".join(f"isovalue {isovalue}\n{text}" for isovalue, text in texts.items())
+    data = isocodec.encode(field, layers=plans)
+    assert isocodec.open(data).info.leans[1:] != [None, None]
+    for isovalue, distance in zip(texts, (1, 1, 0.7), strict=True):
+        assert far_by_shapely(data, None, field, isovalue) <= distance + 1e-6
+
+
+def test_distances_that_cannot_be_kept() -> None:
+    """Signs alone place crossings in the middle of edges; a level may be too coarse."""
+    for text, line in (("base 2\nadapt distortion=0.2", 2), ("adaptive-base level=4 distortion=1\nvalues", 1)):
+        with pytest.raises(OptionError, match=rf"^line {line}, .*distortion of"):
+            isocodec.encode(HILLS, 60.5, layers=text)
 
 
 def test_one_criterion_is_that_of_encode() -> None:

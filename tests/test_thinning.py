@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+import shapely
 
 import isocodec
 from commands import fails, ok, run
@@ -202,7 +203,7 @@ def test_command(tmp_path):
         assert told["error"] <= 2
         assert told["points"] + told["removed"] == 2000
     with np.load(tmp_path / "out.npz") as found:
-        assert found["triangles"].max() == len(found["points"]) - 1
+        assert found["cells"].max() == len(found["points"]) - 1
         assert len(found["errors"]) == told["removed"]
     import meshio
     import trimesh
@@ -256,3 +257,40 @@ def test_numbers_of_points_are_those_of_samples(criterion: str, told: str):
     assert np.array_equal(np.sort(np.ravel_multi_index(found.points.astype(int).T, field.shape)), found.kept)
     alone = isocodec.thin(isocodec.Mesh(np.argwhere(~gone), None, field[~gone]), criterion=criterion, to=20)
     assert np.array_equal(found.order, there[alone.order]) and np.array_equal(found.errors, alone.errors)
+
+
+@pytest.mark.parametrize("command", ["thin", "decode"])
+def test_archives_of_arrays_are_read_as_they_are_written(tmp_path, command: str):
+    """An .npz file of a surface is a mesh with its values and its place, and has the contour that VTU leads to."""
+    y, x = np.mgrid[:30, :36]
+    np.savez(tmp_path / "dem.npz", values=np.rint(90 * np.exp(-((y - 14.0) ** 2 + (x - 17.0) ** 2) / 90)),
+             placement=np.array([[0.0, 10.0, 500.0], [-10.0, 0.0, 900.0]]), crs=np.asarray("EPSG:32631"))
+    source, found = tmp_path / "dem.npz", {}
+    if command == "decode":
+        source = tmp_path / "dem.iso"
+        ok("encode", tmp_path / "dem.npz", "-o", source, "--surface", "--points", 80)
+    for suffix, name in ((".npz", "values"), (".vtu", "z")):
+        out = tmp_path / f"tin{suffix}"
+        ok(command, source, "-o", out, *(("--points", 80) if command == "thin" else ()))
+        ok("encode", out, "-o", tmp_path / "a.iso", "--values", name, "--isovalue", 40.5, "--stored", "whole",
+           "--mesh-error", 0.001, "--precision", 0.01)
+        curve = isocodec.decode(tmp_path / "a.iso")
+        found[suffix] = shapely.MultiLineString([*curve.points[curve.cells][:, :, :2]])
+    assert found[".npz"].length > 300 and shapely.hausdorff_distance(*found.values(), densify=0.1) < 0.02
+    assert shapely.box(500, 600, 850, 900).contains(found[".npz"])
+    assert isocodec.open(isocodec.encode(isocodec.read(tmp_path / "tin.npz", key="values"), 40.5)).metadata["crs"] == (
+        "EPSG:32631"
+    )
+
+
+@pytest.mark.parametrize("distance", ["1", "10m", "abc"])
+def test_contours_of_points_are_not_kept_by_thinning(tmp_path, distance: str):
+    points, values = terrain()
+    np.savetxt(tmp_path / "points.csv", np.c_[points, values], delimiter=",", header="x,y,z", comments="")
+    for command in ("thin",), ("encode", "--surface"):
+        line = fails(2, *command, tmp_path / "points.csv", "-o", tmp_path / "a.iso", "--isovalue", 50.5,
+                     "--tolerance", distance)
+        assert "of a field only" in line and "--precision" in line
+    line = fails(2, "encode", tmp_path / "points.csv", "-o", tmp_path / "a.iso", "--values", "z", "--isovalue", 50.5,
+                 "--tolerance", distance)
+    assert f"--precision {distance}" in line

@@ -14,6 +14,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
+from explicit_meshes import plane, space, torus
 from isocodec.errors import InputError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
@@ -179,3 +180,22 @@ def test_signs_of_missing_samples_do_not_count() -> None:
         other = np.where(gone, np.uint8(value), HILLS)
         found = isocodec.open(data).verify(isocodec.Field(other, mask=gone))
         assert [(one.wrong, one.kept) for one in found] == [(0, True)] * 2
+
+
+@pytest.mark.parametrize("name", ["flat.npz", "curved.npz", "solid.npz"])
+def test_against_a_mesh_in_a_file(tmp_path: Path, name: str) -> None:
+    """A file on a mesh that it does not store is verified against the file with that mesh and its values."""
+    made = {"flat.npz": plane(1), "curved.npz": torus(), "solid.npz": space(1)}
+    points, cells = (np.asarray(each) for each in made[name])
+    depth = points[:, 0] * 2 + np.sin(3 * points[:, 1])
+    isovalue = float(np.median(depth)) + 1e-3
+    np.savez(tmp_path / name, points=points, cells=cells, depth=depth, other=-depth)
+    path, tolerance = tmp_path / "mesh.iso", 0.25 * float(np.ptp(points, axis=0).max())
+    ok("encode", tmp_path / name, "-o", path, "--values", "depth", "--isovalue", isovalue, "--precision", tolerance)
+    record = json.loads(ok("verify", path, tmp_path / name, "--key", "depth", "--json"))
+    assert record["kept"] and record["isovalues"][0]["wrong"] == 0
+    assert run("verify", path, tmp_path / name, "--key", "other").exit_code == 9
+    np.savez(tmp_path / "moved.npz", points=points[:, ::-1] + 1, cells=cells, depth=depth)
+    assert "mesh" in fails(3, "verify", path, tmp_path / "moved.npz", "--key", "depth")
+    np.save(tmp_path / "bare.npy", depth[: len(depth) // 2 * 2].reshape(2, -1))
+    assert "give the mesh with its values" in fails(3, "verify", path, tmp_path / "bare.npy")

@@ -27,6 +27,8 @@ SURFACES = (("sdf/horse_65", 0.5), ("sdf/eight_65", 0.5))
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.1)
 RADICES = (1, 3, 5, 9, 21, 63)
 DISTORTIONS = (4, 2, 1, 0.5, 0.25)
+QUANTISED = (3, 5, 9, 21)
+"""Parts of crossings on meshes of one threshold: the mesh of each keeps it with what is lost by rounding."""
 MARKS = "ovsD^<>pP*XhH"
 
 PREFIXES: dict[str, dict[str, Any]] = {
@@ -49,6 +51,12 @@ FAMILIES: dict[str, list[str]] = {
     "distortion and topology, 5 parts": [
         f"adaptive-base topology distortion={d}\noffsets 5 unit=1" for d in DISTORTIONS
     ],
+    **{
+        f"distortion {d}, 3 to 21 parts": [
+            f"adaptive-base distortion={d}\noffsets {radix} unit=1" for radix in QUANTISED
+        ]
+        for d in (4, 1, 0.5)
+    },
 }
 """Files by plan, a point each; of coarse meshes every 2 or 4 samples are divided."""
 
@@ -72,7 +80,7 @@ def measured(item: Item) -> Iterator[Point]:
             try:
                 data = isocodec.encode(item.values, item.isovalue, layers=text)
             except OptionError:
-                # there are not that many bits of values
+                # there are not that many bits of values, or crossings are too coarse for a distance
                 continue
             yield name, len(data), apart(isocodec.decode(data))
     levels = [f"base {level}\noffsets 5 unit=1" for level in range(2 * n, full, n)]

@@ -74,14 +74,19 @@ def thinned_pictures(folder: Path, output: Path) -> None:
     figure, axes = plt.subplots(1, 4, figsize=(16, 4.2), layout="constrained")
     for place, (name, coder) in enumerate(coders.items()):
         reached = []
+        axes[1 + place].set_axis_off()
         for bits in BITS:
-            size, decoded = coder(int(bits * whole.size / 8))
+            try:
+                size, decoded = coder(int(bits * whole.size / 8))
+            except NothingFitsError:
+                # its headers alone take more
+                continue
             reached.append((8 * size / whole.size, psnr(whole, decoded)))
             if bits == BITS[1]:
                 axes[1 + place].imshow(decoded, cmap="gray", vmin=0, vmax=255)
                 axes[1 + place].set_title(f"{name}: {size:,} bytes, {reached[-1][1]:.2f} dB", fontsize=9)
-                axes[1 + place].set_axis_off()
-        axes[0].plot(*np.array(reached).T, marker="o", label=name)
+        if reached:
+            axes[0].plot(*np.array(reached).T, marker="o", label=name)
     axes[0].set_xlabel("bits for a pixel")
     axes[0].set_ylabel("PSNR, dB")
     axes[0].legend(fontsize=8)
@@ -93,5 +98,11 @@ def _surface(whole: NDArray[np.uint8], size: int) -> tuple[int, NDArray[np.float
     return len(data), isocodec.open(data).surface().raster()
 
 
+class NothingFitsError(Exception):
+    """No file of a coder is as small as was asked for."""
+
+
 def _of(data: bytes, decode: Callable[[bytes], NDArray[np.generic]]) -> tuple[int, NDArray[np.float64]]:
+    if not data:
+        raise NothingFitsError
     return len(data), np.asarray(decode(data), np.float64)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..stream.options import ProfileName
 
 
-def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: Limits | None = None) -> bytes:
+def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limits: Limits | None = None) -> bytes:
     """Put the isovalues of several files of one field, or of one mesh, into one file; no point moves.
 
     Parameters
@@ -34,8 +34,9 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     files : sequence of bytes, paths, URLs or file objects
         Files of the same field (with the same shape, placement and missing samples) with different isovalues; series
         with the same frames; or files of values on the same mesh.
-    profile : str
-        Profile of the result, for files of grids, which are re-encoded.
+    profile : str, optional
+        Profile of the result; ``main`` by default for files of grids, which are re-encoded. Series and meshes, which
+        are not, keep theirs.
     limits : Limits, optional
         Limits for decoding each file.
 
@@ -64,9 +65,12 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     whole = [held.whole() if isinstance(held, TileFile) else held for held in opened]
     _check_one_place([each.info.metadata for each in whole])
     if {"mesh", "series"} & set(kinds):
-        if profile != "main" and any(held.info.profile != profile for held in whole):
-            raise OptionError(f"profile {profile!r} does not apply where series or meshes are merged: curves are kept "
-                              "as they are", code="profile", remedy="leave it out")
+        others = {held.info.profile for held in whole} - {profile}
+        if profile is not None and others:
+            raise OptionError(
+                f"profile {profile!r} does not apply where series or meshes are merged: they keep theirs, "
+                f"{' and '.join(sorted(others))}", code="profile", remedy="leave it out, or re-encode each file first",
+            )
         return spliced([held.data for held in whole])
     all_held = [held_by(each.data, limits, f"file {i}") for i, each in enumerate(whole, start=1)]
     _check_one_field(all_held)
@@ -84,7 +88,7 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
         metadata = last_promise(metadata)
     merged = replace(all_held[0], frames=[sources], contours=[contours], promised=promised)
     metadata = last_promise(metadata, all(promised))
-    return same_again(merged, Options.of(profile=profile, metadata=metadata))
+    return same_again(merged, Options.of(profile=profile or "main", metadata=metadata))
 
 
 def _check_one_place(metadata: Sequence[Mapping[str, str]]) -> None:

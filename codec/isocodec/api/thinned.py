@@ -119,6 +119,12 @@ def thin(
     what = what if isinstance(what, Mesh) else field_of(what)
     given, field, notes = _points_of(what, criterion is not None)
     notes = {**notes, **(metadata or {})}
+    if contours is not None and field is None:
+        raise OptionError(
+            "a surface can be thinned for contours of a field only, not of scattered points", code="contours",
+            remedy="encode the contours: encode(Mesh(points, None, values), isovalue, precision=..), or encode "
+            "--values NAME --isovalue V --precision D",
+        )
     if criterion is None and (error is not None or (contours is not None and tolerance is not None)):
         notes[PROMISE] = _promise(error, tolerance, contours)
     error, tolerance = _numbers(error, tolerance, what, notes)
@@ -141,12 +147,8 @@ def thin(
         return found(within(given, float(error)))
     if contours is not None:
         assert tolerance is not None
-        if field is None:
-            raise OptionError(
-                "contours= needs a field, not scattered points", code="contours",
-                remedy="for these use encode(Mesh(points, None, values), isovalue)",
-            )
-        return found(near_contours(given, field, contours, float(tolerance), lambda each: len(file(each))))
+        assert field is not None
+        return found(near_contours(given, field, contours, float(tolerance)))
     if to is not None:
         return found(best(given, int(to), step))
     assert size is not None

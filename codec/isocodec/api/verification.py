@@ -269,6 +269,11 @@ def _compared(
 def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Verify the isovalues of a file on a mesh, for values at its vertices."""
     points, cells, values = _mesh_of(held, field, frame)
+    if held.mesh_given is None and getattr(field, "cells", None) is not None and (
+        held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN
+    ):
+        # the mesh that the values come with is that of the file, or decoding finds out that it is not
+        held = WholeFile(held.data, held.limits, (points, cells))
     notes = {**getattr(field, "metadata", {}), **held.info.metadata}
     out = []
     for number, contour in enumerate(held.contours(Viewed(frame=frame))):
@@ -317,9 +322,10 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
     points, cells, values = (getattr(field, name, None) for name in ("points", "cells", "values"))
     if points is None:
         if held.mesh_given is None:
-            raise InputError("values on a mesh need their mesh", code="mesh", remedy="give a Mesh, or open(.., mesh=)")
+            raise InputError("the file is of values on a mesh, and the field is not", code="mesh",
+                             remedy="give the mesh with its values")
         points, cells = held.mesh_given
-        values = field
+        values = field if values is None else values
     if values is None:
         raise InputError("the mesh has several values at its points, or none", code="values",
                          remedy="name them: --key NAME (key= in Python)")

@@ -102,10 +102,10 @@ def decode_command(options: DecodeArguments) -> None:
     \b
     {formats}
 
-    .npz has points, cells, isovalue, shape, placement and crs. Areas are polygons, closed along the border of the grid.
-    In `above` and `valid` masks, samples that are above, or valid, are 1 (white in a picture). Meshes have the level of
-    each cell and the sign of each vertex (1 above, 0 not). For a triangulation, .npy holds the surface resampled on the
-    grid.
+    .npz has points, cells, isovalue, shape, placement and crs (of a triangulation values, too), the names under which
+    encode reads them. Areas are polygons, closed along the border of the grid. In `above` and `valid` masks, samples
+    that are above, or valid, are 1 (white in a picture). Meshes have the level of each cell and the sign of each vertex
+    (1 above, 0 not). For a triangulation, .npy holds the surface resampled on the grid.
 
     Coordinates are in samples: x, y, z along axes 0, 1, 2; .svg has x along axis 1, y along axis 0. If the file states
     where its samples lie (from NIfTI or GeoTIFF, for example, or encode --spacing), all formats but .npz, .svg and .png

@@ -85,7 +85,7 @@ def edit_command(options: EditArguments) -> None:
     with concerning(options.source[0]), progress_bar("encoding"):
         if several:
             pieces = [file.data for file in files]
-            data = merge(pieces, profile=options.profile or "main", limits=options.limits)
+            data = merge(pieces, profile=options.profile, limits=options.limits)
         else:
             asked = {name: getattr(options, name) for name in ASKED if options.given(name)}
             data = files[0].edited(**asked)

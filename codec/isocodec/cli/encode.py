@@ -213,6 +213,9 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         if self.surface:
             self.check_thinning(self.isovalues)
         else:
+            if self.tolerance is not None:
+                raise click.UsageError(f"--tolerance is for surfaces (--surface): of contours, give the distance as "
+                                       f"--precision {self.tolerance}")
             self.refuse("apply without --surface", *OF_SURFACES)
             self.choose("isovalues", "interval", "labels", required=self.plan is None)
         if "all" in self.labels and len(self.labels) > 1:

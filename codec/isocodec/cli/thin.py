@@ -36,9 +36,9 @@ class ThinArguments(ThinningArguments, Writing, Reading):
 def thin_command(options: ThinArguments) -> None:
     """Remove the least significant points of INPUT one by one; write the Delaunay triangulation of the rest.
 
-    OUT is one of {surfaces}: a surface whose height is the value. .npz also has the order of removal and the error
-    after each removal; .npy holds the surface resampled on the grid. Or OUT is .iso: compactly coded points and values,
-    as from encode --surface; decode converts that file to the other formats.
+    OUT is one of {surfaces}: a surface whose height is the value. .npz (points, values, cells, placement, crs) also has
+    the order of removal and the error after each removal; .npy holds the surface resampled on the grid. Or OUT is .iso:
+    compactly coded points and values, as from encode --surface; decode converts that file to the other formats.
 
     INPUT is a picture, a terrain or any array with two axes that encode reads; or points: .csv, .xyz, .las, .laz,
     .gpkg.

@@ -37,7 +37,8 @@ def verify_command(options: VerifyArguments) -> None:
 
     Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or if the distance exceeds --within or,
     without it, what IN.iso promises (see info). Where nothing is promised, the distances are measured and not judged.
-    Of a tiled file the curve joined from all tiles is measured.
+    Of a tiled file the curve joined from all tiles is measured. Of a file on a mesh, FIELD is that mesh with its values
+    (--key), or the points.
     """
     file = opened(options.source, options.limits)
     field = options.read(options.field, labels="labels" in file.metadata)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,9 +12,12 @@ from .simplices import simplex_table
 
 
 def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Crossed edges of triangles (L, 3), whose ends lie on different sides: (E, 2), lower vertex first, sorted."""
-    ends = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
+    """Crossed edges of simplices (L, n + 1), whose ends lie on different sides: (E, 2), lower vertex first, sorted."""
+    pairs = [*combinations(range(cells.shape[1]), 2)]
+    ends = np.sort(cells[:, pairs].reshape(-1, 2), axis=1)
+    ends = ends[above[ends[:, 0]] != above[ends[:, 1]]]
+    # sorted as one number each, which is much faster than as pairs
+    return np.stack(np.divmod(np.unique(ends[:, 0] * np.int64(len(above)) + ends[:, 1]), len(above)), axis=1)
 
 
 def surface_contour(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import field as derived
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
 from ..drawing.snapshot import leaves_of
-from ..field.samples import OFFSET_BITS, Samples
+from ..field.samples import OFFSET_BITS, Samples, interval_value
 from ..format.header import Header
 from ..format.program import Progress
 from ..grid.lattice.tables import cube_exponent
@@ -58,6 +58,8 @@ class Promise:
         Curves of neighbouring isovalues, which the curve must not cross.
     leans : bool
         Whether what is known from an earlier isovalue affects what is coded.
+    lean_level : int
+        Uniform level of that isovalue, -1 if there is none.
     contour : Contour
         The original curve.
     phi : ndarray of float32
@@ -73,6 +75,7 @@ class Promise:
     fixed: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]] | None = None
     fences: Fences | None = None
     leans: bool = False
+    lean_level: int = -1
     contour: Contour = derived(init=False)
     phi: NDArray[np.float32] = derived(init=False)
     _targets: dict[float, Target] = derived(init=False, default_factory=dict)
@@ -126,9 +129,26 @@ class Promise:
     def layers(self, plan: Sequence[Entry]) -> list[tuple[Contour, float | None]]:
         """Drawings of a decoder after each layer of a plan, and the distance promised by then."""
         contours: list[Contour] = []
-        promised = self._encoded(plan, lambda tube: contours.append(draw(self._leaves(tube), measured=True)))[2]
+        promised = self._encoded(plan, lambda tube, _: contours.append(draw(self._leaves(tube), measured=True)))[2]
         at = [max((layers for layers in promised if layers <= done), default=0) for done in range(1, len(contours) + 1)]
         return [(contour, promised.get(layers)) for contour, layers in zip(contours, at, strict=True)]
+
+    def after_entries(self, plan: Sequence[Entry], wanted: Collection[int]) -> dict[int, Contour]:
+        """Drawings of a decoder after some entries of a plan, by number."""
+        found: dict[int, Contour] = {}
+        done = 0
+
+        def seen(tube: Tube, ends: Sequence[int]) -> None:
+            nonlocal done
+            done += 1
+            here = [number for number in wanted if number < len(ends) and ends[number] == done]
+            if here:
+                found[here[0]] = draw(self._leaves(tube), measured=True)
+
+        self._encoded(plan, seen)
+        if self.tried:
+            self.tried()
+        return found
 
     def placed(
         self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Fitted | None = None,
@@ -187,19 +207,20 @@ class Promise:
         return Faults(drawing, np.concatenate(places), pieces)
 
     def _leaves(self, tube: Tube) -> Leaves:
-        return leaves_of(tube, self.field.isovalue, lambda number, above: number)
+        isovalue, scale = self.field.isovalue, self.field.scale
+        return leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, scale, steps, above))
 
     def _encoded(
-        self, plan: Sequence[Entry], seen: Callable[[Tube], object] | None = None
+        self, plan: Sequence[Entry], seen: Callable[[Tube, Sequence[int]], object] | None = None
     ) -> tuple[int, Tube, dict[int, float]]:
         """Bytes of the runs of a plan, the tube in the end, and distances promised by number of layers."""
         tube = self.fresh() if self.fresh else self._alone()
         # the earlier isovalue has a limit of steps, which trials do not take part in
         steps = tube.lean.state.counters.work if tube.lean else 0
-        strand = LayerWriter(self.field, tube, plan, Progress(tube.full_level))
+        strand = LayerWriter(self.field, tube, plan, Progress(tube.full_level, lean_level=self.lean_level))
         total = done = 0
         while done < len(strand.layers):
-            done, run = strand.encode_run(done, (lambda: seen(tube)) if seen else (lambda: None))
+            done, run = strand.encode_run(done, (lambda: seen(tube, strand.ends)) if seen else (lambda: None))
             total += len(run)
         if tube.lean:
             tube.lean.state.counters.work = steps

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,33 +79,6 @@ def within(given: Points, error: float) -> ChosenPoints:
     state = thinning(given.x, given.y, value.copy(), AT1, given.value)
     _thin(state, 0, error)
     some = fewest(state, value, error, _ROUNDS)
-    return ChosenPoints(some, number[some].astype(np.int64), low, step, (), int(number.max()))
-
-
-def along_contours(
-    given: Points, isovalues: Sequence[float], allowed: NDArray[np.float64], step: float
-) -> ChosenPoints:
-    """Points such that the surface misses no value by more than is allowed there; values in steps, on their sides.
-
-    Parameters
-    ----------
-    given : Points
-    isovalues : sequence of float
-    allowed : (N,) float64
-        Greater than 0.
-    step : float
-    """
-    low, high = float(given.value.min()), float(given.value.max())
-    step = max(step, (high - low) / (_LARGEST - 1))
-    exact = (given.value - low) / step
-    number = np.rint(exact)
-    levels = np.sort(np.asarray(isovalues, np.float64))
-    side, rounded = (np.searchsorted(levels, each) for each in (given.value, low + step * number))
-    number = np.where(rounded > side, np.floor(exact), np.where(rounded < side, np.ceil(exact), number))
-    value = low + step * number
-    state = thinning(given.x, given.y, value.copy(), AT1, given.value, 1 / allowed)
-    _thin(state, 0, 1.0)
-    some = fewest(state, value, 1.0, _ROUNDS)
     return ChosenPoints(some, number[some].astype(np.int64), low, step, (), int(number.max()))
 
 

@@ -507,7 +507,10 @@ class GridFrame:
             raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
         field, truth = self._fields[number], self._truth(number)
         level = -1 if lean is None else self._leant_on(lean).progress.level
-        return with_meshes(plan, file.full_level, level, lambda: Promise(field, truth=truth, holes=file.holes))
+        return with_meshes(plan, file.full_level, level, lambda: Promise(
+            field, lambda: self._fresh(number, lean), False, self._try, truth, file.holes, leans=lean is not None,
+            lean_level=level,
+        ))
 
     def _within(
         self, promise: Promise, distance: float, values: list[Entry], fine: float | None, free: bool

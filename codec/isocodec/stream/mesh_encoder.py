@@ -378,7 +378,8 @@ def _check_options(options: Options) -> None:
     precision = options.precision
     for name, given in (
         ("keep_topology", options.keep_topology), ("layers", not options.layers.default),
-        ("profile", options.entropy != Profile.MAIN), (f"order {options.order!r}", options.order == LEVELS),
+        (f"profile {options.profile!r}", options.entropy != Profile.MAIN),
+        (f"order {options.order!r}", options.order == LEVELS),
         (f"precision {precision.text!r}", precision.steps is not None or "," in precision.world or precision.smooth),
     ):
         if given:

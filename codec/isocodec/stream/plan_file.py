@@ -29,9 +29,10 @@ before; the finest level, the full grid, reaches every sample. Lines are
 
 A CRITERION is a condition that the coarsened mesh must meet; if several are given, the mesh satisfies all of them.
 ``crossing``: the cells that the curve crosses stay as in the full grid; ``topology``: the curve keeps its topology;
-``distortion=D``: the curve stays within D cells; ``curvature=K``: the mesh stays finest where the curve's mean
-curvature exceeds K per cell; ``level=L``: the mesh is nowhere finer than level L. Meshes of later lines contain those
-of earlier lines, whatever is stated.
+``distortion=D``: with the values or offsets that follow the line at once, or else with signs alone, the curve stays
+within D cells of the original, both ways, as it is decoded; ``curvature=K``: the mesh stays finest where the curve's
+mean curvature exceeds K per cell; ``level=L``: the mesh is nowhere finer than level L. Meshes of later lines contain
+those of earlier lines, whatever is stated.
 """
 
 from __future__ import annotations

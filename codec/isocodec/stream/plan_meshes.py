@@ -1,4 +1,7 @@
-"""Meshes that a plan states by criteria: coarsened for the field, each one contained in the next (spec clause 5.8)."""
+"""Meshes that a plan states by criteria: coarsened for the field, each one contained in the next (spec clause 5.8).
+
+Where a criterion is a distance, the mesh keeps to it with the geometry that follows it (`search.kept_distances`).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ from collections.abc import Callable, Sequence
 from ..format.kinds import ADAPTIVE, LayerKind
 from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import Criteria, Entry, Line
+from ..search.kept_distances import PlannedMesh, keep, known_by
 from ..search.promise import Promise
+from ..search.reduction import Reduction
 
 
 def with_meshes(
@@ -24,23 +29,33 @@ def with_meshes(
         Uniform level of the isovalue that this one is predicted from, -1 if there is no such isovalue.
     promise : callable
         Makes the original curve for coarsening; called only if there are criteria.
+
+    Raises
+    ------
+    OptionError
+        If a distance cannot be kept.
     """
     if not any(_criteria(entry) for entry in plan):
         return plan
     levels = _uniform_levels(plan, full_level, lean_level)
     original = promise()
-    out = list(plan)
+    meshes: list[PlannedMesh] = []
     later: Chosen | None = None
     # the last mesh first: earlier meshes must be contained in it
     for i in range(len(plan) - 1, -1, -1):
         entry, criteria = plan[i], _criteria(plan[i])
         if criteria is not None:
-            later = _reduced(original, later, criteria, levels[i])
-            members = (*entry[:2], later)
-            out[i] = Line(members, entry.number, entry.text) if isinstance(entry, Line) else members
+            reduction = _reduced(original, later, criteria, levels[i], known_by(plan, i))
+            later = reduction.chosen
+            # no vertex finer than a stated level may come back
+            meshes.insert(0, PlannedMesh(i, reduction if criteria.level is None else later, criteria.distortion))
         elif _is_adaptive(entry) and isinstance(entry[-1], Chosen):
             later = entry[-1]
-    return out
+            meshes.insert(0, PlannedMesh(i, later))
+    return [
+        Line(found, given.number, given.text) if isinstance(given, Line) else found
+        for found, given in zip(keep(original, plan, meshes), plan, strict=True)
+    ]
 
 
 def _is_adaptive(entry: object) -> bool:
@@ -54,16 +69,19 @@ def _criteria(entry: object) -> Criteria | None:
     return None
 
 
-def _reduced(original: Promise, start: Chosen | None, criteria: Criteria, coarsest: int) -> Chosen:
+def _reduced(
+    original: Promise, start: Chosen | None, criteria: Criteria, coarsest: int, known: tuple[int, int]
+) -> Reduction:
     """Coarsen a mesh under the criteria; vertices of levels below ``coarsest`` are kept."""
+    parts, unit = known
     reduction = original.reduction(start)
     reduction.reduce(
         topology=criteria.topology, crossing=criteria.crossing, level=criteria.level, coarsest=coarsest,
         distortion=criteria.distortion,
-        original=None if criteria.distortion is None else original.target(criteria.distortion),
+        original=None if criteria.distortion is None else original.target(criteria.distortion), parts=parts, unit=unit,
         curvature=None if criteria.curvature is None else original.curvature(), kappa=criteria.curvature or 0.0,
     )
-    return reduction.chosen
+    return reduction
 
 
 def _uniform_levels(plan: Sequence[Entry], full_level: int, lean_level: int) -> list[int]:

@@ -90,7 +90,7 @@ def _check_options(options: Options) -> None:
     precision = options.precision
     unused = {
         "keep_topology": options.keep_topology, "layers": not options.layers.default,
-        "profile": options.entropy != Profile.MAIN, "order": options.order is not None,
+        f"profile {options.profile!r}": options.entropy != Profile.MAIN, "order": options.order is not None,
         f"precision {precision.text!r}": bool(
             precision.signs or precision.steps is not None or precision.world or precision.smooth
         ),

@@ -32,30 +32,37 @@ def fewest(state: Thinning, value: NDArray[np.float64], error: float, rounds: in
     """
     s = state.surface
     best = np.flatnonzero(s.tri.leaving >= 0)
-    triangles = len(s.first)
-    point, size = np.zeros(triangles, np.int32), np.zeros(triangles)
-    apart = value - s.target
-    inserting = state._replace(surface=s._replace(target=value))
     for _ in range(rounds):
-        _down(state, int((1 - _SHARE) * state.reg.count), np.inf)
-        while True:
-            farthest(s, point, size)
-            some = np.flatnonzero(size > error)
-            if len(some) == 0:
-                break
-            order = some[np.lexsort((some, -size[some]))].astype(np.int32)
-            # an inserted point has its value, not the one that errors are measured against
-            s.error[:] -= apart
-            put_back(inserting, order, point, len(order), np.zeros(triangles, np.uint8))
-            s.error[:] += apart
-        _down(state, 0, error)
+        lessened(state, int((1 - _SHARE) * state.reg.count), np.inf)
+        inserted(state, value, error)
+        lessened(state, 0, error)
         found = np.flatnonzero(s.tri.leaving >= 0)
         if len(found) < len(best):
             best = found
     return best
 
 
-def _down(state: Thinning, count: int, error: float) -> None:
+def inserted(state: Thinning, value: NDArray[np.float64], error: float) -> None:
+    """Put points back, those that the surface misses most first, until it misses none by more than an error."""
+    s = state.surface
+    triangles = len(s.first)
+    point, size = np.zeros(triangles, np.int32), np.zeros(triangles)
+    apart = value - s.target
+    inserting = state._replace(surface=s._replace(target=value))
+    while True:
+        farthest(s, point, size)
+        some = np.flatnonzero(size > error)
+        if len(some) == 0:
+            return
+        order = some[np.lexsort((some, -size[some]))].astype(np.int32)
+        # an inserted point has its value, not the one that errors are measured against
+        s.error[:] -= apart
+        put_back(inserting, order, point, len(order), np.zeros(triangles, np.uint8))
+        s.error[:] += apart
+
+
+def lessened(state: Thinning, count: int, error: float) -> None:
+    """Take out points down to a count, as long as the surface misses none by more than an error."""
     refresh(state, error)
     state.reg.removed = 0
     while not thin_to(state, count, error, _PIECE):

@@ -68,6 +68,8 @@ class LayerWriter:
     records : list of LayerRecord
         For the layers that are done.
     run_bytes : int
+    ends : list of int
+        Number of layers by the end of each entry of the plan, as far as known.
     within : dict of int to float
         What the plan promises, by number of layers (see `Promises`).
     """
@@ -80,6 +82,7 @@ class LayerWriter:
         self.run_bytes = 0
         self.progress = progress
         self._stated = progress.copy()
+        self.ends: list[int] = []
         self.within: dict[int, float] = {}
         self._entries: list[Entry] = []
         self._plan: deque[tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]] = deque()
@@ -147,6 +150,7 @@ class LayerWriter:
             self.layers += fresh
             self._plan.popleft()
             self._expanded += 1
+            self.ends.append(len(self.layers))
             if self._expanded in self._promised:
                 self.within[len(self.layers)] = self._promised[self._expanded]
 

@@ -57,7 +57,8 @@ class Criteria:
     curvature : float, optional
         Where the mean curvature exceeds this, in 1 / cells, the finest mesh stays.
     distortion : float, optional
-        Not if a point of the original curve gets farther than this, in cells, from the new one.
+        Not if the curve, as it is decoded with the geometry that follows directly, gets farther than this, in cells,
+        from the original one, or that from it.
     """
 
     topology: bool = False

@@ -36,6 +36,8 @@ _OF_PLACE = (PLACEMENT, CRS)
 """Names of arrays that place the others: a matrix with a row for each coordinate, and a text."""
 _OF_MESHES = ("points", "cells")
 """Names of arrays that make an .npz file a mesh."""
+_PLACED = "placed"
+"""Name of the array of points in the world, beside those in samples."""
 _ACROSS = ("x", "lon", "longitude", "easting")
 _UP = ("y", "lat", "latitude", "northing")
 
@@ -146,7 +148,7 @@ class _Archive:
             return shape if dtype.kind != "O" else "unreadable"
         return "unreadable"
 
-    def _text(self, name: str) -> str | None:
+    def text(self, name: str) -> str | None:
         with self._opened(name) as file:
             text = npy.read_array(io.BytesIO(file.read(_HEADER)), allow_pickle=False)
         return str(text) or None if text.dtype.kind == "U" and text.ndim == 0 else None
@@ -154,7 +156,7 @@ class _Archive:
     def place(self, shape: tuple[int, ...]) -> Placement:
         """Placement by a matrix with a text ``crs``, or of a field of two axes by coordinates of the usual names."""
         if PLACEMENT in self.members:
-            return placed(self.array(PLACEMENT), len(shape), self._text(CRS) if CRS in self.members else None)
+            return placed(self.array(PLACEMENT), len(shape), self.text(CRS) if CRS in self.members else None)
         remark = ""
         for pair in _PAIRS if len(shape) == 2 else ():
             if self.members.keys() >= set(pair):
@@ -180,19 +182,27 @@ def _holds_mesh(source: InputFile, key: str | None) -> bool:
 def _mesh(source: InputFile, choice: Choice) -> MeshRead:
     with reading("NumPy file"), zipfile.ZipFile(source.path) as archive:
         held = _Archive(source, archive)
-        arrays = {name: held.array(name) for name in held.members}
+        arrays = {name: held.array(name) for name in held.members if name not in _OF_PLACE}
         if not set(_OF_MESHES) <= set(arrays):
             raise InputError("holds no arrays points and cells", code="mesh")
         points, cells = np.asarray(arrays["points"], np.float64), np.asarray(arrays["cells"]).astype(np.int64)
         if points.ndim != 2 or cells.ndim != 2 or cells.shape[1] not in (3, 4):
             raise InputError("holds points or cells of another shape", code="mesh")
-        others = {name: each for name, each in arrays.items() if name not in _OF_MESHES}
+        crs = held.text(CRS) if CRS in held.members else None
+        place = placed(held.array(PLACEMENT), points.shape[1], crs) if PLACEMENT in held.members else Placement(crs=crs)
+        others = {name: each for name, each in arrays.items() if name not in (*_OF_MESHES, _PLACED)}
+        where = arrays.get(_PLACED)
     values = {name: each for name, each in others.items() if each.shape[-1:] == (len(points),)}
     if choice.frame is not None:
         count = max((len(each) for each in values.values() if each.ndim == 2), default=0)
         check_frame(choice.frame, count)
         values = {name: each[choice.frame] for name, each in values.items() if each.ndim == 2}
-    return MeshRead(points, cells, values)
+    if where is not None and where.ndim == 2 and len(where) == len(points):
+        points = np.asarray(where, np.float64)
+    elif place.matrix is not None:
+        points = place.place(points)
+    remarks = [place.remark] if place.remark else []
+    return MeshRead(points, cells, values, crs=place.crs, remarks=remarks)
 
 
 def _table(source: InputFile, _: Choice) -> MeshRead:

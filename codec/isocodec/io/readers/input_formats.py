@@ -143,9 +143,10 @@ def read_mesh(
     """Read a mesh, or scattered points, of one of ``MESH_SUFFIXES`` or ``POINT_SUFFIXES``.
 
     An .npz file has the arrays ``points``, ``cells``, and values at points, of one frame or of several, under other
-    names. Of files of VTK with times all are read. A table has a line for each point, with x, y and values, divided by
-    commas, semicolons, tabs or spaces; its first line may name the columns. Columns of x and y are those that are named
-    so (or lon, lat, easting, northing), else the first two; without names, the third is ``z``.
+    names; points with a ``placement`` are in samples, as ``decode`` and ``thin`` write them. Of files of VTK with times
+    all are read. A table has a line for each point, with x, y and values, divided by commas, semicolons, tabs or
+    spaces; its first line may name the columns. Columns of x and y are those that are named so (or lon, lat, easting,
+    northing), else the first two; without names, the third is ``z``.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def _tin_npz(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
     """Write points with coordinates in the order of the array's axes."""
     tin = placed.tin
     return _saved({
-        "points": tin.points, "values": tin.values, "triangles": tin.triangles, "placement": placed.placement.matrix,
+        "points": tin.points, "values": tin.values, "cells": tin.triangles, "placement": placed.placement.matrix,
         "crs": np.asarray(placed.placement.crs or ""), **placed.notes,
     })
 
