@@ -61,7 +61,7 @@ CELL_KINDS, POINT_KINDS = ("known", "coded", "whole"), ("delaunay", "whole")
 """Ways to store a mesh with cells, and scattered points."""
 KINDS = (*CELL_KINDS, "delaunay")
 NEEDED = ("coded", "delaunay")
-"""Of these the file has what the contours of all its frames need."""
+"""Ways to store only what the contours of all frames need."""
 
 
 class MeshFrames:
@@ -447,7 +447,7 @@ def _stored(mesh: Mesh, complete: bool) -> str:
 
 
 def _one_at_least(crossed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The same, with the first cell if there is none: a file has at least one."""
+    """Mark the first cell if none is crossed: a file has at least one."""
     crossed[0] |= not crossed.any()
     return crossed
 
