@@ -33,7 +33,8 @@ def test_the_curve_of_another_library(seed, isovalues, signs_only):
     """On points that are kept exactly the triangles are those of Qhull, and crossings lie on their sides."""
     points, values = scattered(seed)
     precision = "signs" if signs_only else "exact"
-    data = isocodec.encode(isocodec.Mesh(points, None, values, error=0.71), isovalues, precision=precision)
+    mesh = isocodec.Mesh(points, None, values, stored="whole", error=0.71)
+    data = isocodec.encode(mesh, isovalues, precision=precision)
     decoder = isocodec.Decoder()
     decoder.feed(data)
     decoder.close()
@@ -61,7 +62,7 @@ def test_grids_and_duplicates():
     """Four points on a circle everywhere; points that coincide become one with the mean of their values."""
     x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
     points, values = np.column_stack([x.ravel(), y.ravel()]), (x + 10 * y).ravel()
-    data = isocodec.encode(isocodec.Mesh(points, None, values), 33.3)
+    data = isocodec.encode(isocodec.Mesh(points, None, values, stored="whole"), 33.3)
     assert isocodec.open(data).info.domain.cells == 2 * 8 * 6
     again = np.concatenate([points, points[:5]]), np.concatenate([values, values[:5] + 2])
     found = isocodec.decode(isocodec.encode(isocodec.Mesh(again[0], None, again[1]), 1.5))
@@ -81,7 +82,8 @@ def test_connectivity_costs_nothing():
     points, _ = scattered(1, 2000, 1 << 20)
     values = points[:, 0] + points[:, 1]
     cells = Delaunay(points).simplices
-    alone = isocodec.encode(isocodec.Mesh(points, None, values, error=500.0), 1e6, precision="signs")
+    mesh = isocodec.Mesh(points, None, values, stored="whole", error=500.0)
+    alone = isocodec.encode(mesh, 1e6, precision="signs")
     whole = isocodec.encode(isocodec.Mesh(points, cells, values, stored="whole", error=500.0), 1e6, precision="signs")
     assert len(alone) < 0.8 * len(whole)
 

@@ -83,10 +83,10 @@ def hills(mesh: Mesh, step: int = 0, rough: int = 30) -> Integers:
 def _draft(
     name: str, mesh: Mesh, values: NDArray[Any], isovalue: float | tuple[float, ...], *features: str,
     kind: StoredName = "known", states: bool = False, mesh_error: float | None = None, progressive: bool | None = None,
-    **options: Any,
+    scattered: bool = False, **options: Any,
 ) -> Draft:
-    """A vector as the reference encoder writes it."""
-    cells = None if kind == "delaunay" else mesh[1]
+    """A vector as the reference encoder writes it; ``scattered``: of the points without the cells."""
+    cells = None if scattered else mesh[1]
     data = isocodec.encode(
         isocodec.Mesh(mesh[0], cells, values, stored=kind, error=mesh_error, progressive=progressive), isovalue,
         **options,
@@ -141,8 +141,9 @@ def whole() -> Iterator[Draft]:
     for name, precision in (("signs", "signs"), ("values", "exact")):
         yield _draft(
             f"mesh_plane_delaunay_{name}", mesh, hills(mesh), VALUE, "points in the file, Delaunay triangulation",
-            kind="delaunay", mesh_error=0.71, precision=precision,
+            kind="whole", scattered=True, mesh_error=0.71, precision=precision,
         )
+    yield from _scattered()
     # many rounds, and candidates for new components
     mesh = plane(150, 400, 0)
     salt = np.array([int(number % 9 == 0) for number in random_numbers(31, len(mesh[0]), 16)])
@@ -153,6 +154,35 @@ def whole() -> Iterator[Draft]:
             f"mesh_plane_levels_many_{name}", mesh, values, isovalues, "levels", "many rounds", precision="signs",
             states=True,
         )
+
+
+def lattice() -> tuple[Mesh, Integers]:
+    """Points with four on each circle, and a hill far from where they begin."""
+    points = np.array([[3 * x - 40, 3 * y + 70] for x in range(11) for y in range(9)], np.int64)
+    off = points - np.array([-17, 85])
+    return (points, triangulate(points - points.min(axis=0))), 150 - np.abs(off).sum(axis=1) * 4
+
+
+def _scattered() -> Iterator[Draft]:
+    """Scattered points of which only those next to contours are in the file, in a box of all of them."""
+    mesh, values = lattice()
+    about = "points next to the contour alone"
+    kinds: tuple[tuple[str, StoredName], ...] = (("needed", "delaunay"), ("all", "whole"))
+    for name, kind in kinds:
+        yield _draft(
+            f"mesh_plane_delaunay_{name}_ties", mesh, values, VALUE, about if name == "needed" else "all points",
+            kind=kind, scattered=True, states=True, precision="exact",
+        )
+    mesh = plane(150, 400, 0)
+    yield _draft(
+        "mesh_plane_delaunay_needed_isovalues", mesh, hills(mesh, 0, 5), VALUES, about, kind="delaunay", scattered=True,
+        precision=0.5,
+    )
+    frames = np.array([hills(mesh, step, 5) for step in range(3)])
+    yield _draft(
+        "mesh_plane_delaunay_needed_frames", mesh, frames, VALUE, about, "series of frames", kind="delaunay",
+        scattered=True, precision="signs",
+    )
 
 
 def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
@@ -259,7 +289,8 @@ def _wrong_meshes() -> Iterator[tuple[str, str, str, bytes]]:
     coded = split(
         isocodec.encode(isocodec.Mesh(*mesh, hills(mesh), stored="coded", error=0.3), VALUE, precision="signs")
     )
-    points = split(isocodec.encode(isocodec.Mesh(mesh[0], None, hills(mesh), error=0.71), VALUE, precision="signs"))
+    scattered = isocodec.Mesh(mesh[0], None, hills(mesh), stored="whole", error=0.71)
+    points = split(isocodec.encode(scattered, VALUE, precision="signs"))
     solid = split(isocodec.encode(isocodec.Mesh(*tetrahedra(), hills(tetrahedra())), VALUE, precision="signs"))
     inside, at = coded.chunks[0].payload, points.chunks[0].payload
 

@@ -261,7 +261,7 @@ class IsoFile:
         -------
         NDArray
             Bool, in the shape of the field: ``field > isovalue``, compared exactly; undefined where samples are missing
-            (see `valid`). On a mesh (V,), one value for each vertex.
+            (see `valid`). On a mesh (V,), one value for each vertex of `mesh`.
 
         Raises
         ------

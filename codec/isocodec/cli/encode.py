@@ -162,8 +162,8 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
     stored: str | None = option(
         "--stored", heading=MESH, type=click.Choice(["known", "coded", "whole", "delaunay"]), metavar="HOW",
         help="known: decoders have the mesh (default); coded: the file stores the cells that the contour crosses; "
-        "whole: it stores all cells;  delaunay: it stores points, which decoders triangulate (default for "
-        "points).",
+        "whole: it stores all cells or points;  delaunay: it stores the points that the contour needs, which decoders "
+        "triangulate (default for points).",
     )
     mesh_error: float | None = option("--mesh-error", heading=MESH, type=float, metavar="D",
                                       help="For a mesh that the file stores: largest error of its point positions.")

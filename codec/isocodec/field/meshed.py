@@ -33,11 +33,15 @@ class Mesh:
         decode a file that does not store its mesh.
     stored : str or None
         What the file stores of the mesh. ``known``: decoders have points and cells in the same order; the file stores
-        their hash. ``coded``: it stores the cells that contours cross. ``whole``: it stores all cells. ``delaunay``,
-        for points without cells: it stores the points. The default is ``known`` with cells and ``delaunay`` without.
+        their hash. ``coded``: it stores the cells that contours cross. ``whole``: it stores all cells, or all scattered
+        points. ``delaunay``, for scattered points: it stores those that contours need, the vertices of the triangles
+        that a contour of any frame crosses; their triangulation has the same contours. The default is ``known`` with
+        cells and ``delaunay`` without; and ``whole`` for points whose frames are added to an `Encoder` one by one.
     error : float or None
         For a mesh that the file stores, the largest distance between stored and given vertices, reduced where cells
-        would fold. The default is 0.05 of the median edge length. Contour points lie where the edges of the stored mesh
+        would fold. The default is 0.05 of the median edge length; scattered points that contours need are then rounded
+        so much less that contours cross the same triangles, where that can be reached, and not at all if all points
+        are multiples of a power of two of about that size. Contour points lie where the edges of the stored mesh
         meet the contour of the original mesh, and so may be much nearer to that contour.
     progressive : bool or None
         Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show the whole curve.

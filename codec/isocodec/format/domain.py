@@ -38,8 +38,8 @@ class DomainHead:
     multiple : int
         For a mesh in the file: positions are multiples of this many times ``2**exponent``.
     origin, extent : tuple of int
-        For a mesh in the file, for each coordinate: the least position, and the number of possible positions from there
-        on.
+        For a mesh in the file, for each coordinate: where positions begin, and the number of possible ones from there
+        on. Of scattered points, these may be those of more points than the file stores.
     """
 
     kind: DomainKind

@@ -13,6 +13,10 @@ from .complex import Complex, assembled, determinants, has_volume, neighbours
 
 EXTENT = 1 << 24
 """Positions along an axis at most."""
+MOST_ORIGIN = 2.0**40
+"""Positions begin below this."""
+FINER = 2**0.25
+"""Factor by which an error shrinks until points are apart."""
 MOVED = 0.25
 """Crossings move by that share of an edge at most."""
 SLACK = 1e-9
@@ -72,10 +76,14 @@ def rounded(points: NDArray[np.float64], error: float) -> Quantised:
     wanted = 2 * error / math.sqrt(points.shape[1])
     exponent = math.frexp(wanted)[1] - MULTIPLES.bit_length()
     multiple = int(math.ldexp(wanted, -exponent))
-    scaled = np.rint(points / math.ldexp(multiple, exponent))
+    return _counted(np.rint(points / math.ldexp(multiple, exponent)), multiple, exponent)
+
+
+def _counted(scaled: NDArray[np.float64], multiple: int, exponent: int) -> Quantised:
+    """Positions that are whole numbers, counted from the least one."""
     origin = scaled.min(axis=0)
     extent = scaled.max(axis=0) - origin + 1
-    if extent.max() > EXTENT or np.abs(origin).max() >= 2.0**40:
+    if extent.max() > EXTENT or np.abs(origin).max() >= MOST_ORIGIN:
         raise InputError(
             "the mesh is too large for so small an error of its points", code="mesh-error",
             remedy="allow a larger error, or make the mesh known to both sides",
@@ -84,15 +92,58 @@ def rounded(points: NDArray[np.float64], error: float) -> Quantised:
     return Quantised(position, multiple, exponent, tuple(map(int, origin.tolist())), tuple(map(int, extent.tolist())))
 
 
-def rounded_apart(points: NDArray[np.float64], error: float) -> Quantised:
-    """Round distinct points, more finely where two would come together or all would lie on a line."""
-    found = rounded(points, error)
-    while len(np.unique(found.position, axis=0)) < len(points) or np.linalg.matrix_rank(
-        found.position - found.position[:1]
-    ) < min(2, points.shape[1]):
-        error /= 2
-        found = rounded(points, error)
-    return found
+def rounded_apart(
+    points: NDArray[np.float64], error: float, kept: NDArray[np.int64], exact: bool = True
+) -> tuple[Quantised, float]:
+    """Round some of the distinct points of the plane, more finely where they would come together or lie on a line.
+
+    Parameters
+    ----------
+    points : (V, 2) float64
+    error : float
+        As of `rounded`.
+    kept : (W,) int64
+        The points to round, which do not all lie on a line.
+    exact : bool
+        Whether not to move points at all if all of them are multiples of a unit that is hardly finer.
+
+    Returns
+    -------
+    Quantised
+        Positions of those points; origin and extent are those of all points.
+    float
+        How far points may have been moved.
+    """
+    found, moved = _shared(points, error) if exact else None, 0.0
+    corners = np.stack([points.min(axis=0), points.max(axis=0)])
+    while True:
+        if found is None:
+            found, moved = rounded(np.concatenate([points[kept], corners]), error), error
+            found = found._replace(position=found.position[:-2])
+        else:
+            found = found._replace(position=found.position[kept])
+        place = found.position[np.lexsort(found.position.T)]
+        together = (place[1:] == place[:-1]).all(axis=1).any()
+        if not together and np.linalg.matrix_rank(place - place[:1]) == points.shape[1]:
+            return found, moved
+        found = None
+        error /= FINER
+
+
+def _shared(points: NDArray[np.float64], error: float) -> Quantised | None:
+    """Positions in the largest power of two that holds all coordinates exactly, if that is not too fine.
+
+    It may be half of the unit that ``error`` asks for: exact positions are worth a bit more.
+    """
+    exponent = math.frexp(2 * error / math.sqrt(points.shape[1]))[1] - 1
+    with np.errstate(over="ignore"):
+        scaled = np.ldexp(points, -exponent)
+    if not (np.abs(scaled).max() < MOST_ORIGIN and np.array_equal(scaled, np.rint(scaled))):
+        return None
+    whole = scaled.astype(np.int64)
+    bits = int(np.bitwise_or.reduce(whole, axis=None))
+    shift = (bits & -bits).bit_length() - 1
+    return _counted(np.ldexp(scaled, -shift), 1, exponent + shift)
 
 
 def _folds(points: NDArray[np.float64], position: NDArray[np.int64], cells: NDArray[np.int64]) -> bool:

@@ -246,11 +246,10 @@ class _SeriesFrames:
     def _of_mesh(self, frame: Any) -> list[bytes]:
         values: Any = frame.values if isinstance(frame, Mesh) else frame
         if self._mesh is None:
-            if frame.stored == "coded":
-                raise OptionError("the cells that contours cross are known only once all frames are", code="mesh",
-                                  remedy='give stored="whole", or encode a Mesh with values of all frames')
             isovalues = levels_of(frame, self._isovalue, self._options, self._known)
-            self._mesh = MeshFrames(frame, Series(isovalues, self._options.interval), self._options)
+            self._mesh = MeshFrames(
+                frame, Series(isovalues, self._options.interval), self._options, complete=False
+            )
         return self._mesh.chunks(values)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,16 +20,25 @@ from ..field.samples import Samples, isovalue_of
 from ..field.stretch import in_unit
 from ..field.units import distance_of
 from ..format.chunks import write_chunk, write_further
-from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, write_domain, write_mesh_layer
+from ..format.domain import (
+    MOST_OF_BYTE,
+    MOST_STEP,
+    DomainHead,
+    MeshLayerHead,
+    read_domain,
+    write_domain,
+    write_mesh_layer,
+)
 from ..format.frames import as_last, write_frame, write_interval
 from ..format.header import Header
-from ..mesh.coded_points import encoded_points, triangulated
-from ..mesh.complex import EXTENT_BITS, complex_of, neighbours
+from ..mesh.coded_points import delaunay_complex, encoded_points, triangulated
+from ..mesh.complex import EXTENT_BITS, Complex, complex_of, neighbours
 from ..mesh.history import has_levels, history_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import encoded_mesh
 from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
+from ..tin.rank import by_rank
 from .container import ContainerEncoder, beginning
 from .mesh_contents import coordinates_of
 from .options import LEVELS, Options
@@ -44,9 +53,15 @@ MESH_SHARE = 0.05
 """Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
 TOLERANCE_SHARE = 0.125
 """Share of a tolerance that they may take, if one is given: it holds for mesh and points of contours together."""
-FINER_TRIED = 6
-"""Roundings of scattered points that are tried, until their triangulation is that of the points themselves."""
-KINDS = ("known", "coded", "whole", "delaunay")
+CLOSER = 3**0.5
+CLOSER_TRIED = 11
+"""So many times scattered points are rounded, by that factor more finely each time, until contours cross the same
+triangles as of the points themselves."""
+CELL_KINDS, POINT_KINDS = ("known", "coded", "whole"), ("delaunay", "whole")
+"""Ways to store a mesh with cells, and scattered points."""
+KINDS = (*CELL_KINDS, "delaunay")
+NEEDED = ("coded", "delaunay")
+"""Ways to store only what the contours of all frames need."""
 
 
 class MeshFrames:
@@ -58,6 +73,8 @@ class MeshFrames:
         A mesh with the values of the first frame, or of all frames, (F, V).
     series : Series
     options : Options
+    complete : bool
+        Whether the mesh has the values of all frames. Otherwise the file stores all of the mesh, if it stores any.
 
     Attributes
     ----------
@@ -72,20 +89,12 @@ class MeshFrames:
         If options do not apply to meshes or are out of range.
     """
 
-    def __init__(self, mesh: Mesh, series: Series, options: Options) -> None:
+    def __init__(self, mesh: Mesh, series: Series, options: Options, *, complete: bool = True) -> None:
         _check_options(options)
         self._asked = options.precision.text if options.precision.world else ""
         options = _in_unit(options, mesh)
         self.options, self.series = options, series
-        stored = mesh.stored or ("delaunay" if mesh.cells is None else "known")
-        if stored not in KINDS:
-            raise OptionError(f"a mesh cannot be stored as {stored!r}", code="mesh",
-                              remedy=f"choose one of: {', '.join(KINDS)}")
-        if (mesh.cells is None) != (stored == "delaunay"):
-            raise OptionError(
-                f"a mesh {'without' if mesh.cells is None else 'with'} cells cannot be stored as {stored!r}",
-                code="mesh", remedy="a Delaunay triangulation is made from points alone; any other mesh needs cells",
-            )
+        stored = _stored(mesh, complete)
         points, cells, values = mesh.points, mesh.cells, mesh.values
         if values is None:
             raise InputError("the mesh has no values", code="values", remedy="give a value for each point")
@@ -110,7 +119,8 @@ class MeshFrames:
         self._edge = self._median_edge()
         self._rounded: NDArray[np.float64] | None = None
         self._off, self._same, self._shared = 0.0, True, False
-        self._domain_chunk = self._known() if stored == "known" else self._coded(stored, mesh.error, first)
+        self._exceeded = self._count_exceeded() if stored in NEEDED else []
+        self._domain_chunk = self._known() if stored == "known" else self._in_file(mesh.error)
         self._step = self._offset_step()
         progressive = mesh.progressive
         if progressive is None:
@@ -208,7 +218,7 @@ class MeshFrames:
         head = DomainHead(DomainKind.KNOWN, mesh.position.shape[1], exponent, *size, self.domain.digest)
         return write_domain(head, self.domain.n)
 
-    def _coded(self, stored: str, error: float | None, frames: NDArray[Any]) -> bytes:
+    def _in_file(self, error: float | None) -> bytes:
         """Write the domain chunk of a stored mesh; from now on, the encoder uses the decoders' version of the mesh."""
         if error is not None and not (math.isfinite(error) and error > 0):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
@@ -216,53 +226,95 @@ class MeshFrames:
         if self.options.precision.tolerance is not None:
             usual = min(usual, TOLERANCE_SHARE * self.options.precision.tolerance)
         self._off, self._shared = error or usual, error is None
-        if stored == "delaunay":
-            return self._of_points(1 if error else FINER_TRIED)
+        if self._scattered is None:
+            return self._of_cells()
+        # trials with all points take long, and are of use only for a promise
+        once = error is not None or not (self._exceeded or self.options.precision.tolerance)
+        return self._of_points(1 if once else CLOSER_TRIED)
+
+    def _count_exceeded(self) -> list[NDArray[np.uint16]]:
+        """Count for each frame how many isovalues the value of each vertex exceeds, (V,)."""
+        fields = (self._fields(frame) for frame in self.given)
+        return [np.sum([one.signs for one in each], axis=0, dtype=np.uint16) for each in fields]
+
+    def _crossed(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Find which cells (T, n + 1) of given vertices a contour of any frame crosses; all if the file stores all."""
+        crossed = np.full(len(cells), not self._exceeded)
+        for count in self._exceeded:
+            crossed |= (count[cells[:, 1:]] != count[cells[:, :1]]).any(axis=1)
+        return crossed
+
+    def _of_cells(self) -> bytes:
+        """Write the payload for the cells of a mesh that the file needs."""
         cells = self.domain.mesh.cell
-        if stored == "coded":
-            crossed = np.zeros(len(cells), np.bool_)
-            for frame in frames:
-                for field in self._fields(frame):
-                    signs = field.signs[cells]
-                    crossed |= signs.any(axis=1) & ~signs.all(axis=1)
-            # a file has at least one cell
-            crossed[0] |= not crossed.any()
-            cells = cells[crossed]
+        cells = cells[_one_at_least(self._crossed(cells))]
         used, numbers = np.unique(cells, return_inverse=True)
         points = self._points[used]
         places, domain = quantised(points, numbers.reshape(cells.shape), self._off)
         run, self.domain, order = encoded_mesh(domain, places.extent, places.unit)
         self._points = points[order]
         self._source = used[order]
-        head = self._in_file(DomainKind.CODED, places)
+        head = self._head(DomainKind.CODED, places, self.domain)
         self._rounded = coordinates_of(self.domain, read_domain(head + run, self.domain.n, 0)[0])
         return head + run
 
-    def _of_points(self, most: int) -> bytes:
-        """Payload of the chunk of scattered points, so finely rounded that they have the same triangulation, if that
-        shows within a number of trials and a precision is asked for; else as the first trial.
-        """
-        before, known = self._points, {tuple(sorted(cell)) for cell in self.domain.mesh.cell.tolist()}
-        found = []
-        for _ in range(most if self.options.precision.tolerance is not None else 1):
-            places = rounded_apart(before, self._off)
-            found.append((self._off, places, *encoded_points(places.position, places.extent, places.unit)))
-            source, cells = found[-1][4], found[-1][3].mesh.cell
-            self._same = {tuple(sorted(cell)) for cell in source[cells].tolist()} == known
-            if self._same:
-                break
-            self._off /= FINER
-        self._off, places, run, self.domain, self._source = found[-1 if self._same else 0]
-        self._points = before[self._source]
-        return self._in_file(DomainKind.DELAUNAY, places) + run
+    def _of_points(self, trials: int) -> bytes:
+        """Write the payload for scattered points: all of them, or the vertices of the triangles that the file needs.
 
-    def _in_file(self, kind: DomainKind, places: Quantised) -> bytes:
-        """Make the head of the domain chunk, and the positions in the file's units."""
-        size = len(self.domain.mesh.position), len(self.domain.mesh.cell)
+        The points are rounded so finely that contours cross the same triangles as before, if that is reached within a
+        number of trials; otherwise as in the first one. Origin and extent are those of all points, so that ties are
+        decided as among all of them (annex G.4).
+        """
+        given, cells = self._points, self.domain.mesh.cell
+        crossed = self._crossed(cells)
+        wanted = _vertex_sets(cells[crossed])
+        kept = np.unique(cells[_one_at_least(crossed)]) if self._exceeded else np.arange(len(given))
+        found: list[tuple[Quantised, float]] = []
+        error = self._off
+        for _ in range(trials):
+            try:
+                found.append(rounded_apart(given, error, kept))
+            except InputError:
+                if found:
+                    break
+                raise
+            places = found[-1][0]
+            order = by_rank(*places.position.T)
+            if self._crossed_alike(kept[order], delaunay_complex(places.position[order], places.unit), wanted):
+                found[0] = found[-1]
+                break
+            error /= CLOSER
+        places, error = found[0]
+        payload, self.domain, order = self._with_points(places)
+        while len(self.domain.mesh.position) + len(self.domain.mesh.cell) > MOST_OF_BYTE * len(payload):
+            # points that fill a lattice take so few bytes that readers would not believe their number
+            self._off /= CLOSER
+            places, error = rounded_apart(given, self._off, kept, exact=False)
+            payload, self.domain, order = self._with_points(places)
+        self._off, self._source = error, kept[order]
+        self._points = given[self._source]
+        self._same = self._crossed_alike(self._source, self.domain, wanted)
+        return payload
+
+    def _crossed_alike(
+        self, source: NDArray[np.int64], domain: Complex, wanted: Collection[tuple[int, ...]]
+    ) -> bool:
+        """Check that contours cross these cells of a complex of given points, and no others."""
+        cells = source[domain.mesh.cell]
+        return _vertex_sets(cells[self._crossed(cells)]) == wanted
+
+    def _with_points(self, places: Quantised) -> tuple[bytes, Complex, NDArray[np.int64]]:
+        """Write the payload for points in these places; also the complex and the order of the points in it."""
+        run, domain, order = encoded_points(places.position, places.extent, places.unit)
+        return self._head(DomainKind.DELAUNAY, places, domain) + run, domain, order
+
+    def _head(self, kind: DomainKind, places: Quantised, domain: Complex) -> bytes:
+        """Write the head of the domain chunk of a mesh with positions in the file's units."""
+        size = len(domain.mesh.position), len(domain.mesh.cell)
         head = DomainHead(
             kind, len(places.extent), places.exponent, *size, b"", places.multiple, places.origin, places.extent
         )
-        return write_domain(head, self.domain.n)
+        return write_domain(head, domain.n)
 
     def _offset_step(self) -> int:
         """Compute the longest part of an edge, in steps of offsets; 0 without offsets."""
@@ -371,6 +423,38 @@ class MeshEncoder(ContainerEncoder):
                     yield waiting
                 waiting = chunk
         yield as_last(waiting)
+
+
+def _stored(mesh: Mesh, complete: bool) -> str:
+    """Choose how a mesh is stored, if it does not state that; ``complete`` as of `MeshFrames`."""
+    scattered = mesh.cells is None
+    stored = mesh.stored or ("known" if not scattered else "delaunay" if complete else "whole")
+    if stored not in KINDS:
+        raise OptionError(f"a mesh cannot be stored as {stored!r}", code="mesh",
+                          remedy=f"choose one of: {', '.join(KINDS)}")
+    if stored not in (POINT_KINDS if scattered else CELL_KINDS):
+        raise OptionError(
+            f"a mesh {'without' if scattered else 'with'} cells cannot be stored as {stored!r}", code="mesh",
+            remedy=f"choose one of: {', '.join(POINT_KINDS)}" if scattered else "leave the cells out: a Delaunay "
+                                                                                 "triangulation is made from points",
+        )
+    if not complete and stored in NEEDED:
+        raise OptionError(
+            f"the {'points' if scattered else 'cells'} that contours need are known only once all frames are",
+            code="mesh", remedy='give stored="whole", or encode a Mesh with values of all frames',
+        )
+    return stored
+
+
+def _one_at_least(crossed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the first cell if none is crossed: a file has at least one."""
+    crossed[0] |= not crossed.any()
+    return crossed
+
+
+def _vertex_sets(cells: NDArray[np.int64]) -> set[tuple[int, ...]]:
+    """The vertices of each cell, whatever their order."""
+    return set(map(tuple, np.sort(cells, axis=1).tolist()))
 
 
 def _check_options(options: Options) -> None:

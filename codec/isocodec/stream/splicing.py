@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
 
-from isospec.container import ChunkType, MeshLayer
+from isospec.container import ChunkType, DomainKind, MeshLayer
 
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
@@ -22,6 +22,10 @@ ANCILLARY = 0x80
 _SHARED = ("domain", "mask", "coordinates")
 """Chunks that concern the whole file."""
 _SIGNS = (MeshLayer.SIGNS, MeshLayer.LEVELS)
+_PARTS = (
+    "if each file stores only the part of the mesh that its own contours need, encode all isovalues together, or each "
+    'with stored="whole" (--stored whole)'
+)
 _OWN = ("layers", "promises")
 """Chunks that belong to the latest isovalue that has begun."""
 
@@ -148,7 +152,11 @@ def spliced(files: Iterable[bytes]) -> bytes:
         if same != (first.info.kind, first.header.shape, first.header.profile, first.header.scale, first.header.cells):
             raise InputError(f"file {i} differs from the first in kind, shape, profile or step of values", code="merge")
         if other.shared != first.shared:
-            raise InputError(f"file {i} differs from the first in its mesh or in its missing samples", code="merge")
+            domain = other.info.domain
+            raise InputError(
+                f"file {i} differs from the first in its mesh or in its missing samples", code="merge",
+                remedy=None if domain is None or domain.kind == DomainKind.KNOWN else _PARTS,
+            )
         if (len(other.frames), other.info.interval) != (len(first.frames), first.info.interval):
             raise InputError(f"file {i} differs from the first in its frames", code="merge")
     values = [value for parts in all_parts for value in parts.info.isovalues]

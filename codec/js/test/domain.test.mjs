@@ -118,6 +118,19 @@ test("a stream loads what reads explicit domains", async () => {
   }
 });
 
+test("points next to the contour alone have the contour of all points, ties included", () => {
+  const [few, all] = ["needed", "all"].map((name) => {
+    const decoder = new Decoder({ domains });
+    decoder.feed(vector(`mesh_plane_delaunay_${name}_ties`));
+    decoder.end();
+    assert.equal(decoder.error, undefined);
+    return { points: canonicalText(decoder).split("\n").filter((line) => line.startsWith("p ")).length, drawing: draw(decoder) };
+  });
+  assert.ok(few.drawing.cells.length > 20 && few.points < all.points);
+  assert.deepEqual(few.drawing.points, all.drawing.points);
+  assert.deepEqual(few.drawing.cells, all.drawing.cells);
+});
+
 test("a mesh that is not the file's is an error of the caller", () => {
   const decoder = new Decoder({ domains });
   decoder.feed(vector("mesh_plane_signs"));
