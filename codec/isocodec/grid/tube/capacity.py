@@ -63,8 +63,8 @@ def first_state(
     signs : (s0, s1, s2) bool, optional
         Encoder: those of the field, padded to three axes.
     earlier : State, optional
-        That of the isovalue that this one leans on, ``shift`` steps below, rounded down and up; ``side`` is 1 if this one
-        lies above it, else -1.
+        That of the isovalue that this one leans on, ``shift`` steps below, rounded down and up; ``side`` is 1 if this
+        one lies above it, else -1.
     hole : Lean, optional
         The mask that is coded with, if there is one: see `tube.holes`.
     """
