@@ -399,7 +399,7 @@ def test_values_of_floats_follow_exactly(n):
             for number, isovalue in enumerate(isovalues):
                 state = decoder.grid.state(number)
                 at = tuple(state.position.T)
-                assert np.array_equal(state.above, field[at] > isovalue)
+                assert np.array_equal(state.above, field[at] > np.float64(isovalue))
                 known = state.missing == 0
                 assert np.array_equal(state.number[known], steps_of(field, isovalue, step)[at][known])
                 assert np.count_nonzero(known) or not len(decoder.contour(number).points)
