@@ -62,7 +62,7 @@ class TilesWanted:
 
 
 @dataclass(frozen=True)
-class TileSegments:
+class GroupSegments:
     """Segments of a tile at the isovalues of a group, as far as they have been fetched.
 
     Attributes
@@ -252,12 +252,12 @@ class TiledFile:
         (tile,) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, tile, number)
 
-    def drawn(self, tile: TileSegments, number: int) -> TilePart:
+    def drawn(self, tile: GroupSegments, number: int) -> TilePart:
         """Draw segments of a tile at an isovalue."""
         ((_, part),) = self._drawn(tile, [number], Shared(self.limits))
         return part
 
-    def _drawn(self, tile: TileSegments, numbers: Sequence[int], call: Shared) -> Iterator[tuple[int, TilePart]]:
+    def _drawn(self, tile: GroupSegments, numbers: Sequence[int], call: Shared) -> Iterator[tuple[int, TilePart]]:
         """Draw segments of a tile at some isovalues; yields their numbers and the drawings."""
         if not numbers:
             return
@@ -273,10 +273,10 @@ class TiledFile:
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
-    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[TileSegments]:
+    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[GroupSegments]:
         """Get the segments of tiles up to a stage, at the isovalues of the group of one."""
         index = np.array([*wanted], np.int64)
-        call, out = Shared(self.limits), list[TileSegments]()
+        call, out = Shared(self.limits), list[GroupSegments]()
         block_of = [self._number_of[tuple(block)] for block in (index >> self.head.grid.block).tolist()]
         leaves = self._read_leaves(sorted(set(block_of)), call)
         for number in dict.fromkeys(block_of):
@@ -299,7 +299,7 @@ class TiledFile:
             out[here] = leaf[strand].kinds_at(positions).reshape(index.shape[:-1])
         return out
 
-    def coded(self, ranges: Sequence[range], number: int) -> Iterator[TileSegments]:
+    def coded(self, ranges: Sequence[range], number: int) -> Iterator[GroupSegments]:
         """Get the segments of the coded tiles in a box of tiles at an isovalue."""
         leaves, found = self._found(ranges, [number], len(self.head.stages) - 1, Shared(self.limits))
         yield from self._segments(found[self.head.group_of(number)], leaves)
@@ -431,7 +431,7 @@ class TiledFile:
 
     def _segments(
         self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf]
-    ) -> Iterator[TileSegments]:
+    ) -> Iterator[GroupSegments]:
         """Give the segments of tiles, as far as they have been fetched."""
         masked = self.head.masked
         for each in wanted:
@@ -452,7 +452,7 @@ class TiledFile:
                         break
                     segments.append(self._pieces.get(first, behind))
                 mask = segments.pop(0) if masked and segments else b""
-                yield TileSegments(index, numbers, mask, segments, each.stage)
+                yield GroupSegments(index, numbers, mask, segments, each.stage)
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue; 0 for None.
@@ -470,13 +470,13 @@ class TiledFile:
         return self.isovalues.index(isovalue)
 
 
-def plain(head: Head, tile: TileSegments, number: int) -> bytes:
+def plain(head: Head, tile: GroupSegments, number: int) -> bytes:
     """Make an ``.iso`` file of a tile with the isovalues of a group at which it is coded, else without layers of one.
     """
     return file_of(head, tile.index, tile.mask, [*group_chunks(head, tile)], (tile.numbers or [number])[0])
 
 
-def group_chunks(head: Head, tile: TileSegments, first: int = 0) -> Iterator[bytes]:
+def group_chunks(head: Head, tile: GroupSegments, first: int = 0) -> Iterator[bytes]:
     """Yield the chunks of a tile at the isovalues of a group; the first of them has number ``first`` in its file.
 
     It begins with the file's header if that is 0, else with a chunk here.
