@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -366,3 +368,49 @@ def test_trials_are_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len({id(writer) for writer, _ in seen}) == writers
         assert len({(id(writer), number) for writer, number in seen}) == len(seen)
         assert done == sorted(done) and done[-1][0] == done[-1][1] == len(isocodec.open(data).info.layers)
+
+
+def steps_of(field, isovalue, step):
+    """Numbers of steps of all samples, by fractions (spec clause 2.3(3)), on the side that each is on."""
+    exact = [(Fraction(float(v)) - Fraction(isovalue)) / Fraction(step) for v in field.ravel()]
+    numbers = [math.ceil(x) - 1 if x > 0 else math.floor(-x) for x in exact]
+    return np.array(numbers, np.int64).reshape(field.shape)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_values_of_floats_follow_exactly(n):
+    """In every order, whole steps apart or not, near ties: signs and numbers are those of the samples."""
+
+    @examples(60)
+    @given(st.integers(0, 1 << 32), st.sampled_from([1.0, 0.1, 0.3, 0.07]), st.booleans(), st.booleans())
+    def run(seed, step, single, whole):
+        rng = np.random.default_rng(seed)
+        shape = tuple(rng.integers(2, 16 if n == 2 else 8, n))
+        isovalues = [10.1, *(10.1 + (rng.permutation(9)[:2] - 4) * (step if whole else 0.13)).tolist()]
+        isovalues = list(dict.fromkeys(isovalues))
+        field = 10.1 + 6 * smooth(shape, seed) * step + rng.normal(0, 2 * step, shape)
+        some = rng.random(shape) < 0.4
+        field[some] = 10.1 + rng.integers(-9, 9, shape)[some] * step
+        field = field.astype(np.float32) if single else field
+        for order in ("levels", "isovalues", "independent"):
+            decoder = Decoder()
+            decoder.feed(isocodec.encode(field, isovalues, precision=f"step={step!r}", order=order))
+            decoder.close()
+            for number, isovalue in enumerate(isovalues):
+                state = decoder.grid.state(number)
+                at = tuple(state.position.T)
+                assert np.array_equal(state.above, field[at] > np.float64(isovalue))
+                known = state.missing == 0
+                assert np.array_equal(state.number[known], steps_of(field, isovalue, step)[at][known])
+                assert np.count_nonzero(known) or not len(decoder.contour(number).points)
+
+    run()
+
+
+@pytest.mark.parametrize(("step", "share"), [(1, 0.1), (0.7, 0.25)])
+def test_values_of_floats_cost_once(step, share):
+    """A close isovalue takes this share of a file alone, less where steps are the same; as a field of an atmosphere."""
+    field = (5500 * smooth((90, 120), 4, 6) + 54000).astype(np.float32)
+    first, second = (len(isocodec.encode(field, v, precision=f"step={step}")) for v in (54000, 54010))
+    both = len(isocodec.encode(field, [54000, 54010], precision=f"step={step}"))
+    assert both - first < share * second

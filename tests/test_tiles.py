@@ -22,7 +22,7 @@ from isocodec.search.tile_mesh import face_vertices
 from isocodec.storage.ranges import GAP, MOST_PIECES, SLACK, together
 from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
-from isocodec.tiles.structure import Kind, groups_of
+from isocodec.tiles.structure import groups_of
 from tiled import encoded, hilly, holed, pieces, tiled_of
 
 FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 5, 3: 2}
@@ -138,8 +138,8 @@ def check_faces(data: bytes, holes: bool) -> None:
         return
     for stage in range(len(file.head.stages)):
         drawn = {
-            index: file.drawn(index, 0, mask, segments) if kind == Kind.CODED else None
-            for index, kind, mask, segments in file.tiles(np.ndindex(*grid.counts), 0, stage)
+            tile.index: file.drawn(tile, 0) if tile.numbers else None
+            for tile in file.tiles(np.ndindex(*grid.counts), 0, stage)
         }
         for index, axis in ((i, a) for i in drawn for a in range(grid.n) if i[a] + 1 < grid.counts[a]):
             here = in_face(drawn[index], axis, 1 << grid.exponent)

@@ -85,9 +85,10 @@ def test_a_tile_as_it_is(tmp_path: Path) -> None:
         window = file.head.grid.window(index)
         made = isocodec.open(data).edited(window=[(w.start, w.stop - 1) for w in window])
         for number, isovalue in enumerate((30.5, 60.5)):
-            mask, segments = file.tiles([index], number, 3)[0][2:]
+            found = file.tiles([index], number, 3)[0]
+            mask, segments = found.mask, found.of(number)
             assert mask in made and all(segment in made for segment in segments)
-            tile = isocodec.decode(file.plain(index, isovalue))
+            tile = isocodec.decode(file.plain(index, isovalue), isovalue=isovalue)
             assert pieces(isocodec.decode(made, isovalue=isovalue)) == pieces(tile) and len(tile.cells)
         part = isocodec.decode(made)
         assert part.metadata["unit"] == "m"

@@ -85,6 +85,20 @@ def whole() -> Iterator[Draft]:
             f"{space}_isovalues_scaled", field / 8, (10.0, 10.5, 9.25), "isovalues of scaled data",
             "power-of-two step", precision="step=0.25",
         )
+        for name, step, apart, about in (
+            ("between_steps", 0.3, (10.0, 10.5, 9.25), "no whole steps apart"),
+            ("tenths", 0.1, (10.1, 10.6, 11.1, 9.7), "tenths apart, which binary64 has not"),
+            ("steps_far", 2.0**-36, (10.0, 1e6, 10.5), "too many steps apart for values to tell of each other"),
+        ):
+            yield encoded(
+                f"{space}_isovalues_{name}", field / 8, apart, f"isovalues of scaled data: {about}",
+                precision=f"step={step!r}",
+            )
+        yield encoded(
+            f"{space}_isovalues_steps_in_part", field / 8, tuple(v / 8 for v in part),
+            "isovalues of scaled data: values known in part", layers={v / 8: plan for v, plan in part.items()},
+            precision="step=0.09",
+        )
 
     yield encoded(
         "plane_isovalues_far_apart", *_far_apart(), "isovalues: numbers that are too large to be taken over",

@@ -66,10 +66,22 @@ def encoded() -> Iterator[Draft]:
         yield _tiled(f"{space}_offsets", hills, VALUE, "offsets", precision=0.05, profile="main")
         yield _tiled(f"{space}_signs", waves(shape, HIGH, 4), VALUE, "signs, sides that are no multiples", **signs)
         yield _tiled(f"{space}_isovalues", hills, (VALUE, VALUE + 4.5, 1e9), "several isovalues", **signs)
+        yield _tiled(f"{space}_leaning", hills, (VALUE, 1e9, VALUE + 2, VALUE - 3), "values of isovalues that lean")
+        yield _tiled(
+            f"{space}_independent", hills, (VALUE, VALUE + 2), "independent isovalues", order="independent", **signs
+        )
+        yield _tiled(
+            f"{space}_leaning_main", np.ma.masked_array(hills / 8, gone), (VALUE / 8, VALUE / 8 + 1.3),
+            "isovalues that lean, a scale, missing samples", precision="step=0.25", profile="main",
+        )
         yield _tiled(f"{space}_missing", np.ma.masked_array(hills, gone), VALUE, "missing samples")
         steps = np.where(gone, np.nan, hills / 8)
         yield _tiled(f"{space}_steps", steps, VALUE / 8, "a scale, missing samples", precision="step=0.25")
         yield _tiled(f"{space}_empty", hills, 1e9, "no curve")
+    yield _tiled(
+        "plane_together", waves((33, 70), HIGH, 4), [VALUE + 3 * i for i in range(11)], "groups of isovalues",
+        precision="signs",
+    )
     yield _tiled(
         "plane_descending", waves((33, 20), HIGH, 4), (VALUE + 4.5, VALUE), "isovalues in descending order",
         precision="signs",
@@ -213,6 +225,8 @@ def wrong() -> Iterator[tuple[str, str, str, bytes]]:
     yield "block", "12.3", "blocks of too many tiles", bytes(replace(file, block=11))
     yield "blocks", "12.3", "too many blocks", bytes(replace(file, block=0, shape=(2, 32 * 3400)))
     yield "isovalues", "12.3", "no isovalue", bytes(replace(file, isovalues=[], blocks=[]))
+    yield "group_none", "12.3", "groups of no isovalues", bytes(replace(file, flags=0x40))
+    yield "group_long", "12.3", "groups of 257 isovalues", bytes(replace(file, together=257))
     yield "isovalue", "3.3.4", "an isovalue that is no number", bytes(
         replace(file, isovalues=[b"\2" + Double.build(float("nan"))])
     )

@@ -75,14 +75,17 @@ def in_parts(data: bytes, isovalues: list[bytes]) -> TiledFile:
         channels: list[list[Run]] = [[] for _ in range(head.strands)]
         for at, index in enumerate(map(tuple, head.grid.members(block).tolist())):
             found = [reader.tiles([index], i, len(head.stages) - 1)[0] for i in range(len(isovalues))]
-            segments = [[found[0][2]]] * head.masked + [own for _, _, _, own in found]
+            segments = [[found[0].mask]] * head.masked + [tile.of(i) for i, tile in enumerate(found)]
             for channel, strand, own in zip(channels, leaf, segments, strict=True):
                 kind = int(strand.kinds_at(np.array([at]))[0])
                 channel.append(Run(kind, 1, [own] if kind == Kind.CODED else []))
         blocks.append(Block([*channels], len(head.stages), head.masked))
     stages = bytes(s.geometry << 7 | s.adaptive << 6 | s.edge for s in head.stages)
     flags = head.masked << 7 | int(head.profile)
-    return TiledFile(head.grid.shape, head.grid.exponent, head.grid.block, stages, isovalues, blocks, flags)
+    grid = head.grid
+    return TiledFile(
+        grid.shape, grid.exponent, grid.block, stages, isovalues, blocks, flags, together=head.together
+    )
 
 
 def tiles_of(data: bytes) -> int:

@@ -45,10 +45,10 @@ def _lines(data: bytes, limits: Limits | None, symbols: Counter[str]) -> list[st
     if math.prod(counts) > MOST_TILES:
         raise LimitError("a text of so many tiles")
     lines = [" ".join(map(str, ("tiles", *file.shape)))]
-    for number, isovalue in enumerate(file.isovalues):
+    for number in range(0, len(file.isovalues), file.head.together):
         lines.append(f"isovalue {number}")
         for index in np.ndindex(*counts):
-            output = dump(file.plain(index, isovalue), limits=limits)
+            output = dump(file.plain(index, file.isovalues[number]), limits=limits)
             if output.error is not None:
                 raise output.error
             symbols.update(output.symbols)

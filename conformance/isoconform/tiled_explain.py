@@ -74,6 +74,9 @@ class _Walk(Rows):
             kind = IsovalueKind(data[reader.at]).name.lower()
             reader.isovalue()
             note(reader.at, f"isovalue {number}: {isovalue!r}, as {kind} (3.3.4)")
+        if head.together > 1:
+            reader.number()
+            note(reader.at, f"groups of {head.together} isovalues (12.3.1(5))")
         size = reader.number()
         note(reader.at, f"{size} bytes of metadata")
         reader.bytes(size)

@@ -82,6 +82,8 @@ class TiledFile:
         In Morton order.
     flags : int
         Bits 7, 5, 1 and 0.
+    together : int
+        Isovalues in a group.
     """
 
     shape: tuple[int, ...]
@@ -94,14 +96,16 @@ class TiledFile:
     scale: float | None = None
     metadata: bytes = b""
     version: int = 0
+    together: int = 1
 
     def head(self, root: bytes) -> bytes:
         """Head and root directory."""
-        flags = self.flags | (len(self.shape) - 2) << 2 | (self.scale is not None) << 5
+        flags = self.flags | (len(self.shape) - 2) << 2 | (self.scale is not None) << 5 | (self.together > 1) << 6
         sides = b"".join(map(write_varint, self.shape))
         fields = sides + bytes([self.exponent, self.block, len(self.stages)]) + self.stages
         fields += b"" if self.scale is None else Double.build(self.scale)
         fields += write_varint(len(self.isovalues)) + b"".join(self.isovalues)
+        fields += write_varint(self.together) if self.together > 1 else b""
         fields += write_varint(len(self.metadata)) + self.metadata + root
         size = len(SIGNATURE) + 4 + len(fields) + 4
         return summed(SIGNATURE + bytes([self.version, flags]) + size.to_bytes(2, "big") + fields)

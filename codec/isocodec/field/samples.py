@@ -70,13 +70,7 @@ class Samples:
             )
             number = np.where(above, distance - 1, distance)
         else:
-            with np.errstate(over="ignore", invalid="ignore"):
-                steps = np.abs((samples.astype(np.float64) - self.isovalue) / self.scale)
-            if not np.all(np.isfinite(steps)):
-                raise InputError("the field is infinite next to the curve", code="infinite", remedy="clip the field")
-            # above: (iso, iso + S] is number 0; below: (iso - S, iso] is number 0
-            number = np.where(above, np.ceil(steps) - 1, np.floor(steps))
-            number = np.maximum(number, 0)
+            number = _steps(samples.astype(np.float64), self.isovalue, self.scale, above)
         if len(number) and int(number.max()) >= MAX_NUMBER:
             raise InputError(
                 f"values next to the curve lie {float(number.max()):.3g} steps from the isovalue, more than 2**52",
@@ -151,6 +145,36 @@ class Samples:
         # from a finite sample to an infinite one the quotient is 0 as it is
         where[np.isinf(f_low) & np.isfinite(f_high)] = 1.0
         return where
+
+
+_UNSURE = 2.0**-50
+"""Quotients this near to a whole number, relative to their size, may have been rounded to it, or past it."""
+
+
+def _steps(
+    samples: NDArray[np.float64], isovalue: float, scale: float, above: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Numbers of whole steps between an isovalue and samples, exactly: other isovalues may follow from them.
+
+    Above, ``(isovalue, isovalue + scale]`` is number 0; below, ``(isovalue - scale, isovalue]`` is.
+
+    Raises
+    ------
+    InputError
+        If a sample is infinite.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.abs((samples - isovalue) / scale)
+    if not np.all(np.isfinite(steps)):
+        raise InputError("the field is infinite next to the curve", code="infinite", remedy="clip the field")
+    number = np.where(above, np.ceil(steps) - 1, np.floor(steps))
+    unsure = np.flatnonzero((np.abs(steps - np.rint(steps)) <= _UNSURE * steps) & (steps < MAX_NUMBER))
+    values, which = np.unique(samples[unsure], return_inverse=True)
+    exact = [(Fraction(value) - Fraction(isovalue)) / Fraction(scale) for value in values.tolist()]
+    whole = np.array([math.ceil(x) - 1 if x > 0 else math.floor(-x) for x in exact], np.float64)
+    number[unsure] = whole[which.ravel()]
+    # a sample of a wider type may have been rounded to the isovalue
+    return np.maximum(number, 0)
 
 
 def _wide(samples: NDArray[Any], t: int) -> bool:

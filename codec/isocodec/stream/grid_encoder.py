@@ -331,9 +331,9 @@ class GridFrame:
                 f"the order levels is for 2 to {MOST_IN_TURN} isovalues of one field on the mesh of the grid, "
                 "predicted from one another", code="order", remedy="leave it out",
             )
-        # values of integers give most signs of the next isovalue, which comes cheaper after them
+        # values give most signs of the next isovalue, which comes cheaper after them
         kept = any(entry[0] == LayerKind.VALUES for plan in self.file.geometry or () for entry in plan)
-        apart = o.precision.exact or (kept and self._fields[0].integer) or count * samples > MOST_SIGNS
+        apart = o.precision.exact or o.precision.step is not None or kept or count * samples > MOST_SIGNS
         return possible and (o.order == LEVELS or (o.order is None and not apart))
 
     def _in_turn(self) -> Iterator[bytes]:
@@ -363,8 +363,8 @@ class GridFrame:
         turns: list[tuple[range, int | None]] = [
             *coarsely(self._bases, self._coarse), *finer(self._bases, self._coarse, full)
         ]
-        if self._fields[0].integer and self.strands[0].has_values:
-            # values of integers give most signs of the next isovalue
+        if self.strands[0].has_values:
+            # values give most signs of the next isovalue
             return [*coarsely(self._bases, self._coarse), *((range(i, i + 1), None) for i in range(count))]
         signs = [strand.to_level(full) for strand in self.strands]
         left = [strand.planned - there for strand, there in zip(self.strands, signs, strict=True)]

@@ -263,7 +263,7 @@ class MeshFrames:
 
         The points are rounded so finely that contours cross the same triangles as before, if that is reached within a
         number of trials; otherwise as in the first one. Origin and extent are those of all points, so that ties are
-        decided as among all of them (annex G.4).
+        decided as among all of them (annex G.5).
         """
         given, cells = self._points, self.domain.mesh.cell
         crossed = self._crossed(cells)

@@ -8,18 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import ChunkType
-
 from ..errors import OptionError
 from ..field.samples import Samples
-from ..format.chunks import write_chunk, write_further
 from ..grid.tube.decoded import Decoded
 from ..stream.promises import last_promise
 from ..stream.recoder import Source, box_of, moved_notes, source_of
 from ..stream.shared_limits import Shared
 from .layout import Index
 from .structure import Kind
-from .tiled import TiledFile, plain
+from .tiled import TiledFile, file_of, group_chunks, plain
 
 
 class Extract:
@@ -65,15 +62,17 @@ class Extract:
         if (head.grid.origin(index), head.grid.size(index)) != (self.low, self.size):
             return None
         self._file.prefetch(self._ranges, numbers)
-        found = [self._file.tiles([index], number, len(head.stages) - 1)[0] for number in numbers]
-        if any(kind != Kind.CODED for _, kind, _, _ in found):
+        groups = dict.fromkeys(map(head.group_of, numbers))
+        found = [self._file.tiles([index], group[0], len(head.stages) - 1)[0] for group in groups]
+        if [number for tile in found for number in tile.numbers] != [*numbers]:
+            # a tile without a curve, or only some isovalues of a group
             return None
-        _, _, mask, first = found[0]
-        segments = [*first]
-        for place, (number, (_, _, _, own)) in enumerate(zip(numbers[1:], found[1:], strict=True), start=1):
-            further = write_further(place, head.isovalues[number], None)
-            segments += [write_chunk(ChunkType.ISOVALUE, further), *own]
-        return plain(head, index, numbers[0], mask, segments, last_promise(self.notes))
+        chunks: list[bytes] = []
+        done = 0
+        for tile in found:
+            chunks += group_chunks(head, tile, done)
+            done += len(tile.numbers)
+        return file_of(head, index, found[0].mask, chunks, numbers[0], last_promise(self.notes))
 
     def sources(self, numbers: Sequence[int]) -> list[Source]:
         """Recover the sources of isovalues, by number, from the tiles, as from an ordinary file.
@@ -114,14 +113,15 @@ class Extract:
         if head.masked:
             gone = (self._file.kinds(self._ranges, 0) == Kind.ABOVE)[tile]
             signs &= ~gone
-        for index, mask, segments in self._file.coded(self._ranges, number):
-            here, there = self._windows(index)
-            decoder = self._call.decoded(plain(head, index, number, mask, segments))
-            signs[here] = decoder.above()[there]
+        for tile_there in self._file.coded(self._ranges, number):
+            here, there = self._windows(tile_there.index)
+            decoder = self._call.decoded(plain(head, tile_there, number))
+            place = tile_there.numbers.index(number)
+            signs[here] = decoder.above(place)[there]
             gone[here] |= ~decoder.valid()[there]
-            state = decoder.state()
+            state = decoder.state(place)
             assert state is not None
-            told.append(self._moved(state, np.subtract(head.grid.origin(index), self.low)))
+            told.append(self._moved(state, np.subtract(head.grid.origin(tile_there.index), self.low)))
         return signs, gone, _together(told, self.size)
 
     def _windows(self, index: Index) -> tuple[tuple[slice, ...], tuple[slice, ...]]:

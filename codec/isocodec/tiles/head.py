@@ -30,12 +30,13 @@ from .structure import (
     MOST_IN_BLOCK,
     MOST_SIDE,
     MOST_STAGES,
+    MOST_TOGETHER,
     Head,
     Root,
     Stage,
 )
 
-_MASK, _SCALED = 0x80, 0x20
+_MASK, _LEANING, _SCALED = 0x80, 0x40, 0x20
 MOST_BYTES = 1 << 62
 """Upper bound on the size of files."""
 
@@ -56,12 +57,14 @@ def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> byt
     for value in head.isovalues:
         kind, number = write_isovalue(value)
         body += bytes([kind]) + number
+    body += write_varint(head.together) if head.together > 1 else b""
     notes = write_metadata(head.metadata) if head.metadata else b""
     body += write_varint(len(notes)) + notes
     for leaf, sizes in leaves:
         body += write_varint(len(leaf)) + Checksum.build(zlib.crc32(leaf))
         body += b"".join(write_varint(size) for size in sizes)
-    flags = _MASK * head.masked | _SCALED * (head.scale is not None) | (grid.n - 2) << 2 | head.profile
+    flags = _MASK * head.masked | _LEANING * (head.together > 1) | _SCALED * (head.scale is not None)
+    flags |= (grid.n - 2) << 2 | head.profile
     length = FIXED_BYTES + len(body) + 4
     if length > HEAD_BYTES:
         raise InputError(
@@ -109,7 +112,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
         )
     reader = Reader(data, FIXED_BYTES, end - 4)
     flags = data[5]
-    if flags & 0x5B & ~Profile.MAIN:
+    if flags & 0x1B & ~Profile.MAIN:
         raise wrong("unknown flags", "flags", 5, "12.3")
     n = 2 + (flags >> 2 & 1)
     shape = tuple(reader.number() for _ in range(n))
@@ -127,9 +130,12 @@ def read_head(data: bytes) -> tuple[Head, Root]:
     if not 1 <= count <= MAX_ISOVALUES:
         raise wrong(f"invalid number of isovalues: {count}", "isovalues", reader.at, "12.3")
     isovalues = tuple(reader.isovalue() for _ in range(count))
+    together = reader.number() if flags & _LEANING else 1
+    if flags & _LEANING and not 2 <= together <= MOST_TOGETHER:
+        raise wrong(f"groups of {together:,} isovalues", "isovalues", reader.at, "12.3")
     notes = reader.notes()
     grid = TileGrid(shape, exponent, block)
-    head = Head(grid, isovalues, listed, scale, Profile(flags & 3), bool(flags & _MASK), notes)
+    head = Head(grid, isovalues, listed, scale, Profile(flags & 3), bool(flags & _MASK), notes, together)
     total = math.prod(grid.blocks)
     # each leaf takes at least five bytes of the head
     if total > HEAD_BYTES // 5:

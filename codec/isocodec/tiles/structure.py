@@ -20,6 +20,8 @@ EXPONENTS = range(5, 21)
 """Smallest and largest width of tiles, as exponents."""
 MOST_IN_BLOCK = 1 << 20
 MOST_STAGES = 16
+MOST_TOGETHER = 256
+"""Largest number of isovalues in a group."""
 MOST_SIDE = 1 << 40
 """Largest number of samples along an axis."""
 GROUP_BYTES = 1 << 10
@@ -68,6 +70,8 @@ class Head:
     masked : bool
         Whether there is a mask, whose area precedes the others.
     metadata : dict of str to str
+    together : int
+        Isovalues in each group, the last one apart: in a tile, those of a group lean on one another.
     """
 
     grid: TileGrid
@@ -77,6 +81,12 @@ class Head:
     profile: Profile = Profile.MAIN
     masked: bool = False
     metadata: dict[str, str] = field(default_factory=dict)
+    together: int = 1
+
+    def group_of(self, number: int) -> range:
+        """Numbers of the isovalues in the group of one of them."""
+        first = number - number % self.together
+        return range(first, min(first + self.together, len(self.isovalues)))
 
     @property
     def areas(self) -> int:

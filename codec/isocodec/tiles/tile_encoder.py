@@ -14,13 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, Profile
 
 from ..deferred import dataclass
+from ..entropy.range_coder import Coder
 from ..errors import InputError, OptionError
 from ..field.samples import Samples, check_field, mask_field, missing_of, without_holes
 from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.kinds import LayerKind
-from ..format.program import Progress, write_program
+from ..format.program import Progress
 from ..grid.layers.layer_writer import LayerWriter, encoded_mask, field_tube
+from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.promise import Promise
@@ -28,7 +30,7 @@ from ..search.strategy import NotKeptError, Plan, base_of
 from ..search.tile_faces import Faces
 from ..search.tile_mesh import tile_plan
 from ..search.tile_volume import cubes_for, pitch_of, volume_plan
-from ..search.tolerance import Slack, grid_offsets
+from ..search.tolerance import Slack, grid_offsets, radices
 from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
 from .layout import COARSEST, Index, TileGrid
 from .structure import Head, Kind, Stage
@@ -36,6 +38,8 @@ from .structure import Head, Kind, Stage
 EDGES = (COARSEST, 2, 0)
 """Exponents of the edges of the cubes to which stages lead."""
 DEFAULT_EXPONENT = 10
+TOGETHER = 8
+"""Isovalues in a group: who reads one of them reads all."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,21 @@ class Tiling:
         """The head of the file."""
         o = self.options
         step, notes = o.precision.step, dict(o.metadata)
-        return Head(self.grid, self.isovalues, self.stages, step, self.profile, masked, notes)
+        return Head(self.grid, self.isovalues, self.stages, step, self.profile, masked, notes, self.together)
+
+    @property
+    def together(self) -> int:
+        """Isovalues that lean on one another in a tile; 1 if none does."""
+        count, precision = len(self.isovalues), self.options.precision
+        if count == 1 or self.options.independent or self.searched is not None:
+            return 1
+        values = precision.exact or precision.step is not None
+        if not (precision.signs or values):
+            # slack must not move a crossing past that of the isovalue leaned on
+            rising = [a < b for a, b in pairwise(self.isovalues)]
+            if len({*rising}) > 1 or len(radices(precision.tolerance or DEFAULT_TOLERANCE)) > 1:
+                return 1
+        return min(TOGETHER, count)
 
 
 @dataclass(frozen=True)
@@ -205,14 +223,17 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
     meshes = [
         _faces(field, index, tiling) if kind == Kind.CODED else None for field, kind in zip(fields, kinds, strict=True)
     ]
-    segments = tuple(
-        tuple(_segments(replace(header, isovalue=field.isovalue), field, holes, index, tiling, mesh))
-        if kind == Kind.CODED else (b"",) * stages
-        for field, kind, mesh in zip(fields, kinds, meshes, strict=True)
-    )
+    segments = [(b"",) * stages for _ in fields]
+    for first in range(0, len(fields), tiling.together):
+        coded = [i for i in range(first, min(first + tiling.together, len(fields))) if kinds[i] == Kind.CODED]
+        if coded:
+            group = [fields[i] for i in coded]
+            found = _segments(header, group, holes, index, tiling, meshes[coded[0]])
+            for i, *own in zip(coded, *found, strict=True):
+                segments[i] = tuple(own)
     faces = tuple((_sealed(low, meshes, axis, 0), _sealed(high, meshes, axis, size[axis] - 1))
                   for axis, (low, high) in enumerate(faces))
-    return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces, counts)
+    return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, tuple(segments), faces, counts)
 
 
 def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
@@ -279,26 +300,42 @@ def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int
 
 
 def _segments(
-    header: Header, field: Samples, holes: Holes | None, index: Index, tiling: Tiling, faces: Faces | None
-) -> Iterator[bytes]:
-    """Make the segments of an isovalue, stage by stage."""
-    truth = truth_of(field)
+    header: Header, fields: Sequence[Samples], holes: Holes | None, index: Index, tiling: Tiling, faces: Faces | None
+) -> Iterator[list[bytes]]:
+    """Make the segments of a group of isovalues, stage by stage; each leans on the one before it."""
+    truths = [truth_of(field) for field in fields]
     if tiling.searched is None:
         plan, ends = _plan(index, tiling)
     else:
-        plan, ends = _searched(header, field, truth, holes, index, tiling, faces)
-    tube = field_tube(header, field, truth, holes=holes)
-    full = tube.full_level
-    writer = LayerWriter(field, tube, plan, Progress(full).begin(None))
-    program = Progress(full).begin(None)
-    for first, end in pairwise([0, *ends]):
-        # layers of values are known only when earlier layers are done
-        last = len(writer.layers) if end is None else end
-        if first is not None and first == last:
-            yield b""
-            continue
-        done, run = writer.encode_run(first or 0, lambda: None, math.inf, None if end is None else last - 1)
-        yield write_chunk(ChunkType.LAYERS, write_program(writer.layers[first:done], program, writer.bits) + run)
+        own = replace(header, isovalue=fields[0].isovalue)
+        plan, ends = _searched(own, fields[0], truths[0], holes, index, tiling, faces)
+    writers: list[LayerWriter] = []
+
+    def fresh(place: int, coder: Coder | None = None) -> Tube:
+        field, truth = fields[place], truths[place]
+        if not place:
+            return field_tube(header, field, truth, holes=holes)
+        before = writers[place - 1]
+        return field_tube(header, field, truth, before.tube, before.field.isovalue, holes, coder=coder)
+
+    for place, field in enumerate(fields):
+        tube = fresh(place)
+        progress = Progress(tube.full_level).begin(writers[-1].progress if writers else None)
+        writers.append(LayerWriter(field, tube, plan, progress))
+    for stage, (first, end) in enumerate(pairwise([0, *ends])):
+        made = []
+        for place, writer in enumerate(writers):
+            if not stage and place:
+                # the one before has a base by now; the models are shared
+                writer.tube = fresh(place, writer.tube.coder)
+            # layers of values are known only when earlier layers are done
+            last = len(writer.layers) if end is None else end
+            if first is not None and first == last:
+                made.append(b"")
+                continue
+            done, run = writer.encode_run(first or 0, lambda: None, math.inf, None if end is None else last - 1)
+            made.append(write_chunk(ChunkType.LAYERS, writer.program(first or 0, done) + run))
+        yield made
 
 
 def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:

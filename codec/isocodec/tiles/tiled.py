@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ..drawing.contour import Contour
 from ..drawing.window import bounds_of, clipped
 from ..errors import LimitError, OptionError
 from ..field.placement import read_placement
-from ..format.chunks import write_chunk, write_metadata
+from ..format.chunks import write_chunk, write_further, write_metadata, write_turn
 from ..format.header import HEAD_BYTES, Header, write_header
 from ..limits import Limits
 from ..storage.ranges import Fetch, Pieces, Range
@@ -37,28 +37,56 @@ DRAWN = 3
 """Memory that drawings of tiles take while they are joined, in their own size."""
 Box = Sequence[tuple[int, int]]
 """First and last samples along each axis."""
-Found = tuple[Index, Kind, bytes, list[bytes]]
-"""A tile: its kind for an isovalue, the segment of its mask, and the segments of its stages."""
 
 
 @dataclass
 class TilesWanted:
-    """Coded tiles of a block at an isovalue that are wanted, up to a stage.
+    """Coded tiles of a block at isovalues of a group that are wanted, up to a stage.
 
     Attributes
     ----------
-    block, number, stage : int
-        Number of the block, of the isovalue, and of the last stage.
+    block, stage : int
+        Number of the block, and of the last stage.
+    group : range
+        Numbers of the isovalues of the group.
     index : (K, n) int64
     positions : (K,) int64
         Positions of the tiles in the order of the block.
     """
 
     block: int
-    number: int
     stage: int
+    group: range
     index: NDArray[np.int64]
     positions: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class GroupSegments:
+    """Segments of a tile at the isovalues of a group, as far as they have been fetched.
+
+    Attributes
+    ----------
+    index : tuple of int
+    numbers : list of int
+        Numbers of the group's isovalues at which the tile is coded.
+    mask : bytes
+        Segment of its mask.
+    segments : list of bytes
+        Stage by stage, in each one those of all these isovalues.
+    last : int
+        Number of the last stage that is wanted.
+    """
+
+    index: Index
+    numbers: list[int]
+    mask: bytes
+    segments: list[bytes]
+    last: int
+
+    def of(self, number: int) -> list[bytes]:
+        """Segments of an isovalue, by stage."""
+        return self.segments[self.numbers.index(number) :: len(self.numbers)] if number in self.numbers else []
 
 
 class TiledFile:
@@ -192,16 +220,24 @@ class TiledFile:
         stage = within if callable(within) else self.stage_of(within, layer)
         numbers = range(len(self.isovalues)) if numbers is None else numbers
         leaves, found = self._found(ranges, numbers, stage, call, partial)
-        for number in numbers:
-            parts: list[TilePart] = []
+        parts_of: dict[int, list[TilePart]] = {}
+        incomplete: set[int] = set()
+        for place, number in enumerate(numbers):
+            if number not in parts_of:
+                # what a tile has at a group's isovalues is decoded once
+                group = self.head.group_of(number)
+                parts_of |= {each: [] for each in numbers[place:] if each in group}
+                for tile in self._segments(found[group], leaves):
+                    own = [each for each in tile.numbers if each in parts_of]
+                    incomplete |= {each for each in own if len(tile.of(each)) - 1 < tile.last}
+                    for each, part in self._drawn(tile, [each for each in own if any(tile.of(each))], call):
+                        parts_of[each].append(part)
+                        call.budget.hold(part, DRAWN * part.nbytes)
+            parts, complete = parts_of.pop(number), number not in incomplete
             kind = self._kind(leaves[0], number, 0) if all(one.start == 0 for one in ranges) else Kind.CODED
-            complete, origin = True, None if kind == Kind.CODED else kind == Kind.ABOVE
-            for index, mask, segments, last in self._segments(found[number], leaves):
-                complete &= len(segments) - 1 == last
-                if any(segments):
-                    parts.append(part := self.drawn(index, number, mask, segments, call))
-                    call.budget.hold(part, DRAWN * part.nbytes)
-                    origin = origin if any(index) else part.contour.origin_above
+            origin = None if kind == Kind.CODED else kind == Kind.ABOVE
+            for part in parts:
+                origin = origin if any(part.index) else part.contour.origin_above
             drawing = clipped(Contour(
                 *joined(parts, grid.n), self.isovalues[number], self.shape, complete,
                 read_placement(self.metadata, grid.n), self.metadata, origin, self.head.masked,
@@ -211,39 +247,44 @@ class TiledFile:
             yield drawing
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
-        """Make a separate ``.iso`` file of a tile."""
+        """Make a separate ``.iso`` file of a tile, with all isovalues of the group of one."""
         number = self.number_of(isovalue)
-        ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
-        return plain(self.head, index, number, mask, segments)
+        (tile,) = self.tiles([index], number, self.stage_of(None, layer))
+        return plain(self.head, tile, number)
 
-    def drawn(
-        self, index: Index, number: int, mask: bytes, segments: Sequence[bytes], call: Shared | None = None
-    ) -> TilePart:
-        """Draw segments of a tile."""
-        tile = (call or Shared(self.limits)).decoded(plain(self.head, index, number, mask, segments))
-        contour, ends = tile.ends()
-        grid, stage = self.head.grid, len(segments) - 1
-        cube = 1 << self.head.stages[stage].edge
-        return TilePart(index, stage, cube, grid.origin(index), grid.size(index), contour, ends, tile.whole_cells)
+    def drawn(self, tile: GroupSegments, number: int) -> TilePart:
+        """Draw segments of a tile at an isovalue."""
+        ((_, part),) = self._drawn(tile, [number], Shared(self.limits))
+        return part
+
+    def _drawn(self, tile: GroupSegments, numbers: Sequence[int], call: Shared) -> Iterator[tuple[int, TilePart]]:
+        """Draw segments of a tile at some isovalues; yields their numbers and the drawings."""
+        if not numbers:
+            return
+        decoded = call.decoded(plain(self.head, tile, numbers[0]))
+        grid, index = self.head.grid, tile.index
+        for number in numbers:
+            contour, ends = decoded.ends(tile.numbers.index(number))
+            stage = len(tile.of(number)) - 1
+            cube = 1 << self.head.stages[stage].edge
+            yield number, TilePart(
+                index, stage, cube, grid.origin(index), grid.size(index), contour, ends, decoded.whole_cells
+            )
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
-    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[Found]:
-        """Get tiles: the kind of each at an isovalue, and its segments up to a stage."""
+    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[GroupSegments]:
+        """Get the segments of tiles up to a stage, at the isovalues of the group of one."""
         index = np.array([*wanted], np.int64)
-        call, out = Shared(self.limits), list[Found]()
+        call, out = Shared(self.limits), list[GroupSegments]()
         block_of = [self._number_of[tuple(block)] for block in (index >> self.head.grid.block).tolist()]
         leaves = self._read_leaves(sorted(set(block_of)), call)
         for number in dict.fromkeys(block_of):
             own = index[np.array(block_of) == number]
             positions = self.head.grid.positions(self._blocks[number], own)
-            each = TilesWanted(number, isovalue, stage, own, positions)
+            each = TilesWanted(number, stage, self.head.group_of(isovalue), own, positions)
             self._get([each], leaves, False)
-            out += [
-                (at, self._kind(leaves[number], isovalue, position), mask, segments)
-                for position, (at, mask, segments, _) in zip(
-                    positions.tolist(), self._segments([each], leaves), strict=True)
-            ]
+            out += self._segments([each], leaves)
         return out
 
     def kinds(self, ranges: Sequence[range], strand: int) -> NDArray[np.int64]:
@@ -258,11 +299,10 @@ class TiledFile:
             out[here] = leaf[strand].kinds_at(positions).reshape(index.shape[:-1])
         return out
 
-    def coded(self, ranges: Sequence[range], number: int) -> Iterator[tuple[Index, bytes, list[bytes]]]:
-        """Get the coded tiles in a box of tiles at an isovalue, with the segments of the mask and of all stages."""
+    def coded(self, ranges: Sequence[range], number: int) -> Iterator[GroupSegments]:
+        """Get the segments of the coded tiles in a box of tiles at an isovalue."""
         leaves, found = self._found(ranges, [number], len(self.head.stages) - 1, Shared(self.limits))
-        for index, mask, segments, _ in self._segments(found[number], leaves):
-            yield index, mask, segments
+        yield from self._segments(found[self.head.group_of(number)], leaves)
 
     def prefetch(self, ranges: Sequence[range], numbers: Sequence[int]) -> None:
         """Fetch what `coded` and `tiles` need of some isovalues, if it is not too much to be kept."""
@@ -276,10 +316,13 @@ class TiledFile:
     def _found(
         self, ranges: Sequence[range], numbers: Sequence[int], stage: int | Callable[[Box], float], call: Shared,
         partial: bool = False,
-    ) -> tuple[dict[int, Leaf], dict[int, list[TilesWanted]]]:
-        """Find the coded tiles in a box of tiles, by number of the isovalue, and fetch their segments."""
+    ) -> tuple[dict[int, Leaf], dict[range, list[TilesWanted]]]:
+        """Find the tiles in a box of tiles that are coded at some isovalues, by their group, and fetch their segments.
+        """
         leaves = self._leaves_in(ranges, call)
-        found = {number: [*self._coded(ranges, leaves, number, stage)] for number in numbers}
+        groups = dict.fromkeys(map(self.head.group_of, numbers))
+        found = {group: [*self._coded(ranges, leaves, group, {*group}.intersection(numbers), stage)]
+                 for group in groups}
         self._get([each for wanted in found.values() for each in wanted], leaves, partial)
         return leaves, found
 
@@ -336,32 +379,34 @@ class TiledFile:
         return Kind(leaf[isovalue + self.head.masked].kinds_at(at)[0])
 
     def _coded(
-        self, ranges: Sequence[range], leaves: Mapping[int, Leaf], number: int, stage: int | Callable[[Box], float]
+        self, ranges: Sequence[range], leaves: Mapping[int, Leaf], group: range, numbers: Collection[int],
+        stage: int | Callable[[Box], float],
     ) -> Iterator[TilesWanted]:
         """Find the coded tiles in a box of tiles, block by block and stage by stage."""
         low, high = ([getattr(one, end) for one in ranges] for end in ("start", "stop"))
         for block, leaf in leaves.items():
-            positions = leaf[number + self.head.masked].coded
+            strands = [leaf[number + self.head.masked].coded for number in numbers]
+            positions = strands[0] if len(strands) == 1 else np.unique(np.concatenate(strands))
             index = self.head.grid.at(self._blocks[block], positions)
             inside = ((index >= low) & (index < high)).all(axis=1)
             index, positions = index[inside], positions[inside]
             if not callable(stage):
-                yield TilesWanted(block, number, stage, index, positions)
+                yield TilesWanted(block, stage, group, index, positions)
                 continue
             windows = map(self.head.grid.window, map(tuple, index.tolist()))
             stages = np.array([self.stage_of(stage([(w.start, w.stop - 1) for w in each])) for each in windows])
             for own in np.unique(stages).tolist():
-                yield TilesWanted(block, number, own, index[stages == own], positions[stages == own])
+                yield TilesWanted(block, own, group, index[stages == own], positions[stages == own])
 
     def _parts(self, wanted: TilesWanted, leaf: Leaf) -> Iterator[tuple[int, int, TileStrand, NDArray[np.int64]]]:
         """Parts of the file with segments of tiles: area, stage, strand, and the tiles' numbers among its coded ones.
 
-        Numbers are -1 for tiles without segments there.
+        The mask first, then stage by stage. Numbers are -1 for tiles without segments there.
         """
         masked = self.head.masked
         strands = [(0, 0, leaf[0])] * masked
-        own = leaf[wanted.number + masked]
-        strands += [(self.head.area(wanted.number, stage), stage, own) for stage in range(wanted.stage + 1)]
+        strands += [(self.head.area(number, stage), stage, leaf[number + masked])
+                    for stage in range(wanted.stage + 1) for number in wanted.group]
         for area, stage, strand in strands:
             at = np.minimum(np.searchsorted(strand.coded, wanted.positions), max(len(strand.coded) - 1, 0))
             there = (strand.coded[at] == wanted.positions) if len(strand.coded) else np.zeros(len(at), np.bool_)
@@ -386,22 +431,28 @@ class TiledFile:
 
     def _segments(
         self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf]
-    ) -> Iterator[tuple[Index, bytes, list[bytes], int]]:
-        """Give the mask's segment and those of the stages, as far as they have been fetched, and the last stage."""
+    ) -> Iterator[GroupSegments]:
+        """Give the segments of tiles, as far as they have been fetched."""
+        masked = self.head.masked
         for each in wanted:
             leaf = leaves[each.block]
             parts = [(self.root.segments[each.block, area], stage, strand, tiles)
                      for area, stage, strand, tiles in self._parts(each, leaf)]
+            coded = np.array([np.isin(each.positions, leaf[number + masked].coded) for number in each.group])
             for i, index in enumerate(map(tuple, each.index.tolist())):
+                numbers = [number for number, own in zip(each.group, coded[:, i].tolist(), strict=True) if own]
+                own_parts = [
+                    part for k, part in enumerate(parts) if k < masked or coded[(k - masked) % len(each.group), i]
+                ]
                 segments = []
-                for start, stage, strand, tiles in parts:
+                for start, stage, strand, tiles in own_parts:
                     tile = int(tiles[i])
                     first, behind = (start + strand.starts[tile : tile + 2, stage]).tolist() if tile >= 0 else (0, 0)
                     if not self._pieces.has(first, behind):
                         break
                     segments.append(self._pieces.get(first, behind))
-                mask = segments.pop(0) if self.head.masked and segments else b""
-                yield index, mask, segments, each.stage
+                mask = segments.pop(0) if masked and segments else b""
+                yield GroupSegments(index, numbers, mask, segments, each.stage)
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue; 0 for None.
@@ -419,11 +470,33 @@ class TiledFile:
         return self.isovalues.index(isovalue)
 
 
-def plain(
-    head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes],
-    notes: Mapping[str, str] | None = None,
+def plain(head: Head, tile: GroupSegments, number: int) -> bytes:
+    """Make an ``.iso`` file of a tile with the isovalues of a group at which it is coded, else without layers of one.
+    """
+    return file_of(head, tile.index, tile.mask, [*group_chunks(head, tile)], (tile.numbers or [number])[0])
+
+
+def group_chunks(head: Head, tile: GroupSegments, first: int = 0) -> Iterator[bytes]:
+    """Yield the chunks of a tile at the isovalues of a group; the first of them has number ``first`` in its file.
+
+    It begins with the file's header if that is 0, else with a chunk here.
+    """
+    count = len(tile.numbers)
+    for place, number in enumerate(tile.numbers):
+        if first + place:
+            lean = first + place - 1 if place else None
+            yield write_chunk(ChunkType.ISOVALUE, write_further(first + place, head.isovalues[number], lean))
+    for at, segment in enumerate(tile.segments):
+        if count > 1:
+            place = first + at % count
+            yield write_chunk(ChunkType.TURN, write_turn(range(place, place + 1)))
+        yield segment
+
+
+def file_of(
+    head: Head, index: Index, mask: bytes, chunks: Iterable[bytes], number: int, notes: Mapping[str, str] | None = None
 ) -> bytes:
-    """Make an ``.iso`` file of a tile at an isovalue from its segments; further chunks may be inserted between them."""
+    """Make an ``.iso`` file of a tile from chunks; its header has the isovalue of that number."""
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
     last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
-    return b"".join(with_checksum([write_header(header), mask, *segments, last]))
+    return b"".join(with_checksum([write_header(header), mask, *chunks, last]))

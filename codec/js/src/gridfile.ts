@@ -32,7 +32,7 @@ export class GridFile implements Contents, Engine {
 
   constructor(private readonly s: Session, readonly header: Header, private readonly main: MainProfile | undefined, kernels?: Kernels) {
     this.grid = new Grid(header.shape);
-    this.engine = kernels?.engine(s, this.grid, header.scale !== undefined, main) ?? this;
+    this.engine = kernels?.engine(s, this.grid, header.scale, main) ?? this;
     this.series = new Series<Contour>(s, {
       begin: (isovalue, lean, framed) => {
         const strand = this.engine.strand(isovalue, lean?.strand, framed);
@@ -56,8 +56,7 @@ export class GridFile implements Contents, Engine {
   strand(isovalue: number, lean: Strand | undefined, framed: boolean, own?: Strand): Strand {
     const { meter, coder } = this.s;
     meter.take(65536);
-    const scaled = this.header.scale !== undefined;
-    return new Passes(new Tube(this.grid, meter, coder, this.main, isovalue, scaled, lean?.tube, framed, own?.tube), coder);
+    return new Passes(new Tube(this.grid, meter, coder, this.main, isovalue, this.header.scale, lean?.tube, framed, own?.tube), coder);
   }
 
   /** The strand of an isovalue whose next layer begins; made anew if what it leans on has begun since. */

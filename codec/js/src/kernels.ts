@@ -2,14 +2,12 @@
 import type { Grid } from "./grid.js";
 import type { MainProfile } from "./main/profile.js";
 import type { Session } from "./session.js";
+import { shiftOf } from "./shift.js";
 import type { Engine, Strand } from "./strand.js";
 import { Coders } from "./compiled/coder.js";
 import { Kernels as Module, Machine } from "./compiled/machine.js";
 import { FRAME, States } from "./compiled/state.js";
 import { CompiledStrand, type Leaning, type Shared } from "./compiled/tube.js";
-
-/** From this distance of isovalues on, in steps, values of the one say nothing of the other (5.9.3). */
-const MOST_SHIFT = 2 ** 52;
 
 /** Compiled kernels, for as many decoders as want them. */
 export class Kernels {
@@ -21,7 +19,7 @@ export class Kernels {
   }
 
   /** What begins the strands of a file. */
-  engine(s: Session, grid: Grid, scaled: boolean, main: MainProfile | undefined): Engine {
+  engine(s: Session, grid: Grid, scale: number | undefined, main: MainProfile | undefined): Engine {
     const { meter, r: { input } } = s, m = new Machine(this.module, meter);
     const shared: Shared = { m, meter, input, grid, coders: new Coders(m, grid.n, main?.of(grid.n)), states: new States(m, meter, grid), finished: [] };
     let before: CompiledStrand[] = [];
@@ -32,23 +30,22 @@ export class Kernels {
           if (!s.keepFrames) before.forEach((each) => each.drop());
           [before, shared.finished] = [shared.finished, []];
         }
-        return strand(shared, scaled, isovalue, lean as CompiledStrand | undefined, framed, own as CompiledStrand | undefined);
+        return strand(shared, scale, isovalue, lean as CompiledStrand | undefined, framed, own as CompiledStrand | undefined);
       },
     };
   }
 }
 
-function strand(shared: Shared, scaled: boolean, isovalue: number, lean: CompiledStrand | undefined, framed: boolean,
+function strand(shared: Shared, scale: number | undefined, isovalue: number, lean: CompiledStrand | undefined, framed: boolean,
                 own: CompiledStrand | undefined): Strand {
   let leaning: Leaning | undefined;
   if (lean?.begun) {
-    const shift = scaled || framed ? undefined : BigInt(Math.floor(isovalue)) - BigInt(Math.floor(lean.isovalue));
-    const near = shift !== undefined && shift < MOST_SHIFT && shift > -MOST_SHIFT;
-    leaning = { on: lean, shift: near ? Number(shift) : undefined, side: framed ? FRAME : isovalue > lean.isovalue ? 1 : -1 };
+    const shift = framed ? undefined : shiftOf(isovalue, lean.isovalue, scale);
+    leaning = { on: lean, shift, side: framed ? FRAME : isovalue > lean.isovalue ? 1 : -1 };
   }
   // the models of an isovalue without layers are those of the ones that lean on it, too (5.9.2)
   const same = own ?? (lean && !framed && !lean.begun ? lean : undefined);
-  return new CompiledStrand(shared, isovalue, scaled, same ?? lean, framed, leaning, same !== undefined);
+  return new CompiledStrand(shared, isovalue, scale, same ?? lean, framed, leaning, same !== undefined);
 }
 
 let fetched: Promise<Kernels> | undefined;

@@ -52,7 +52,7 @@ export interface Engine {
 
 /** Compiled kernels, from `isocodec/kernels`. */
 export interface Kernels {
-  engine(s: Session, grid: Grid, scaled: boolean, main: MainProfile | undefined): Engine;
+  engine(s: Session, grid: Grid, scale: number | undefined, main: MainProfile | undefined): Engine;
 }
 
 /** The strand of a tube that this package's passes fill. */

@@ -98,13 +98,13 @@ const MOST_TILES = 65536;
 
 /** The text of a file in tiles (C.4), all of which is decoded. Throws what is wrong with it. */
 export async function tiledText(file: TiledFile): Promise<string> {
-  const { directory, head: { shape, tiles, isovalues, stages } } = file, lines = [`tiles ${shape.join(" ")}`], last = stages.length - 1;
+  const { directory, head: { shape, tiles, isovalues, together, stages } } = file, lines = [`tiles ${shape.join(" ")}`], last = stages.length - 1;
   await directory.whole();
   if (tiles.reduce((product, m) => product * m, 1) > MOST_TILES) throw new IsoError("limit", "11.2", 0, "a text of so many tiles");
   const blocks = await directory.blocks(undefined);
-  for (const i of isovalues.keys()) {
+  for (let i = 0; i < isovalues.length; i += together) {
     lines.push(`isovalue ${i}`);
-    const places = blocks.flatMap(([block, channels]) => directory.coded(block, channels, i, undefined)).sort(before);
+    const places = blocks.flatMap(([block, channels]) => directory.coded(block, channels, directory.group(i), undefined)).sort(before);
     const groups = await directory.fetch(places.flatMap((place) => directory.segments(place, i, last)));
     for (const place of places) {
       const text = canonicalText(await file.decode(directory.file(place, i, last, groups))), state = text.split("mask\n", 1)[0]!;

@@ -8,6 +8,7 @@ import { Models } from "./models.js";
 import type { Offsets } from "./offsets.js";
 import type { Raster } from "./raster.js";
 import type { Rounds } from "./refine.js";
+import { type Shift, shiftOf } from "./shift.js";
 import { EXPLICIT, Ints, KNOWN, OUT, SIGN, Store } from "./store.js";
 import { MIDDLE } from "./tables.js";
 import type { Values } from "./values.js";
@@ -84,14 +85,14 @@ export class Tube {
   agreed = 3584;
   mask: Missing | undefined;
   readonly side: number;
-  /** `floor(c) - floor(c')` for integer data, where it is small enough. */
-  readonly shift: number | undefined;
+  /** How many steps it lies above the isovalue that it leans on, where they are few enough. */
+  readonly shift: Shift | undefined;
   /** What the main profile has beside. */
   readonly main: Mixing | undefined;
   private readonly marks: Ints;
 
   constructor(readonly grid: Grid, readonly meter: Meter, readonly coder: Coder, main: MainProfile | undefined,
-              readonly isovalue: number, readonly scaled: boolean, public lean?: Tube, private readonly framed = false, own?: Tube) {
+              readonly isovalue: number, readonly scale: number | undefined, public lean?: Tube, private readonly framed = false, own?: Tube) {
     this.n = grid.n;
     this.store = new Store(meter, grid.n, grid.k);
     this.view = new DiamondView(grid);
@@ -105,10 +106,7 @@ export class Tube {
     this.side = lean && isovalue > lean.isovalue ? 1 : -1;
     if (lean && !lean.hasBase) this.lean = undefined;
     this.main = main?.begin(this, lean, framed, shared?.main);
-    if (lean && !scaled && !framed) {
-      const shift = BigInt(Math.floor(isovalue)) - BigInt(Math.floor(lean.isovalue));
-      if (shift < 2n ** 52n && shift > -(2n ** 52n)) this.shift = Number(shift);
-    }
+    if (lean && !framed) this.shift = shiftOf(isovalue, lean.isovalue, scale);
   }
 
   /** A copy that a round can be ended on. */
@@ -215,8 +213,8 @@ export class Tube {
     if (this.side === -1 && sign === 1) return 1;
     const range = this.bounds(x, y, z, sign);
     if (!range) return -1;
-    if (range[0] > this.shift!) return 1;
-    return range[1] <= this.shift! ? 0 : -1;
+    if (range[0] > this.shift!.up) return 1;
+    return range[1] <= this.shift!.down ? 0 : -1;
   }
 
   /** Offsets of the earlier isovalue that ours follow from (5.9.6). */
@@ -227,7 +225,7 @@ export class Tube {
   /** `lo` and `hi` of 5.9.3(3) for a point that has a number at the earlier isovalue, and the bits missing there. */
   bounds(x: number, y: number, z: number, sign: number): [number, number, number] | undefined {
     const other = this.lean;
-    if (!other?.values || this.scaled || this.shift === undefined) return undefined;
+    if (!other?.values || this.shift === undefined) return undefined;
     const [lastX, lastY, lastZ] = this.grid.last;
     const id = other.values.id(x < 0 ? 0 : x > lastX ? lastX : x, y < 0 ? 0 : y > lastY ? lastY : y,
       z < 0 ? 0 : z > lastZ ? lastZ : z);

@@ -101,10 +101,10 @@ export class Values {
     if (!(flags & KNOWN)) return;
     const range = t.bounds(x, y, z, flags & SIGN ? 1 : 0);
     if (!range) return;
-    const [lo, hi, missing] = range, shift = t.shift!;
-    const least = sign ? lo - shift - 1 : shift - hi, most = sign ? hi - shift - 1 : shift - lo;
+    const [lo, hi, missing] = range, { down, up } = t.shift!;
+    const least = sign ? lo - up - 1 : down - hi, most = sign ? hi - down - 1 : up - lo;
     if (Math.abs(least) >= 2 ** 53 || Math.abs(most) >= 2 ** 53) return;
-    if (missing === 0) {
+    if (missing === 0 && least === most) {
       this.number[id] = least;
       this.missing[id] = 0;
       if (Math.abs(least) >= 2 ** WIDE) this.wide = true;

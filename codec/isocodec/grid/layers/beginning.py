@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy as np
 
@@ -44,6 +45,18 @@ def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = Fa
     return context_coder(*models(), size)
 
 
+def shift_of(isovalue: float, other: float, scale: float | None) -> tuple[int, int]:
+    """How many steps an isovalue lies above another one, exactly, rounded down and up (clause 5.9.1).
+
+    Steps are whole numbers (``scale`` None), between the floors of both, or multiples of the scale.
+    """
+    if scale is None:
+        steps = Fraction(math.floor(isovalue) - math.floor(other))
+    else:
+        steps = (Fraction(isovalue) - Fraction(other)) / Fraction(scale)
+    return math.floor(steps), math.ceil(steps)
+
+
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
     truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None, frame: bool = False,
@@ -60,8 +73,8 @@ def leaning_tube(
         return Tube(shape, coder, limits, truth, holes=holes, budget=budget, shares=shares)
     if frame:
         return Tube(shape, coder, limits, truth, lean=lean, side=FRAME, holes=holes, budget=budget, shares=shares)
-    shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
-    if shift is not None and abs(shift) >= MOST_SHIFT:
+    shift: tuple[int, int] | None = shift_of(isovalue, other, header.scale)
+    if shift is not None and max(map(abs, shift)) >= MOST_SHIFT:
         shift = None
     side = 1 if isovalue > other else -1
     return Tube(

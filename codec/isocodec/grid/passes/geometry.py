@@ -44,8 +44,9 @@ class Estimates:
         For the encoder.
     lean : tuple of Estimates and a function that returns a State, or None
         Those of the earlier isovalue, as they are at any time.
-    shift : int or None
-        How many whole steps above that isovalue this one lies; None if values of the one do not bound the other.
+    shift : (int, int) or None
+        How many steps above that isovalue this one lies, rounded down and up; None if values of the one do not bound
+        the other.
 
     Attributes
     ----------
@@ -66,7 +67,7 @@ class Estimates:
 
     def __init__(
         self, shape: tuple[int, ...], truth: Truth | None, lean: tuple[Estimates, Callable[[], State]] | None,
-        shift: int | None, budget: Budget,
+        shift: tuple[int, int] | None, budget: Budget,
     ) -> None:
         self.shape = shape
         self.n = len(shape)
@@ -196,14 +197,15 @@ class Estimates:
         left = earlier.left[vertex[known]]
         low = earlier.number[vertex[known]] << left
         high = low + (1 << left) - 1
-        # steps between the earlier isovalue and the value, from this one, then numbers on this one's side
+        # steps between the earlier isovalue and the value, then numbers on this one's side
         above = other.vertex[vertex[known], 3] != 0
-        low, high = np.where(above, low + 1, -high) - self._shift, np.where(above, high + 1, -low) - self._shift
+        low, high = np.where(above, low + 1, -high), np.where(above, high + 1, -low)
+        down, up = self._shift
         above = st.vertex[first + known, 3] != 0
-        low, high = np.where(above, low - 1, -high), np.where(above, high - 1, -low)
+        low, high = np.where(above, low - up - 1, down - high), np.where(above, high - down - 1, up - low)
         possible = np.maximum(np.abs(low), np.abs(high)) < MOST_TAKEN
         known, left, low, high = known[possible], left[possible], low[possible], high[possible]
-        whole = left == 0
+        whole = (left == 0) & (low == high)
         self.number[first + known[whole]] = low[whole]
         self.left[first + known[whole]] = 0
         self._least = np.concatenate([self._least, np.zeros(end - first, np.int64)])

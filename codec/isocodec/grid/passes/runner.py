@@ -65,8 +65,9 @@ class Tube:
     lean : Tube, optional
         That of an earlier isovalue of the same field, which this one leans on (spec clause 5.9), or of an earlier frame
         (5.11).
-    shift : int
-        How many whole steps above that isovalue this one lies.
+    shift : (int, int), optional
+        How many steps above that isovalue this one lies, rounded down and up; None if values of the one do not bound
+        the other.
     side : int
         1 if it lies above that isovalue, -1 if below; ``FRAME`` if that is one of an earlier frame.
     holes : Holes, optional
@@ -79,7 +80,7 @@ class Tube:
 
     def __init__(
         self, shape: tuple[int, ...], coder: Coder, limits: Limits, truth: Truth | None = None, *,
-        lean: Tube | None = None, shift: int | None = None, side: int = 0, holes: Holes | None = None,
+        lean: Tube | None = None, shift: tuple[int, int] | None = None, side: int = 0, holes: Holes | None = None,
         budget: Budget | None = None, shares: bool = False,
     ) -> None:
         self.shape = shape
@@ -90,7 +91,7 @@ class Tube:
         self.truth = truth
         earlier = lean.state if lean else None
         signs, hole = truth.padded if truth else None, holes.lean if holes else None
-        self.state: State = first_state(shape, limits, signs, earlier, shift or 0, side, hole)
+        self.state: State = first_state(shape, limits, signs, earlier, shift or (0, 0), side, hole)
         self.lean = lean
         self.holes = holes
         self._shares = shares

@@ -49,7 +49,7 @@ def first_state(
     limits: Limits,
     signs: NDArray[np.bool_] | None,
     earlier: State | None,
-    shift: int,
+    shift: tuple[int, int],
     side: int,
     hole: Lean | None = None,
 ) -> State:
@@ -63,7 +63,8 @@ def first_state(
     signs : (s0, s1, s2) bool, optional
         Encoder: those of the field, padded to three axes.
     earlier : State, optional
-        That of the isovalue that this one leans on; it lies ``shift`` whole steps below, on ``side`` 1 or -1 of this.
+        That of the isovalue that this one leans on, ``shift`` steps below, rounded down and up; ``side`` is 1 if this
+        one lies above it, else -1.
     hole : Lean, optional
         The mask that is coded with, if there is one: see `tube.holes`.
     """
@@ -71,7 +72,8 @@ def first_state(
     counters = Counters()
     counters.most_work, counters.most_mixed = limits.steps, limits.simplices
     counters.agreed = MOSTLY
-    counters.side, counters.shift = side, shift
+    counters.side = side
+    counters.down, counters.up = shift
     counters.masked = hole is not None
     base = BaseWalk()
     base.last_root = -1

@@ -90,15 +90,15 @@ def implied(st, x, y, z):
         return np.int64(1), other
     v = (entry(st.lean, x, y, z) >> 1) - 1
     if 0 <= v < len(st.lean.number) and st.lean.left[v] < st.lean.value_bits[other]:
-        # the interval of its value, in steps above the earlier isovalue's floor
+        # the interval of its value, in steps above the earlier isovalue (of integers, above its floor)
         low = st.lean.number[v] << st.lean.left[v]
         high = ((st.lean.number[v] + 1) << st.lean.left[v]) - 1
         if other == 0:
             low, high = -high, -low
         else:
             low, high = low + 1, high + 1
-        if low > st.counters.shift:
+        if low > st.counters.up:
             return np.int64(1), other
-        if high <= st.counters.shift:
+        if high <= st.counters.down:
             return np.int64(0), other
     return unknown, other

@@ -60,9 +60,11 @@ class Counters(Registers):
         Whether a round asks for each subdivision edge; whether an adaptive layer has begun (5.8).
     room : int
         Pages that the store of the mesh lacks.
-    side, shift : int
-        Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps;
-        ``FRAME`` if that is one of an earlier frame, from which no sign follows (5.11).
+    side : int
+        Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on; ``FRAME`` if that is one of
+        an earlier frame, from which no sign follows (5.11).
+    down, up : int
+        How many steps it lies above that one, rounded down and up.
     told, seeded : int
         Whether the mesh is known from the start; whether the base begins at the leaves of the earlier isovalue.
     meshes : int
@@ -103,7 +105,8 @@ class Counters(Registers):
     adapted: int
     room: int
     side: int
-    shift: int
+    down: int
+    up: int
     told: int
     seeded: int
     meshes: int

@@ -1,6 +1,7 @@
 /** What geometry has told: numbers of the values at vertices, or parts of crossed edges (5.6, 5.7, 5.9). */
 import { Crossings } from "../edges.js";
 import { inOrder, lowerEndsInOrder } from "../order.js";
+import type { Shift } from "../shift.js";
 import type { Tube } from "../tube.js";
 import { STEPS } from "../values.js";
 import { chain } from "./chain.js";
@@ -15,10 +16,10 @@ const UNBOUNDED = 2 ** 62, MOST_TAKEN = 2 ** 53;
 /** Corners of a diamond and its middle. */
 const CORNERS = 11;
 
-/** What an isovalue leans on: its estimates and its state; how many whole steps it lies below, if that is known. */
+/** What an isovalue leans on: its estimates and its state; how many steps it lies below, if they are few enough. */
 export interface Earlier {
   readonly on: { readonly estimates: Estimates; readonly state: State };
-  readonly shift: number | undefined;
+  readonly shift: Shift | undefined;
 }
 
 export class Estimates {
@@ -168,7 +169,7 @@ export class Estimates {
   private take(st: State, first: number, end: number): void {
     const { m, earlier } = this;
     if (!earlier || earlier.shift === undefined || !earlier.on.estimates.number.size) return;
-    const { on: { estimates: before, state: other }, shift } = earlier;
+    const { on: { estimates: before, state: other }, shift: { down, up } } = earlier;
     this.least = this.instead(this.least, m.wider(this.least, end));
     this.most = this.instead(this.most, m.wider(this.most, end));
     const positions: number[] = [];
@@ -181,11 +182,11 @@ export class Estimates {
       const sign = m.words(other.vertex)[4 * u + 3]!, left = m.number(before.left, u);
       if (left >= before.bits[sign ? 0 : 1]) continue;
       const low = m.number(before.number, u) * 2 ** left, high = low + 2 ** left - 1;
-      // steps between the earlier isovalue and the value, from this one, then numbers on this one's side
-      const [from, to] = sign ? [low + 1 - shift, high + 1 - shift] : [-high - shift, -low - shift];
-      const [least, most] = m.words(st.vertex)[4 * v + 3] ? [from - 1, to - 1] : [-to, -from];
+      // steps between the earlier isovalue and the value, then numbers on this one's side
+      const [from, to] = sign ? [low + 1, high + 1] : [-high, -low];
+      const [least, most] = m.words(st.vertex)[4 * v + 3] ? [from - up - 1, to - down - 1] : [down - to, up - from];
       if (Math.max(Math.abs(least), Math.abs(most)) >= MOST_TAKEN) continue;
-      if (left === 0) {
+      if (left === 0 && least === most) {
         m.enter(this.number, v, least);
         m.enter(this.left, v, 0);
       }

@@ -55,8 +55,8 @@ export class Reflection {
   private ids = new Int32Array(0);
   private known = 0;
 
-  constructor(private readonly m: Machine, private readonly grid: Grid, meter: Meter, isovalue: number, scaled: boolean) {
-    this.tube = new Tube(grid, meter, new Coder(new Input(), meter), undefined, isovalue, scaled);
+  constructor(private readonly m: Machine, private readonly grid: Grid, meter: Meter, isovalue: number, scale: number | undefined) {
+    this.tube = new Tube(grid, meter, new Coder(new Input(), meter), undefined, isovalue, scale);
     this.classes = classes(grid, m.kernels.mesh);
   }
 

@@ -6,7 +6,7 @@ import { newBoard, newCounts, newStore, PAGES, release, roomy, spare, type Store
 
 export type CounterNames = "level" | "edge" | "vertices" | "leaves" | "next" | "active" | "coded" | "bisected" | "done_leaves" | "mixed" | "held" | "most_mixed" |
   "base_level" | "uniform" | "finest" | "error" | "work" | "step_work" | "most_work" | "asks" | "adapted" | "room" |
-  "side" | "shift" | "told" | "seeded" | "meshes" | "agreed" | "masked" | "row";
+  "side" | "down" | "up" | "told" | "seeded" | "meshes" | "agreed" | "masked" | "row";
 export type Counters = Registers<CounterNames>;
 type WalkNames = "gates" | "last_root" | "more";
 type Walk = Registers<WalkNames>;

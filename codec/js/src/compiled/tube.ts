@@ -4,6 +4,7 @@ import { type IsoError, Meter } from "../errors.js";
 import type { Grid } from "../grid.js";
 import { coordinates, places, sorted } from "../order.js";
 import type { Layer } from "../program.js";
+import type { Shift } from "../shift.js";
 import type { Run, Strand } from "../strand.js";
 import type { Missing, Pass, Tube } from "../tube.js";
 import type { Coder, Coders } from "./coder.js";
@@ -43,10 +44,10 @@ export interface Shared {
   finished: CompiledStrand[];
 }
 
-/** What a strand leans on: another one, how far below it lies in whole steps, if that is known, and on which side. */
+/** What a strand leans on: another one, how far below it lies in steps, if they are few enough, and on which side. */
 export interface Leaning {
   readonly on: CompiledStrand;
-  readonly shift: number | undefined;
+  readonly shift: Shift | undefined;
   readonly side: number;
 }
 
@@ -79,7 +80,7 @@ export class CompiledStrand implements Strand, Run {
   private granted = 0;
   private counted = 0;
 
-  constructor(private readonly shared: Shared, readonly isovalue: number, scaled: boolean, models: CompiledStrand | undefined, framed: boolean,
+  constructor(private readonly shared: Shared, readonly isovalue: number, scale: number | undefined, models: CompiledStrand | undefined, framed: boolean,
               leaning: Leaning | undefined, private readonly same: boolean) {
     const { m, grid, coders, states } = shared;
     this.n = grid.n;
@@ -89,10 +90,11 @@ export class CompiledStrand implements Strand, Run {
     this.state = states.first(grid.n, leaning && this.leanOn(leaning.on));
     if (leaning) {
       this.counters.set("side", leaning.side);
-      this.counters.set("shift", leaning.shift ?? 0);
+      this.counters.set("down", leaning.shift?.down ?? 0);
+      this.counters.set("up", leaning.shift?.up ?? 0);
     }
     const told = leaning && leaning.side !== FRAME ? { on: leaning.on, shift: leaning.shift } : undefined;
-    this.reflection = new Reflection(m, grid, Meter.without(), isovalue, scaled);
+    this.reflection = new Reflection(m, grid, Meter.without(), isovalue, scale);
     this.estimates = new Estimates(m, grid.n, told, () => this.tube);
     this.seeds = m.array("int32", [0, 5]);
   }
@@ -105,7 +107,7 @@ export class CompiledStrand implements Strand, Run {
     return this.counters.get(name);
   }
 
-  private leanOn({ state: { grid, counters, valueBits, known, mesh }, estimates }: CompiledStrand, shift?: number): Lean {
+  private leanOn({ state: { grid, counters, valueBits, known, mesh }, estimates }: CompiledStrand, shift?: Shift): Lean {
     const told = shift !== undefined && estimates.hasValues;
     return { grid, counters, valueBits, known, mesh, number: told ? estimates.number : this.none, left: told ? estimates.left : this.none };
   }

@@ -1,6 +1,7 @@
 /** The file of a tile, put together from its segments (12.6(2)). */
 import { crc32 } from "../crc.js";
 import type { Opened } from "./head.js";
+import type { TilesHead } from "./types.js";
 
 function varint(x: number): number[] {
   const bytes = [x % 128];
@@ -15,9 +16,25 @@ function scaleBytes(scale: number): number[] {
   return [128, ...new Uint8Array(view.buffer)];
 }
 
-/** The file of a tile of `widths` samples at an isovalue: `segments` are the mask's, if it has one, and those of its stages. */
-export function assemble({ head, coded }: Opened, isovalue: number, widths: readonly number[], segments: readonly Uint8Array[]): Uint8Array {
-  const { kind, bytes } = coded[isovalue]!, equal = widths.every((w) => w === widths[0]);
+/** A critical chunk without a checksum of its own. */
+function chunk(type: number, payload: number[]): Uint8Array {
+  return new Uint8Array([type, ...varint(payload.length), ...payload]);
+}
+
+/**
+ * The file of a tile of `widths` samples at isovalues of a group: `segments` are those of its stages, in each those of all
+ * these isovalues.
+ */
+export function assemble({ head, coded }: Opened, isovalues: readonly number[], widths: readonly number[], mask: Uint8Array | undefined,
+                         segments: readonly Uint8Array[]): Uint8Array {
+  const count = isovalues.length, further = isovalues.slice(1).map((i) => chunk(5, [coded[i]!.kind << 6 | 1, ...coded[i]!.bytes]));
+  const layers = segments.flatMap((segment, i) => (count > 1 ? [chunk(11, [...varint(i % count), 1]), segment] : [segment]));
+  return enclose(head, coded[isovalues[0]!]!, widths, [...(mask ? [mask] : []), ...further, ...layers]);
+}
+
+/** Chunks between a header and a last one. */
+function enclose(head: TilesHead, { kind, bytes }: Opened["coded"][number], widths: readonly number[], segments: readonly Uint8Array[]): Uint8Array {
+  const equal = widths.every((w) => w === widths[0]);
   const flags = Number(equal) << 6 | Number(head.scale !== undefined) << 5 | kind << 3 | (head.n - 2) << 2 | Number(head.profile === "main");
   const start = [
     0x89, 0x49, 0x53, 0x4f, 0, flags, ...(equal ? widths.slice(0, 1) : widths).flatMap(varint), ...bytes,

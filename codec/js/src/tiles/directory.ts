@@ -3,7 +3,7 @@ import { assemble } from "./assemble.js";
 import { verify } from "./cursor.js";
 import { type Block, FIRST, headSize, type Opened, readHead } from "./head.js";
 import { Kept } from "./kept.js";
-import { type Channel, type Group, readLeaf, type Segment } from "./leaf.js";
+import { type Channel, CODED, type Group, readLeaf, type Segment } from "./leaf.js";
 import { morton } from "./order.js";
 import type { Pieces } from "./source.js";
 import type { Box, TilesHead } from "./types.js";
@@ -62,10 +62,23 @@ export class Directory {
     return met.map((block) => [block, fresh.get(block) ?? this.leaves.get(block)!]);
   }
 
-  /** Tiles of a block that are coded at an isovalue and lie in a box, in whole or in part. */
-  coded(block: Block, channels: readonly Channel[], isovalue: number, box: Box | undefined): Place[] {
+  /** Isovalues of the group of one of them, by number. */
+  group(isovalue: number): number[] {
+    const { together, isovalues } = this.head, first = isovalue - (isovalue % together);
+    return Array.from({ length: Math.min(together, isovalues.length - first) }, (_, i) => first + i);
+  }
+
+  /** Isovalues of the group of one at which a tile is coded: its file has these. */
+  at({ number, channels }: Place, isovalue: number): number[] {
+    const masks = Number(this.head.masked);
+    return this.group(isovalue).filter((i) => channels[masks + i]!.kind(number) === CODED);
+  }
+
+  /** Tiles of a block that are coded at one of some isovalues and lie in a box, in whole or in part. */
+  coded(block: Block, channels: readonly Channel[], isovalues: readonly number[], box: Box | undefined): Place[] {
     const { n, masked } = this.head, order = this.order(block.extent), found: Place[] = [];
-    for (const number of channels[Number(masked) + isovalue]!.coded) {
+    const numbers = isovalues.flatMap((isovalue) => channels[Number(masked) + isovalue]!.coded);
+    for (const number of isovalues.length > 1 ? [...new Set(numbers)].sort((a, b) => a - b) : numbers) {
       const index = block.first.map((x, a) => x + order[n * number + a]!);
       if (!box || this.meets(index, index, box)) found.push({ index, number, channels });
     }
@@ -87,10 +100,15 @@ export class Directory {
     });
   }
 
-  /** The segments of a tile's file at an isovalue, up to a stage: of the mask first, if it has one. */
-  segments({ number, channels }: Place, isovalue: number, stage: number): Segment[] {
-    const masks = Number(this.head.masked), mask = masks ? channels[0]!.of(number) : [];
-    return [...mask, ...channels[masks + isovalue]!.of(number).slice(0, stage + 1)];
+  /** The segments of a tile's file at the group of an isovalue, up to a stage: of the mask first, if it has one. */
+  segments(place: Place, isovalue: number, stage: number): Segment[] {
+    const { number, channels } = place, masks = Number(this.head.masked);
+    const own = this.at(place, isovalue).map((i) => channels[masks + i]!.of(number));
+    return [...this.mask(place), ...Array.from({ length: stage + 1 }, (_, i) => own.map((segments) => segments[i]!)).flat()];
+  }
+
+  private mask({ number, channels }: Place): Segment[] {
+    return this.head.masked ? channels[0]!.of(number) : [];
   }
 
   /** Whether a tile has any bytes of layers at an isovalue, up to a stage: else nothing is drawn of it. */
@@ -115,10 +133,11 @@ export class Directory {
     return held;
   }
 
-  /** The file of a tile at an isovalue, up to a stage. */
+  /** The file of a tile at the group of an isovalue, up to a stage. */
   file(place: Place, isovalue: number, stage: number, groups: Map<Group, Uint8Array>): Uint8Array {
     const segments = this.segments(place, isovalue, stage);
     const parts = segments.map(({ group, at, size }) => group ? groups.get(group)!.subarray(at, at + size) : new Uint8Array(0));
-    return assemble(this.opened, isovalue, this.widths(place.index), parts);
+    const mask = this.mask(place).length ? parts.shift() : undefined;
+    return assemble(this.opened, this.at(place, isovalue), this.widths(place.index), mask, parts);
   }
 }

@@ -58,27 +58,32 @@ export class TiledFile {
       throw new RangeError(`a box is ${head.n} pairs, from where to where along each axis`);
     const blocks = await directory.blocks(box), limits = { ...this.limits };
     const wanted = isovalues.map((isovalue) => {
-      const places = blocks.flatMap(([block, channels]) => directory.coded(block, channels, isovalue, box))
+      const places = blocks.flatMap(([block, channels]) => directory.coded(block, channels, [isovalue], box))
         .filter((place) => directory.filled(place, isovalue, stage));
       return places.map((place) => {
-        const key = `${place.index} ${isovalue} ${stage}`;
-        return { place, isovalue, key, drawing: this.drawings.get(key) };
+        const key = `${place.index} ${isovalue} ${stage}`, group = `${place.index} ${directory.group(isovalue)[0]!}`;
+        return { place, isovalue, key, group, drawing: this.drawings.get(key) };
       });
     });
     signal?.throwIfAborted();
     const fresh = wanted.flat().filter(({ drawing }) => !drawing);
     const groups = await directory.fetch(fresh.flatMap(({ place, isovalue }) => directory.segments(place, isovalue, stage)));
+    // what a tile has at a group's isovalues is decoded once
+    const together = new Map<string, typeof fresh>();
+    for (const tile of fresh) together.set(tile.group, [...(together.get(tile.group) ?? []), tile]);
     const joined: Drawing[] = [];
     for (const tiles of wanted) {
       for (const tile of tiles) {
         if (tile.drawing) continue;
         await this.turn(signal);
         const file = directory.file(tile.place, tile.isovalue, stage, groups), decoder = await this.decode(file, limits);
-        tile.drawing = draw(decoder, 0, 0, true);
+        for (const each of together.get(tile.group)!) {
+          each.drawing = draw(decoder, directory.at(each.place, each.isovalue).indexOf(each.isovalue), 0, true);
+          this.drawings.set(each.key, each.drawing, each.drawing.points.length);
+        }
         // what a tile takes, of work beyond what its bytes allow, is missing to the others
         limits.work -= Math.max(0, decoder.meter.steps / 16 - limits.workPerByte * file.length);
         limits.vertices -= decoder.meter.vertices;
-        this.drawings.set(tile.key, tile.drawing, tile.drawing.points.length);
       }
       const pieces = tiles.map(({ place, drawing }): Piece => ({
         origin: place.index.map((i) => i * head.tile), last: directory.widths(place.index).map((w) => w - 1), drawing: drawing!,

@@ -46,7 +46,7 @@ export function readHead(bytes: Uint8Array, order: (extent: number[]) => Uint32A
   c.at = 4;
   if (c.byte() & 15) throw c.error("a later version of the format", "3.3.1");
   const flags = c.byte();
-  if (flags & 0x58 || (flags & 3) > 1) throw c.error("an unknown flag or profile");
+  if (flags & 0x18 || (flags & 3) > 1) throw c.error("an unknown flag or profile");
   c.at = 8;
   const within = (what: string, least: number, most: number, x: number): number => {
     if (!(x >= least && x <= most)) throw c.error(`${what} out of range`);
@@ -68,6 +68,7 @@ export function readHead(bytes: Uint8Array, order: (extent: number[]) => Uint32A
     coded.push({ kind, bytes: bytes.slice(at, c.at) });
     return isovalue;
   });
+  const together = flags & 64 ? within("a number of isovalues in a group", 2, 256, c.varint()) : 1;
   const metadata = readMetadata(c.take(c.varint()));
   const tiles = shape.map((s) => Math.max(1, -Math.floor((17 - s) / tile))), extent = tiles.map((m) => Math.ceil(m / across));
   within("a number of blocks", 1, BLOCKS, extent.reduce((product, m) => product * m, 1));
@@ -91,5 +92,5 @@ export function readHead(bytes: Uint8Array, order: (extent: number[]) => Uint32A
   for (const { leaf } of blocks) place(leaf);
   for (let area = 0; area < areas; area++) for (const block of blocks) place(block.areas[area]!);
   const profile = flags & 1 ? "main" : "baseline";
-  return { head: { n, profile, shape, tile, tiles, stages, isovalues, scale, masked, metadata }, blocks, end: at, coded };
+  return { head: { n, profile, shape, tile, tiles, stages, isovalues, together, scale, masked, metadata }, blocks, end: at, coded };
 }

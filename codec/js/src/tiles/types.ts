@@ -27,6 +27,8 @@ export interface TilesHead {
   stages: Stage[];
   /** Isovalues, in the order of the file. */
   isovalues: number[];
+  /** How many of them make a group: in a tile those of a group lean on one another, and are decoded together. */
+  together: number;
   scale: number | undefined;
   masked: boolean;
   metadata: Metadata;
