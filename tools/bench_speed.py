@@ -386,12 +386,13 @@ FLOATS = """
     small = (np.add.outer(np.add.outer(small**2, small**2), small**2)).astype(np.float32)
     isocodec.decode(isocodec.encode(small, 0.5))
     side = int(sys.argv[1])
-    x = np.arange(side, dtype=np.float32) * np.float32(0.33)
+    x = np.arange(side, dtype=np.float32) * np.float32(0.125)
     wave, other = np.sin(x), np.cos(x)
     field = (wave[:, None, None] * other[None, :, None] + wave[None, :, None] * other[None, None, :]
              + wave[None, None, :] * other[:, None, None])
     data, encoding = took(lambda: isocodec.encode(field, 0.1), 1)
-    contour, decoding = took(lambda: isocodec.decode(data), 1)
+    limits = isocodec.Limits(memory=1 << 34)
+    contour, decoding = took(lambda: isocodec.decode(data, limits=limits), 1)
     print(encoding.seconds, encoding.megabytes, decoding.seconds, decoding.megabytes, len(contour.points))
     try:
         from skimage.measure import marching_cubes
