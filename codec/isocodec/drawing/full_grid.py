@@ -44,7 +44,7 @@ class _Cells(NamedTuple):
     Attributes
     ----------
     pattern : (C,) uint8
-        Signs of their corners as bits.
+        Signs of their corners as bits; while cells are found, how many mixed leaves each has.
     corners : (C, 2**n) int32
         Vertices, from x0 on.
     upper : (C,) uint8
@@ -103,7 +103,7 @@ class _Grid:
         seat = np.cumsum(end, dtype=np.int32)
         entered = np.zeros(int(seat[-1]) << n if len(seat) else 0, np.int32)
         seat -= 1
-        corners, upper, count = np.empty((0, 2**n), np.int32), np.empty(0, np.uint8), np.empty(0, np.uint8)
+        pattern, corners, upper = np.empty(0, np.uint8), np.empty((0, 2**n), np.int32), np.empty(0, np.uint8)
         pieces = [leaves.simplices] if leaves.pieces is None else leaves.pieces()
         cell = np.empty(0, np.int32)
         used = 0
@@ -113,15 +113,16 @@ class _Grid:
                 # in place: there is no moment at which both are there
                 corners.resize((room, 2**n), refcheck=False)
                 upper.resize(room, refcheck=False)
-                count.resize(room, refcheck=False)
+                pattern.resize(room, refcheck=False)
             if len(cell) < len(simplices):
                 cell = np.empty(len(simplices), np.int32)
-            used = _join(self._last, seat, simplices, entered, corners, upper, count, cell, used)
+            used = _join(self._last, seat, simplices, entered, _Cells(pattern, corners, upper), cell, used)
         del entered, seat
         corners.resize((used, 2**n), refcheck=False)
         upper.resize(used, refcheck=False)
-        cells = _Cells(np.empty(used, np.uint8), corners, upper)
-        _enter_patterns(leaves.above, cells.corners, count, mixed, cells.pattern)
+        pattern.resize(used, refcheck=False)
+        cells = _Cells(pattern, corners, upper)
+        _enter_patterns(leaves.above, cells, mixed)
         return cells, cells.pattern[cell] != 0 if leaves.pieces is None else np.zeros(0, np.bool_)
 
     def _rows(self, table: PatternTable, met: int) -> tuple[int, NDArray[np.int64], NDArray[np.uint8]]:
@@ -190,8 +191,8 @@ def _upper(a, b):
 
 @kernel
 def _join(
-    last: UInt8Vector, seat: Int32Vector, simplices: IntMatrix, entered: Int32Vector, corners: Int32Matrix,
-    upper: UInt8Vector, count: UInt8Vector, cell_of: Int32Vector, used: int,
+    last: UInt8Vector, seat: Int32Vector, simplices: IntMatrix, entered: Int32Vector, cells: _Cells,
+    cell_of: Int32Vector, used: int,
 ) -> int:
     """Enter the simplices' vertices as corners of their cells, behind ``used`` ones; returns how many there are then.
 
@@ -199,6 +200,7 @@ def _join(
     `isocodec.drawing.cube`), -1 where no mixed leaf has one. ``entered`` has each cell's number and 1, or 0, by the
     ``seat`` of its xn.
     """
+    count, corners, upper = cells.pattern, cells.corners, cells.upper
     n = simplices.shape[1] - 1
     for i in range(len(simplices)):
         start = np.int64(last[simplices[i, 0]])
@@ -220,17 +222,19 @@ def _join(
 
 
 @kernel
-def _enter_patterns(
-    above: BoolVector, corners: Int32Matrix, count: UInt8Vector, mixed: IntVector, pattern: UInt8Vector,
-) -> None:
-    """Enter the signs of each cell as its pattern; 0, which draws nothing, if it lacks some mixed leaves."""
+def _enter_patterns(above: BoolVector, cells: _Cells, mixed: IntVector) -> None:
+    """Enter the signs of each cell as its pattern, in place of the number of its mixed leaves.
+
+    0, which draws nothing, if it lacks some of these.
+    """
+    pattern, corners = cells.pattern, cells.corners
     for cell in range(len(corners)):
         signs = np.int64(0)
         for corner in range(corners.shape[1]):
             # a corner that no mixed simplex has agrees with x0, or each of its simplices would be mixed
             v = corners[cell, corner] if corners[cell, corner] >= 0 else corners[cell, 0]
             signs |= np.int64(above[v]) << corner
-        pattern[cell] = signs if count[cell] == mixed[signs] else 0
+        pattern[cell] = signs if pattern[cell] == mixed[signs] else 0
 
 
 @kernel

@@ -60,7 +60,7 @@ _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 1
 _PLACED = {2: 120, 3: 135}
 """Bytes for each leaf of the full grid if the file states where the curve crosses each edge."""
 _IN_PIECES = {2: (90, 64, 24), 3: (30, 66, 24)}
-"""The same where leaves come in pieces."""
+"""Bytes of each where leaves come in pieces."""
 _CORNERS, _CHILDREN = 8, 16
 """Most corners that a diamond makes known, and most children that it has."""
 

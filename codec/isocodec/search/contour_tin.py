@@ -255,6 +255,20 @@ def _distances(contour: Contour, shape: tuple[int, ...], reach: float, spacing: 
     return out.reshape(shape)
 
 
+def _neighbours(cells: NDArray[np.int64], count: int) -> tuple[list[int], list[int]]:
+    """Points beside each of so many points of a mesh, and where those of each begin among them."""
+    ends = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    ends = np.concatenate([ends, ends[:, ::-1]])
+    ends = ends[np.argsort(ends[:, 0], kind="stable")]
+    return np.searchsorted(ends[:, 0], np.arange(count + 1)).tolist(), ends[:, 1].tolist()
+
+
+def _bounds(points: list[list[int]]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Corners of a box one wider than points."""
+    x, y = zip(*points, strict=True)
+    return (min(x) - 1, min(y) - 1), (max(x) + 1, max(y) + 1)
+
+
 class _Search:
     """The search for few points; ``rank`` has the places of all samples in the order that decides ties."""
 
@@ -341,25 +355,25 @@ class _Search:
             changes.revert(fresh)
         return found, bad
 
+    def _still(self, found: _Vertices, bad: NDArray[np.float64]) -> list[bool]:
+        """Points that stay as they are: what is near bad places comes first, if there are any."""
+        if not len(bad):
+            return [False] * len(found.points)
+        near_bad = self._around(bad, int(self._distance) + 3)[tuple(found.points.T)]
+        still: list[bool] = (~near_bad).tolist()
+        return still
+
     def _changes(self, found: _Vertices, bad: NDArray[np.float64]) -> _Changes:
         """Changes of points that are not next to one another."""
         draw, count = self._random, len(found.points)
-        ends = np.concatenate([found.cells[:, [0, 1]], found.cells[:, [1, 2]], found.cells[:, [2, 0]]])
-        ends = np.concatenate([ends, ends[:, ::-1]])
-        ends = ends[np.argsort(ends[:, 0], kind="stable")]
-        begin = np.searchsorted(ends[:, 0], np.arange(count + 1)).tolist()
-        beside = ends[:, 1].tolist()
+        begin, beside = _neighbours(found.cells, count)
         border = ((found.points == 0) | (found.points == self._last)).any(axis=1).tolist()
         way, (most_x, most_y) = draw.random(), self._last.tolist()
         shift, lift = draw.integers(-2, 3, (count, 2)).tolist(), draw.integers(-1, 2, count).tolist()
         noise = draw.normal(size=(count, 3)).tolist()
         share, pick = draw.random(count).tolist(), draw.random(count).tolist()
         points, numbers, largest = found.points.tolist(), found.numbers.tolist(), self._scale.largest
-        still = [False] * count
-        if len(bad):
-            # these first: the rest stays as it is
-            near_bad = self._around(bad, int(self._distance) + 3)[tuple(found.points.T)]
-            still = (~near_bad).tolist()
+        still = self._still(found, bad)
         taken = still.copy()
         names = {(x, y) for x, y in points}
         out = _Changes()
@@ -394,9 +408,7 @@ class _Search:
                     number = self._number_at(place)
                 number = min(max(number, 0), largest)
                 names.add(place)
-            near = [points[k] for k in around]
-            low = min(each[0] for each in near) - 1, min(each[1] for each in near) - 1
-            high = max(each[0] for each in near) + 1, max(each[1] for each in near) + 1
+            low, high = _bounds([points[k] for k in around])
             out.add((i, other), place, number, low, high)
             for k in (i, *around):
                 taken[k] = True

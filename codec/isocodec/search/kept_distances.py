@@ -58,7 +58,7 @@ def geometry_end(plan: Sequence[Entry], entry: int) -> int:
 
 
 def known_by(plan: Sequence[Entry], entry: int) -> tuple[int, int]:
-    """How finely crossings are known once the geometry behind a mesh is, as `Reduction.reduce` takes it."""
+    """Find how finely crossings are known once the geometry behind a mesh is, as `Reduction.reduce` takes it."""
     end = geometry_end(plan, entry)
     if any(each[0] == LayerKind.VALUES for each in plan[: end + 1]):
         return LINEAR_POINTS, 0

@@ -59,7 +59,7 @@ class Promise:
     leans : bool
         Whether what is known from an earlier isovalue affects what is coded.
     lean_level : int
-        Uniform level of that isovalue, -1 if there is none.
+        Uniform level of that isovalue, -1 without one.
     contour : Contour
         The original curve.
     phi : ndarray of float32

@@ -52,6 +52,7 @@ export function tiledParts(data) {
     if (kind % 3) at += 4 * kind;
     else number();
   }
+  if (flags & 64) number();
   const notes = number();
   at += notes;
   const masks = flags >> 7, areas = masks + S * I, parts = [head], blocks = [], tiles = shape.map((s) => Math.max(1, Math.ceil((s - 17) / edge)));

@@ -46,7 +46,7 @@ def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = Fa
 
 
 def shift_of(isovalue: float, other: float, scale: float | None) -> tuple[int, int]:
-    """How many steps an isovalue lies above another one, exactly, rounded down and up (clause 5.9.1).
+    """Count the steps that an isovalue lies above another one, exactly, rounded down and up (clause 5.9.1).
 
     Steps are whole numbers (``scale`` None), between the floors of both, or multiples of the scale.
     """

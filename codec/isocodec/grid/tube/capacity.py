@@ -178,7 +178,7 @@ def wider_state(
 
 
 def without_rounds(st: State) -> State:
-    """The state without what only rounds of refinement need: on the full grid there are none."""
+    """Let go of what only rounds of refinement need: on the full grid none come."""
     first = _first_arrays(int(st.grid.tables[0]))
     return st._replace(below=st.below[:0].copy(), crowd=first.crowd, board=first.board)
 

@@ -261,7 +261,7 @@ export class Estimates {
     const { beside } = this, axes = n === 3 || full;
     m.release(beside.grid);
     beside.links = this.instead(beside.links, links);
-    beside.grid = axes ? this.leaving(st, count) : m.array("int64", [0, n]);
+    beside.grid = axes ? this.leaving(st, count) : m.array("int32", [0, n]);
     beside.near = this.instead(beside.near, full ? m.array("int64", [0, 2]) : this.sums(count));
     beside.chain = this.instead(beside.chain, axes ? m.array("int64", [0, 4]) : m.numbers(chain(crossings!, listed), [size, 4]));
   }
@@ -309,7 +309,7 @@ export class Estimates {
 
   /** Which of the edges leaves a vertex upwards along an axis. */
   private leaving(st: State, count: number): Arr {
-    const { m, n } = this, index = m.array("int64", [count, n]);
+    const { m, n } = this, index = m.array("int32", [count, n]);
     m.words(index).fill(-1);
     m.call("models_crossings_nearby__enter_straight", st, this.edges, index);
     return index;
