@@ -331,7 +331,7 @@ def test_memory_that_ends_is_an_error_of_ours(where):
     """Whatever the limits say: the machine may have less."""
     data = isocodec.encode(field(2, 150, 1), 0.5)
 
-    def ends(*_):
+    def ends(*_, **__):
         raise MemoryError
 
     with mock.patch(where, ends), pytest.raises(LimitError) as caught:

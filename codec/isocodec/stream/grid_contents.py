@@ -116,8 +116,8 @@ class GridContents:
         self._mask.drop()
 
     def _end(self, chunk: Envelope) -> None:
-        """Free what only further layers need, after the last chunk."""
-        if chunk.last:
+        """Free what only further layers need, after the last chunk; what a cut run began is drawn with it."""
+        if chunk.last and not self._session.cut:
             self._strands.settle()
 
     def _begin(self, event: Event) -> None:

@@ -97,7 +97,7 @@ OUTPUTS = (
     Output("contour", (".png",), "PNG", _drawn, (2, 3), (2, 3), "a colour or a panel each", cost=PICTURE,
            **_MATPLOTLIB),
     Output("contour", (".svg",), "SVG", _svg, (2,), (2,), "a group each", "samples",
-           cost={2: Cost(120, 100, kept=50)}),
+           cost={2: Cost(170, 145, kept=50)}),
     Output("mask", (".png",), "PNG", _mask_png, (2,), coordinates="samples", extra="image", libraries=("PIL.Image",)),
     Output("picture", (".png", ".pdf", ".svg"), "PNG, PDF, SVG", _picture, (2, 3), (2, 3), "a colour or a panel each",
            sampled=False, **_MATPLOTLIB),
