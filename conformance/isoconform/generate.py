@@ -9,6 +9,7 @@ from pathlib import Path
 
 from isocodec.errors import LimitError
 from isocodec.format.events import Event, FrameRead, IsovalueRead, LayerComplete, MeshLayerComplete
+from isocodec.limits import LEVELS, Limits
 
 from . import (
     adaptive,
@@ -46,7 +47,7 @@ from .manifest import (
     read_manifest,
     write_manifest,
 )
-from .tiled_dump import is_tiled
+from .tiled_dump import dump_tiled, is_tiled
 
 _MODULES = (
     valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
@@ -148,7 +149,10 @@ def _described(draft: Draft, output: Output, mesh: Mesh | None) -> Vector:
 def _level(data: bytes, expected: Expected) -> int:
     if expected.status == LIMIT:
         return BEYOND
-    return 0 if expected.status == ERROR or is_explicit(data) or is_tiled(data) else needs(data).level
+    if is_tiled(data) and expected.status != ERROR:
+        codes = ((level, dump_tiled(data, Limits.level(level)).exit_code) for level in sorted(LEVELS))
+        return next((level for level, code in codes if code != LimitError.exit_code), BEYOND)
+    return 0 if expected.status == ERROR or is_explicit(data) else needs(data).level
 
 
 def _features(events: list[Event], n: int) -> Iterator[str]:
