@@ -17,10 +17,11 @@ from isocodec.entropy.mixer import MOST_MIX, blended, clear, see
 from isocodec.entropy.network import weighed
 from isocodec.entropy.range_coder import DECODE, ENCODE, Coder, CoderRegisters, finish, start
 from isocodec.grid.lattice.access import dimension
+from isocodec.grid.lattice.diamond import diamond_at
 from isocodec.grid.lattice.store import get
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.models.contexts import CONTEXTS
-from isocodec.grid.models.neighbourhood import nearest_vertices, see_around, survey
+from isocodec.grid.models.neighbourhood import corners_around, look_around, nearest_vertices, see_around, survey
 from isocodec.grid.models.network_rows import (
     AROUND,
     BASE_NET,
@@ -41,8 +42,11 @@ from isocodec.grid.models.network_rows import (
     TREE_ROWS,
     VALUE_ROWS,
 )
+from isocodec.grid.models.refinement_signs import anchored
 from isocodec.grid.models.significance import BIRTH
 from isocodec.grid.models.trained import members, shipped_models
+from isocodec.grid.passes.bisection import look
+from isocodec.grid.tube.capacity import MOST_AROUND
 from isocodec.search.strategy import grid_plan
 from isocodec.stream.encoder import encoder_of
 from isospec.tables import (
@@ -333,9 +337,23 @@ def test_main_is_the_default_and_smaller(n):
         assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
 
 
-def _around(state, cd, w0, w1, w2):
+def _diamond(state, w):
+    """The diamond around a middle, and what is known of it."""
+    r = np.int64(state.counters.level % dimension(state.grid.tables))
+    diamond = diamond_at(state.grid, np.int64(state.counters.edge), r, *(np.int64(x) for x in (*w, 0)[:3]))
+    return diamond, look(state, diamond)
+
+
+def _around(state, cd, w):
+    """List the rows; the sign that they are relative to. Of the diamond's corners the board has what the store has."""
     clear(cd)
-    return see_around(state, cd, state.counters.level % dimension(state.grid.tables), w0, w1, w2)
+    diamond, seen = _diamond(state, w)
+    w0, w1, w2 = diamond.w0, diamond.w1, diamond.w2
+    look_around(state, w0, w1, w2)
+    assert corners_around(state, diamond, seen.corners) == (seen.known, seen.above)
+    here = anchored(state, diamond, seen)
+    see_around(state, cd, diamond.phase, here)
+    return here
 
 
 @pytest.mark.parametrize("shape", [(70, 81), (34, 3), (19, 17, 21), (2, 9, 12)])
@@ -360,7 +378,7 @@ def test_rows_of_known_vertices_around(shape, back):
     seen = 0
     for _ in range(400):
         w = np.array([int(rng.integers(0, (size - 1) // g + 3)) for size in shape])
-        if (w % 2).sum() != odd:
+        if (w % 2).sum() != odd or _diamond(state, w)[1].members == 0:
             continue
         front = [a for a in range(n) if w[a] % 2] + [a for a in range(n) if not w[a] % 2]
         step = {a: (-1 if w[a] % 4 == 3 else 1) for a in range(n)}
@@ -374,18 +392,24 @@ def test_rows_of_known_vertices_around(shape, back):
                 at[a] = min(max(int(w[a] + step[a] * d[place]) * g, 0), shape[a] - 1)
             if tuple(at) in known:
                 rows.add(2 * i + (known[tuple(at)] == known[end]))
-        assert _around(state, cd, *(np.int64(x) for x in (*w, 0)[:3])) == known[end]
+        assert _around(state, cd, w) == known[end]
         found = members(n)[cd.blend.row[1 : cd.blend.row[0] + 1]]
         assert sorted(found[found >= 0] - SIGN_ROW[n][level % n]) == sorted(rows)
         seen += len(rows)
     assert seen > 0
 
 
+def test_there_is_room_for_all_vertices_around_a_middle():
+    assert max(AROUND.values()) == MOST_AROUND
+
+
 @pytest.mark.parametrize("shape", [(24, 31), (9, 7, 8), (17, 3)])
 def test_crowd_counts_the_cells_of_every_size(shape):
     """Vertices and new components in every cell, and nothing in the cells around the box."""
     rng = np.random.default_rng(3)
-    encoder = encoder_of(rng.integers(0, 2, shape), 0.5, precision="signs", layers=0)
+    # on the full grid there are no further rounds, and no counts
+    rounds = len(shape) * cube_exponent(shape) - 1
+    encoder = encoder_of(rng.integers(0, 2, shape), 0.5, layers=[("base", 0), ("refine", rounds)])
     assert b"".join(encoder)
     tube = encoder.frame.strands[0].tube
     counters, crowd = tube.state.counters, tube.state.crowd

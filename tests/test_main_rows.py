@@ -21,12 +21,13 @@ from isocodec.grid.lattice.vertex_set import IN, KEPT, OUT
 from isocodec.grid.models.base_signs import see_behind
 from isocodec.grid.models.corner_patterns import CLASSES
 from isocodec.grid.models.mesh_questions import Question, see_mesh
-from isocodec.grid.models.neighbourhood import nearest_vertices, survey
+from isocodec.grid.models.neighbourhood import look_around, nearest_vertices, survey
 from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROW, TREE_ROW, VALUE_ROW
 from isocodec.grid.models.refinement_signs import Before, Expected, see_middle
 from isocodec.grid.models.significance import CUBE, NODE, SLOT, Node, see_crowd
 from isocodec.grid.models.trained import members, shipped_models
 from isocodec.grid.models.value_bits import Nearby, nearby_samples, see_nearby
+from isocodec.grid.passes.bisection import look
 from isocodec.grid.passes.values import enter_told
 from isocodec.grid.tube.capacity import NOTHING
 from isocodec.search.promise import Promise
@@ -50,7 +51,8 @@ def _sign(st, cd, w0, w1, w2, crossed, row):
     survey(st)
     r = st.counters.level % dimension(st.grid.tables)
     diamond = diamond_at(st.grid, np.int64(st.counters.edge), np.int64(r), w0, w1, w2)
-    see_middle(st, cd, diamond, Expected(crossed, *ints(1, 0, row)), Before(*ints(-1, 0)))
+    look_around(st, w0, w1, w2)
+    see_middle(st, cd, diamond, look(st, diamond), Expected(crossed, *ints(1, 0, row)), Before(*ints(-1, 0)))
 
 
 def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):

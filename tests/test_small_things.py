@@ -43,7 +43,7 @@ def test_layers_of_a_surface_are_a_number(tmp_path: Path, layers: str) -> None:
 
 
 def test_isovalues_in_notes_are_short() -> None:
-    data = isocodec.encode(thin(np.arange(64).reshape(8, 8) / 10.0, contours=[0.3, 0.7], tolerance=0.5))
+    data = isocodec.encode(thin(np.arange(64).reshape(8, 8) / 10.0, contours=[0.3, 0.7], tolerance=0.2))
     assert isocodec.open(data).metadata["promise"].endswith(" at 0.3 0.7")
 
 

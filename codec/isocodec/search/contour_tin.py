@@ -26,7 +26,7 @@ from ..tin.points import Points
 from ..tin.thinning import Thinning, thinning
 from .original import original
 from .proof import Target
-from .tin_fit import ChosenPoints
+from .tin_fit import ChosenPoints, evenly
 
 _REACH = 2.0, 1.5
 """Distances from a contour up to which the surface slopes: so many tolerances, and so many samples."""
@@ -158,6 +158,8 @@ def near_contours(
 ) -> ChosenPoints:
     """A small surface whose contours lie within ``distance`` of the field's, both ways, which is proven.
 
+    One of all samples, with the field's values, if the search finds none.
+
     Parameters
     ----------
     given : Points
@@ -170,7 +172,7 @@ def near_contours(
     Raises
     ------
     OptionError
-        If there is no contour, or no surface is found.
+        If there is no contour, or not even all samples will do.
     """
     levels = sorted(set(isovalues))
     contours = [original(check_field(field, isovalue)) for isovalue in levels]
@@ -186,14 +188,24 @@ def near_contours(
     search = _Search(_Band(field, levels, contours, distance, reach), scale, wanted, distance, rank)
     found = search.smallest(search.mended())
     if found is None:
-        raise OptionError(
-            f"no surface was found whose contours stay within {distance:g}", code="tolerance",
-            remedy="allow a larger distance, or encode the contours themselves",
-        )
+        return _of_all(given, wanted, distance)
     some = rank[found.points @ np.array([field.shape[1], 1])]
     least = int(found.numbers.min())
     numbers = found.numbers - least
     return ChosenPoints(some, numbers, float(scale.offset + scale.step * least), scale.step, (), int(numbers.max()))
+
+
+def _of_all(given: Points, wanted: _Wanted, distance: float) -> ChosenPoints:
+    """All samples with their values; OptionError if contours of that surface lie too far away."""
+    chosen = evenly(given, None, False)
+    points = np.stack([given.x, given.y], axis=1).astype(np.int64)
+    vertices = _Vertices(points, chosen.numbers, triangles(delaunay(given.x, given.y)[0]).astype(np.int64))
+    if len(wanted.too_far(vertices, np.asarray(chosen.offset + chosen.step * chosen.numbers, np.float64))):
+        raise OptionError(
+            f"no surface was found whose contours stay within {distance:g}", code="tolerance",
+            remedy="allow a larger distance, or encode the contours themselves",
+        )
+    return chosen
 
 
 def _beside(contours: Sequence[Contour], shape: tuple[int, ...]) -> tuple[NDArray[np.int64], ...]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernel import inlined, inner
+from ...kernel import constant, inlined, inner
 from ...kernel.flat import flat
 from ..lattice.access import corners as corner_count
 from ..lattice.access import dimension
@@ -68,7 +70,7 @@ def _corners(n: int) -> NDArray[np.int64]:
     return found
 
 
-CORNER_2, CORNER_3 = _corners(2), _corners(3)
+CORNER_2, CORNER_3 = constant(partial(_corners, 2)), constant(partial(_corners, 3))
 _REACH_2, _REACH_3 = int(abs(PLANE).max()), int(abs(SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
 _FIRST_2, _FIRST_3 = AROUND_SUM[2], AROUND_SUM[3]

@@ -474,9 +474,8 @@ class Tube:
         self.lean = self.truth = None
         # the models of one that has no layers may be those of others
         self.coder = put_away(self.coder) if self.begun else self.coder
-        # one after the other: what is kept is copied
+        # first: what is kept of the state is copied
         self.estimates.rest()
-        self.state = without_rounds(self.state)
         self.state = at_rest(self.state)
         self._mark = no_lean(self.n).known
         self._hold(state_bytes(self.state, self._mark), 0)
