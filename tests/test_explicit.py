@@ -211,7 +211,9 @@ def test_inspect():
     info = isocodec.open(encode(Mesh(*mesh, values, progressive=False), [30, 60], precision="exact")).info
     assert [layer.kind for layer in info.layers] == ["signs", "values"] * 2
     kinds = [
-        layer.kind for layer in isocodec.open(encode(Mesh(*mesh, values), [30, 60], precision="exact")).info.layers
+        layer.kind for layer in isocodec.open(
+            encode(Mesh(*mesh, values, progressive=True), [30, 60], precision="exact")
+        ).info.layers
     ]
     assert set(kinds) == {"levels", "values"} and len(kinds) > 3
     assert info.domain.vertices == len(mesh[0]) and info.domain.cells == len(mesh[1])

@@ -119,10 +119,10 @@ def test_options_that_do_not_fit(tmp_path):
 
 def test_pictures(tmp_path):
     pytest.importorskip("matplotlib")
-    mesh = plane(3, 200, kept=1)
+    mesh = plane(3, 1500, kept=1)
     np.savez(tmp_path / "mesh.npz", points=mesh[0], cells=mesh[1], depth=mesh[0].sum(axis=1))
     data, out = tmp_path / "a.iso", tmp_path / "a.png"
-    data.write_bytes(isocodec.encode(isocodec.Mesh(*mesh, mesh[0].sum(axis=1)), [80.0, 120.0]))
+    data.write_bytes(isocodec.encode(isocodec.Mesh(*mesh, mesh[0].sum(axis=1), progressive=True), [80.0, 120.0]))
     assert "3 steps" in ok(
         "plot", data, "-o", out, "--mesh", tmp_path / "mesh.npz", "--isovalue", 120, "--steps", 3
     )

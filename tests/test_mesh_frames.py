@@ -44,8 +44,6 @@ def pieces(contour):
 @pytest.mark.parametrize("options", [{"precision": "signs"}, {"precision": "exact"}, {"precision": 0.5}])
 def test_frames_are_those_of_single_files(kind, progressive, options):
     """Whatever they lean on, and whether they are taken in turn or alone."""
-    if progressive and kind != "plane":
-        pytest.skip("levels are of the plane")
     mesh = KINDS[kind](3)
     values = moving(mesh)
     alone = [
@@ -81,7 +79,6 @@ def test_any_frames(seed, kind, progressive, options, values):
         "noise": rng.integers(0, 40, (3, len(first))), "still": np.array([first, first, first]),
         "opposite": np.array([first, 41 - first, first]), "empty": np.array([first, 0 * first, first]),
     }[values]
-    progressive = progressive and kind == "plane"
     data = isocodec.encode(isocodec.Mesh(*mesh, frames, progressive=progressive), 20.5, **options)
     for each, found in zip(frames, isocodec.open(data, mesh=mesh).each_frame(), strict=True):
         one = isocodec.encode(isocodec.Mesh(*mesh, each, progressive=progressive), 20.5, **options)

@@ -165,7 +165,7 @@ KINDS: dict[str, tuple[Callable[[], bytes], int]] = {
     "mask": (masked, 2),
     "coordinates": (with_coordinates, 2),
     "signs, offsets": (partial(on_mesh, progressive=False), 2),
-    "levels, values": (partial(on_mesh, precision="exact", progressive=True), 4),
+    "levels, values": (partial(on_mesh, precision="exact", progressive=True), 3),
     "coded mesh": (partial(on_mesh, stored="whole"), 3),
     "coded mesh of space": (partial(on_mesh, SPACE, stored="whole"), 3),
     "coded points": (partial(on_mesh, (PLANE[0], None)), 3),

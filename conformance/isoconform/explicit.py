@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import isocodec
 from isocodec.field.meshed import StoredName
+from isocodec.mesh.complex import complex_of
 from isocodec.tin.delaunay import triangulate
 from isospec.container import ChunkType, read_varint, write_varint
 
@@ -69,6 +70,32 @@ def ring(around: int = 7, across: int = 4) -> Mesh:
     return np.array(points, np.int64), np.array(cells, np.int64)
 
 
+def larger_ring() -> Mesh:
+    """A ring of more triangles with a hole, so that the surface has a border; bent, and dented."""
+    points, cells = ring()
+    for _ in range(2):
+        points, cells = _halved(2 * points, cells)
+    dents = np.array(random_numbers(41, points.size, 16)).reshape(points.shape) % 9
+    return points + dents, cells[: -len(cells) // 8]
+
+
+def _halved(points: Integers, cells: NDArray[np.int64]) -> Mesh:
+    """Triangles cut into four at the middles of their sides."""
+    sides = np.sort(cells[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2), axis=1)
+    found, number = np.unique(sides, axis=0, return_inverse=True)
+    middle = len(points) + number.reshape(-1, 3)
+    a, b, c = cells.T
+    d, e, f = middle.T
+    four = np.concatenate([np.stack(part, axis=1) for part in ((a, f, e), (f, b, d), (e, d, c), (d, e, f))])
+    return np.concatenate([points, points[found].sum(axis=1) // 2]), four
+
+
+def far_apart() -> Mesh:
+    """Tetrahedra across so many units that their determinants go far beyond 64 bits."""
+    points, cells = tetrahedra(6)
+    return points * 500_009, cells
+
+
 MESHES: dict[str, Callable[[], Mesh]] = {"plane": plane, "space": tetrahedra, "surface": ring}
 
 
@@ -105,11 +132,10 @@ def whole() -> Iterator[Draft]:
             ("signs", {"precision": "signs"}), ("values", {"precision": "exact"}), ("offsets", {"precision": 0.5}),
             ("fine_offsets", {"precision": 0.001}),
         ):
-            if kind == "plane":
-                yield _draft(
-                    f"mesh_plane_levels_{name}", mesh, values, VALUE, "levels", name, states=name == "values",
-                    **options,
-                )
+            yield _draft(
+                f"mesh_{kind}_levels_{name}", mesh, values, VALUE, "levels", name, states=name == "values",
+                progressive=True, **options,
+            )
             yield _draft(
                 f"mesh_{kind}_{name}", mesh, values, VALUE, name, states=name == "offsets", progressive=False,
                 **options,
@@ -136,6 +162,10 @@ def whole() -> Iterator[Draft]:
             f"mesh_{kind}_whole", mesh, values, VALUES, "the whole mesh in the file", kind="whole", precision="signs",
             mesh_error=0.3,
         )
+        yield _draft(
+            f"mesh_{kind}_levels_whole", mesh, values, VALUES, "the whole mesh in the file", "levels", kind="whole",
+            precision="signs", mesh_error=0.3, progressive=True,
+        )
         yield from _frames(kind, mesh)
     mesh = plane(60, 200, 0)
     for name, precision in (("signs", "signs"), ("values", "exact")):
@@ -144,15 +174,26 @@ def whole() -> Iterator[Draft]:
             kind="whole", scattered=True, mesh_error=0.71, precision=precision,
         )
     yield from _scattered()
-    # many rounds, and candidates for new components
-    mesh = plane(150, 400, 0)
+    for kind, mesh in {
+        "plane": plane(150, 400, 0), "space": tetrahedra(7), "surface": larger_ring(),
+    }.items():
+        yield from _many_rounds(kind, mesh)
+    mesh = far_apart()
+    yield _draft(
+        "mesh_far_levels", mesh, hills(tetrahedra(6), 0, 5), VALUE, "the whole mesh in the file", "levels",
+        "determinants beyond 64 bits", kind="whole", mesh_error=0.6, precision="signs", states=True, progressive=True,
+    )
+
+
+def _many_rounds(kind: str, mesh: Mesh) -> Iterator[Draft]:
+    """Many rounds, and candidates for new components."""
     salt = np.array([int(number % 9 == 0) for number in random_numbers(31, len(mesh[0]), 16)])
     for name, values, isovalues in (
         ("hills", hills(mesh, 0, 5), (VALUE,)), ("isovalues", hills(mesh), VALUES), ("salt", salt, (0.5,)),
     ):
         yield _draft(
-            f"mesh_plane_levels_many_{name}", mesh, values, isovalues, "levels", "many rounds", precision="signs",
-            states=True,
+            f"mesh_{kind}_levels_many_{name}", mesh, values, isovalues, "levels", "many rounds", precision="signs",
+            states=True, progressive=True,
         )
 
 
@@ -195,7 +236,7 @@ def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
         ("step", {"precision": "step=3.0"}),
     ):
         values = frames * 1.0 if name == "step" else frames
-        for progressive in (False, True) if kind == "plane" else (False,):
+        for progressive in (False, True):
             yield _draft(
                 f"mesh_{kind}_frames_{'levels_' * progressive}{name}", mesh, values, VALUES[:2], "series of frames",
                 name, progressive=progressive, **options,
@@ -239,8 +280,8 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     """Names, clauses, what is wrong and files: chunks and layers."""
     mesh = plane()
     known = split(isocodec.encode(isocodec.Mesh(*mesh, hills(mesh), progressive=False), VALUE, precision="exact"))
-    levels = split(isocodec.encode(isocodec.Mesh(*mesh, hills(mesh)), VALUE, precision="signs"))
-    solid = split(isocodec.encode(isocodec.Mesh(*tetrahedra(), hills(tetrahedra())), VALUE, precision="signs"))
+    larger = plane(150, 400, 0)
+    levels = split(isocodec.encode(isocodec.Mesh(*larger, hills(larger), progressive=True), VALUE, precision="signs"))
     domain, signs, values = (chunk.payload for chunk in known.chunks)
     first, second, third = known.chunks
 
@@ -269,7 +310,10 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     yield "levels_rise", "10.1.3", "as many rounds again", bytes(again)
     many = b"\x03\x7f" + levels.chunks[1].payload[2:]
     yield "levels_many", "10.1.3", "more rounds than there are", _changed(levels, 1, many)
-    yield "levels_space", "10.8.1", "levels of tetrahedra", _changed(solid, 1, b"\3\0\0")
+    # a unit of 2**-24: positions of 31 bits
+    fine = levels.chunks[0].payload
+    fine = _varint_changed(fine, 0, 47)[:-16] + complex_of(*larger, -24)[0].digest
+    yield "levels_far", "10.8.1", "levels of a mesh too large for its unit", _changed(levels, 0, fine)
     yield "run_short", "6.3", "a run that is too short", payload(1, signs[:2])
     yield "run_long", "6.3", "bytes left over", payload(1, signs + bytes(5))
     late = Chunk(ChunkType.SERIES, b"\0")
@@ -316,7 +360,8 @@ def refused() -> Iterator[Draft]:
     for name, clause, about, data in (*_wrong_chunks(), *_wrong_meshes()):
         space = name.endswith("space")
         in_file = name.startswith(("coded", "delaunay")) and not space
-        text = "" if in_file else written(tetrahedra() if space else plane())
+        text = written(tetrahedra() if space else plane(150, 400, 0) if name.startswith("levels") else plane())
+        text = "" if in_file else text
         yield Draft(f"mesh_{name}", data, 3 if space else 2, (EXPLICIT, f"error: {about}"), clause, mesh=text)
 
 

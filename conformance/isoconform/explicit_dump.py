@@ -91,6 +91,8 @@ def _domain(decoder: Decoder) -> Iterator[str]:
     head, domain = contents.head, contents.domain
     corners = domain.mesh.cell.shape[1]
     yield f"domain {head.d} {corners - 1} {head.vertices} {head.cells}"
+    if contents.hierarchy is not None:
+        yield f"nodes {contents.hierarchy.digest.hex()} {len(contents.hierarchy.rounds)}"
     if head.kind != DomainKind.KNOWN:
         for word, rows in (("p", domain.mesh.position), ("t", domain.mesh.cell)):
             yield from (f"{word} " + " ".join(map(str, row)) for row in rows.tolist())

@@ -44,9 +44,9 @@ class Mesh:
         are multiples of a power of two of about that size. Contour points lie where the edges of the stored mesh
         meet the contour of the original mesh, and so may be much nearer to that contour.
     progressive : bool or None
-        Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show the whole curve.
-        Only for triangles in the plane, and the default if encoder and decoder have the mesh. Otherwise signs are coded
-        along the curve.
+        Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show the whole curve;
+        or, if False, along the curve. The default is level by level if encoder and decoder have the mesh, except for
+        isovalues that this makes more than 2 % longer.
     crs : str or None
         Reference system of the coordinates.
     unit : str or None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..kernel import inlined, inner
@@ -43,17 +45,13 @@ def _volume(mesh, a, sides, shift):
 
 @inlined
 def root(x):
-    """Whole part of a square root."""
-    if x <= 0:
-        return np.int64(0)
-    out = np.int64(1)
-    while out * out < x and out < 1 << 31:
-        out <<= 1
-    while True:
-        better = (out + x // out) >> 1
-        if better >= out:
-            return out
-        out = better
+    """Whole part of the square root of a number below 2**62; 0 for those below 0."""
+    out = np.int64(math.sqrt(max(x, 0)))
+    while out * out > x and out > 0:
+        out -= 1
+    while (out + 1) * (out + 1) <= x:
+        out += 1
+    return out
 
 
 @inlined

@@ -13,8 +13,8 @@ from ..entropy.context_layout import take_over
 from ..entropy.run import Account, ReadingRun, Run, WritingRun, whole_run
 from .before import UNKNOWN, spread_signs
 from .complex import Complex
-from .history import History
-from .levels import coarse_signs, signs_of_round
+from .hierarchy import Hierarchy
+from .levels import coarse_signs, estimates_of, signs_of_round
 from .models import NUMBERS, new_coder
 from .positions import (
     LARGEST,
@@ -26,6 +26,7 @@ from .positions import (
     parts_of,
     places_on,
 )
+from .ring_fit import RingEstimates
 from .walk import REASONS, WalkRegisters, WalkState, code_base, trace
 
 
@@ -89,7 +90,7 @@ class MeshIsovalue:
     run : Run
         That of the present layer, from `read` or `write`.
     rounds : int or None
-        How many rounds of the history are to come back yet, in signs that come level by level.
+        How many rounds of the hierarchy are to come back yet, in signs that come level by level.
     edges : (E, 3) int64 or None
         Crossed edges, when the signs are known: both ends, and the leaf that has it first.
     parts, number : (E,) int64 or None
@@ -118,6 +119,7 @@ class MeshIsovalue:
             np.zeros(NUMBERS, np.int64), unknown.copy(), np.zeros(4, np.int64), np.zeros(2, np.int64), WalkRegisters(),
         )
         self.rounds: int | None = None
+        self._estimates: RingEstimates | None = None
         self.edges: NDArray[np.int64] | None = None
         self.parts: NDArray[np.int64] | None = None
         self.number: NDArray[np.int64] | None = None
@@ -135,7 +137,7 @@ class MeshIsovalue:
     def bytes_for(domain: Complex) -> int:
         """Memory that an isovalue holds."""
         vertices, (cells, corners) = len(domain.mesh.position), domain.mesh.cell.shape
-        return vertices * 20 + cells * (9 + 8 * (corners - 1))
+        return vertices * 52 + cells * (9 + 8 * (corners - 1))
 
     @property
     def leaves(self) -> NDArray[np.int64]:
@@ -168,7 +170,7 @@ class MeshIsovalue:
         self.run.check(status, REASONS, self.strand.reg.error)
         self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
 
-    def code_levels(self, history: History, rounds: int, truth: NDArray[np.bool_] | None = None) -> None:
+    def code_levels(self, hierarchy: Hierarchy, rounds: int, truth: NDArray[np.bool_] | None = None) -> None:
         """Code which vertices lie above, of those that are there when so many rounds are to come back yet.
 
         Those of earlier layers are known. ``truth`` as in `code_signs`.
@@ -177,13 +179,15 @@ class MeshIsovalue:
         if truth is not None:
             self.strand.truth[:] = truth
         run.room(4 * len(mesh.position) + 64)
-        if self.rounds is None:
-            run.check(coarse_signs(history, rounds, self.strand, run.coder))
+        if self.rounds is None or self._estimates is None:
+            self._estimates = estimates_of(hierarchy)
+            run.check(coarse_signs(hierarchy, rounds, self._estimates, self.strand, run.coder))
         else:
             for number in range(self.rounds - 1, rounds - 1, -1):
-                run.check(signs_of_round(history, number, self.strand, run.coder))
+                run.check(signs_of_round(hierarchy.rounds[number], self._estimates, self.strand, run.coder))
         self.rounds = rounds
         if rounds == 0:
+            self._estimates = None
             trace(mesh, self.strand, run.coder)
             self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
 

@@ -1,4 +1,4 @@
-"""Signs of a mesh in the plane level by level: those left of it, then vertices that come back (spec clause 10.8)."""
+"""Signs of a mesh level by level: those left of it, then vertices that come back (spec clauses 10.8.3 to 10.8.5)."""
 
 from __future__ import annotations
 
@@ -10,38 +10,53 @@ from ..entropy.range_coder import Coder, code
 from ..kernel import DONE, inlined, inner, kernel
 from ..kernel.types import IntMatrix, IntVector
 from .before import AGREED, UNKNOWN, learn_agreement, sign_before
-from .history import MOST_RING, History
+from .hierarchy import MOST_STAR, Hierarchy, Round
 from .models import (
     COARSE,
     COARSE_THEN,
+    FIT_BOUNDS,
+    LEANS,
     LEVEL_COUNT,
+    LEVEL_FIT,
+    LEVEL_LEAN,
     LEVEL_PAST,
     LEVEL_RING,
+    LEVEL_SHARE,
+    LEVEL_SLOPE,
     LEVEL_THEN,
     LEVEL_THEN_SHARE,
     MIX_LEVEL,
+    MOST_COUNT,
     NEW,
     NEW_THEN,
+    PARTS,
     TURNED,
 )
+from .ring_fit import RingEstimates, RingRegisters, gather, weighted
 from .walk import WalkState
 
 NEAR = 16
-"""Weights count in parts of that of the nearest vertex: ``2**NEAR`` of them."""
-PARTS = 16
+"""Weights around a vertex of the coarse mesh count in parts of that of the nearest one: ``2**NEAR`` of them."""
+COARSE_PARTS = 16
 """The share of the weight around that lies above is taken in as many parts."""
+TRUST = 180
+"""Trust at first, of ``ALL``."""
+ALL = 256
+"""Full trust, and the lean of a vertex around which all lie above."""
+LEARNT = 77
+"""Share by which trust and lean of a ring move towards a sign, of ``ALL``."""
 
 
 @inlined
 def _square(position, v, u):
     """Squared distance of two vertices."""
-    x, y = position[u, 0] - position[v, 0], position[u, 1] - position[v, 1]
-    return x * x + y * y
+    x, y, z = position[u, 0] - position[v, 0], position[u, 1] - position[v, 1], position[u, 2] - position[v, 2]
+    return x * x + y * y + z * z
 
 
 @inner
 def _share(position, sign, v, around, start, end):
-    """Share of the weight of the known vertices around one that lies above, of ``PARTS``; -1 if none is known."""
+    """Share of the weight of the known vertices around one that lies above, in parts; -1 if none is known."""
     nearest = np.int64(-1)
     for k in range(start, end):
         if sign[around[k]] != UNKNOWN:
@@ -61,25 +76,43 @@ def _share(position, sign, v, around, start, end):
             weight = ((nearest >> shift) << NEAR) // (far if far > 0 else np.int64(1))
             total += weight
             above += weight * sign[around[k]]
-    return PARTS * above // total
+    # without a distance, as in a folded mesh, no weight is left
+    return COARSE_PARTS * above // total if total > 0 else np.int64(0)
 
 
 @inner
-def _told(st, v, bit):
-    """A vertex becomes known."""
+def _mean_edge(position, first, around):
+    """Mean length of the sides of cells, along the axis where each is longest."""
+    total = np.int64(0)
+    for v in range(len(first) - 1):
+        for i in range(first[v], first[v + 1]):
+            far = np.int64(0)
+            for k in range(3):
+                far = max(far, abs(position[around[i], k] - position[v, k]))
+            total += far
+    return total // max(np.int64(len(around)), np.int64(1))
+
+
+@inner
+def _begin(st, g, v, bit, height):
+    """A vertex of the coarse mesh becomes known."""
     st.sign[v] = bit
     learn_agreement(st, v, bit)
     st.reg.past = (st.reg.past << 1 | bit) & 63
+    g.height[v] = height if bit else -height
+    g.trust[v] = TRUST
+    g.lean[v] = ALL >> 1 if bit else -(ALL >> 1)
 
 
 @kernel
 def code_coarse(
-    position: IntMatrix, st: WalkState, cd: Coder, first: IntVector, around: IntVector, order: IntVector
+    g: RingEstimates, st: WalkState, cd: Coder, first: IntVector, around: IntVector, order: IntVector
 ) -> int:
     """Code the signs of what is left, each vertex after one beside it.
 
     ``around[first[v] : first[v + 1]]`` are those beside vertex v; ``order`` (V,), all -1 at first, takes their order.
     """
+    height = _mean_edge(g.position, first, around) >> 1
     end = np.int64(0)
     at = np.int64(0)
     for seed in range(len(first) - 1):
@@ -94,14 +127,14 @@ def code_coarse(
                 continue
             bit = np.int64(st.given[v])
             if bit == UNKNOWN:
-                share = _share(position, st.sign, v, around, first[v], first[v + 1])
+                share = _share(g.position, st.sign, v, around, first[v], first[v + 1])
                 ctx = COARSE + 8 * (share + 1) + (st.reg.past & 7)
                 if st.reg.leans:
                     ctx = COARSE_THEN + 3 * (AGREED * (share + 1) + st.reg.agreed) + sign_before(st, v, 1)
                 bit = code(cd, ctx, np.int64(st.truth[v]))
                 if bit < 0:
                     return bit
-            _told(st, v, bit)
+            _begin(st, g, v, bit, height)
             for k in range(first[v], first[v + 1]):
                 if st.sign[around[k]] == UNKNOWN:
                     order[end] = around[k]
@@ -109,40 +142,128 @@ def code_coarse(
     return DONE
 
 
-@inlined
-def _turned(st, ring, start, end):
+@inner
+def _turned(st, g):
     """Class of how many vertices of a ring have another sign than in the frame before."""
     count = np.int64(0)
-    for k in range(start, end):
-        count += np.int64(st.before[ring[k]] != UNKNOWN and st.before[ring[k]] != st.sign[ring[k]])
-    return min(count, TURNED - 1)
+    for i in range(g.reg.count):
+        u = g.ring[i]
+        count += np.int64(st.before[u] != UNKNOWN and st.before[u] != st.sign[u])
+    return min(count, np.int64(TURNED - 1))
 
 
 @inner
-def _mixed_sign(position, st, cd, v, ring, start, end):
-    """Sign of a vertex that comes back into a ring of both signs."""
-    bit = np.int64(st.given[v])
-    if bit != UNKNOWN:
-        return bit
-    share = _share(position, st.sign, v, ring, start, end)
-    above = np.int64(0)
-    turns = np.int64(0)
-    last = st.sign[ring[end - 1]]
-    for k in range(start, end):
-        sign = st.sign[ring[k]]
-        above += sign
-        turns += np.int64(sign != last)
-        last = sign
+def _class_of(size, far):
+    """Class of the size of a fit, in parts of the mean distance."""
+    share = 4 * size // far
+    out = np.int64(0)
+    for bound in FIT_BOUNDS:
+        out += np.int64(share >= bound)
+    return out
+
+
+@inner
+def _agreeing(g, sign, above):
+    """Share of the weight of the ring with a sign, in parts; -1 if no sign is known there."""
+    some, total = np.int64(0), np.int64(0)
+    for i in range(g.reg.count):
+        one = sign[g.ring[i]]
+        if one != UNKNOWN:
+            total += g.weight[i]
+            some += g.weight[i] * np.int64(one == above)
+    return min(PARTS * some // total, np.int64(PARTS - 1)) if total > 0 else np.int64(-1)
+
+
+@inner
+def _hear_ring(st, g, cd, target, above, then):
+    """List the opinions on whether a vertex lies where the fit has it; returns the class of the fit's size."""
+    reg = g.reg
+    size = _class_of(abs(reg.fit), reg.far)
+    share = _agreeing(g, st.sign, above)
+    trust = weighted(g, g.trust)
+    lean = weighted(g, g.lean)
+    lean = min(((ALL + (lean if above else -lean)) * (LEANS >> 1)) >> 8, np.int64(LEANS - 1))
+    like = np.int64(0)
+    for i in range(reg.count):
+        like += np.int64(st.sign[g.ring[i]] == above)
     clear_opinions(cd)
-    hear(cd, LEVEL_RING + 2 * share + np.int64(turns > 2))
-    hear(cd, LEVEL_COUNT + (MOST_RING + 1) * (end - start) + above)
-    hear(cd, LEVEL_PAST + 8 * (share >> 1) + (st.reg.past & 7))
+    hear(cd, LEVEL_FIT + 8 * size + min(trust >> 5, np.int64(7)))
+    hear(cd, LEVEL_RING + LEANS * share + lean)
+    hear(cd, LEVEL_SHARE + 2 * (PARTS * size + share) + np.int64(st.sign[target] == above))
+    hear(cd, LEVEL_LEAN + LEANS * size + lean)
+    many = np.int64(MOST_COUNT)
+    hear(cd, LEVEL_COUNT + (MOST_COUNT + 1) * min(reg.count, many) + min(like, many))
+    hear(cd, LEVEL_PAST + 16 * size + reg.past)
+    steep = min((6 * reg.slope) >> 14, np.int64(7))
+    hear(cd, LEVEL_SLOPE + 3 * (8 * size + steep) + min((3 * trust) >> 8, np.int64(2)))
     if st.reg.leans:
-        then = 3 * st.reg.agreed + sign_before(st, v, 1)
-        before = _share(position, st.before, v, ring, start, end)
-        hear(cd, LEVEL_THEN_SHARE + 12 * (before + 1) + then)
-        hear(cd, LEVEL_THEN + 12 * (5 * _turned(st, ring, start, end) + (share >> 2)) + then)
-    return decided(cd, MIX_LEVEL + (share >> 1), np.int64(st.truth[v]))
+        then += 3 * st.reg.agreed
+        hear(cd, LEVEL_THEN_SHARE + 12 * (_agreeing(g, st.before, above) + 1) + then)
+        hear(cd, LEVEL_THEN + 12 * (4 * _turned(st, g) + (share >> 2)) + then)
+    return size
+
+
+@inner
+def _learn(st, g, v, sign, right):
+    """Estimates of a vertex that comes back into a ring of both signs, and what its ring learns from it."""
+    reg = g.reg
+    height = ((3 * reg.far) << reg.shift) // 5
+    if right:
+        height = max(height, (abs(reg.fit) << reg.shift) >> 4)
+    g.trust[v] = (weighted(g, g.trust) + ALL * right) >> 1
+    g.lean[v] = (weighted(g, g.lean) + (ALL if sign else -ALL)) >> 1
+    for i in range(reg.count):
+        u = g.ring[i]
+        g.trust[u] += (LEARNT * (ALL * right - g.trust[u])) >> 8
+        g.lean[u] += (LEARNT * ((ALL if sign else -ALL) - g.lean[u])) >> 8
+        if st.sign[u] != sign:
+            distance = g.distance[i] << reg.shift
+            height = min(height, distance)
+            size = abs(g.height[u])
+            if 5 * size > 3 * distance:
+                size = (15 * size + 21 * distance) // 50
+                g.height[u] = size if st.sign[u] else -size
+    g.height[v] = height if sign else -height
+
+
+@inner
+def _mixed_sign(st, g, cd, v, target):
+    """Sign of a vertex that comes back into a ring of both signs."""
+    above = np.int64(g.reg.fit > 0)
+    if st.given[v] != UNKNOWN:
+        right = np.int64(st.given[v] == above)
+    else:
+        size = _hear_ring(st, g, cd, target, above, sign_before(st, v, above))
+        right = decided(cd, MIX_LEVEL + size, np.int64(st.truth[v] == above))
+        if right < 0:
+            return right
+    g.reg.past = (g.reg.past << 1 | right) & 15
+    sign = above if right else 1 - above
+    st.sign[v] = sign
+    learn_agreement(st, v, sign)
+    _learn(st, g, v, sign, right)
+    return sign
+
+
+@inner
+def _follow(st, g, v, sign):
+    """A vertex has the sign of its ring."""
+    reg = g.reg
+    height = ((3 * reg.far) << reg.shift) // 10
+    if (reg.fit > 0) == (sign == 1):
+        height = max(height, (abs(reg.fit) << reg.shift) >> 4)
+    st.sign[v] = sign
+    g.height[v] = height if sign else -height
+    g.trust[v] = weighted(g, g.trust)
+    g.lean[v] = weighted(g, g.lean)
+
+
+@inlined
+def _flip(st, g, v):
+    """A vertex has another sign than its ring."""
+    st.sign[v] = 1 - st.sign[v]
+    size = (3 * abs(g.height[v])) // 10
+    g.height[v] = size if st.sign[v] else -size
 
 
 @inlined
@@ -161,7 +282,7 @@ def _width(low, high):
 
 
 @inner
-def _new_components(st, cd, candidate, count, prefix, stack):
+def _new_components(st, g, cd, candidate, count, prefix, stack):
     """Find candidates that differ from the ring that they come back into, by halves of their list."""
     if count == 0:
         return np.int64(DONE)
@@ -174,7 +295,7 @@ def _new_components(st, cd, candidate, count, prefix, stack):
         top -= 2
         low, high = stack[top], stack[top + 1]
         if high - low == 1:
-            st.sign[candidate[low]] = 1 - st.sign[candidate[low]]
+            _flip(st, g, candidate[low])
             continue
         middle = (low + high) >> 1
         left = code(cd, NEW + _width(low, middle), _any(prefix, low, middle))
@@ -194,54 +315,72 @@ def _new_components(st, cd, candidate, count, prefix, stack):
 
 @kernel
 def code_round(
-    position: IntMatrix, st: WalkState, cd: Coder, vertex: IntVector, first: IntVector, ring: IntVector, room: IntMatrix
+    g: RingEstimates, st: WalkState, cd: Coder, vertex: IntVector, target: IntVector, first: IntVector, face: IntMatrix,
+    room: IntMatrix,
 ) -> int:
-    """Code the signs of the vertices that come back in a round; ``room`` is (3, R + 128)."""
+    """Code the signs of the vertices that come back in a round, the last one first; ``room`` is (3, R + 128)."""
     candidate, prefix = room[0], room[1]
     count = np.int64(0)
     prefix[0] = 0
-    for i in range(len(vertex)):
+    for i in range(len(vertex) - 1, -1, -1):
         v = vertex[i]
-        sign = st.sign[ring[first[i]]]
+        gather(g, v, face, first[i], first[i + 1])
+        sign = np.int64(st.sign[g.ring[0]])
         mixed = False
-        for k in range(first[i], first[i + 1]):
-            mixed = mixed or st.sign[ring[k]] != sign
+        for k in range(g.reg.count):
+            mixed = mixed or st.sign[g.ring[k]] != sign
         if mixed:
-            bit = _mixed_sign(position, st, cd, v, ring, first[i], first[i + 1])
-            if bit < 0:
-                return bit
-            _told(st, v, bit)
-        elif st.given[v] != UNKNOWN:
-            st.sign[v] = st.given[v]
+            status = _mixed_sign(st, g, cd, v, target[i])
+            if status < 0:
+                return status
+            continue
+        _follow(st, g, v, sign)
+        if st.given[v] != UNKNOWN:
+            if st.given[v] != sign:
+                _flip(st, g, v)
         elif st.before[v] != UNKNOWN and st.before[v] != sign:
-            bit = code(cd, NEW_THEN + _turned(st, ring, first[i], first[i + 1]), np.int64(st.truth[v] != sign))
+            bit = code(cd, NEW_THEN + _turned(st, g), np.int64(st.truth[v] != sign))
             if bit < 0:
                 return bit
-            st.sign[v] = sign ^ bit
+            if bit:
+                _flip(st, g, v)
         else:
             candidate[count] = v
             count += 1
             prefix[count] = prefix[count - 1] + np.int64(st.truth[v] != sign)
-            st.sign[v] = sign
-    return _new_components(st, cd, candidate, count, prefix, room[2])
+    return _new_components(st, g, cd, candidate, count, prefix, room[2])
+
+
+def estimates_of(hierarchy: Hierarchy) -> RingEstimates:
+    """Estimates before the first sign."""
+    vertices, corners = len(hierarchy.position), hierarchy.cell.shape[1]
+    most = MOST_STAR[corners - 1] * corners
+
+    def zeros(*shape: int) -> NDArray[np.int64]:
+        return np.zeros(shape, np.int64)
+
+    return RingEstimates(
+        hierarchy.position, zeros(vertices), zeros(vertices), zeros(vertices), zeros(vertices + 1), zeros(most),
+        zeros(most), zeros(most), zeros(most), zeros(most), zeros(most, 3), zeros(3), RingRegisters(),
+    )
 
 
 def beside(cells: NDArray[np.int64], vertices: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Vertices beside each: those of vertex v from ``first[v]`` to ``first[v + 1]``, ascending."""
-    pairs = cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    keys = np.unique(np.concatenate([pairs, pairs[:, ::-1]]) @ np.array([vertices, 1]))
+    corners = cells.shape[1]
+    pairs = cells[:, [[i, j] for i in range(corners) for j in range(corners) if i != j]].reshape(-1, 2)
+    keys = np.unique(pairs @ np.array([vertices, 1]))
     return np.searchsorted(keys // vertices, np.arange(vertices + 1)), keys % vertices
 
 
-def coarse_signs(history: History, rounds: int, st: WalkState, cd: Coder) -> int:
-    """Code the signs of what is left after some rounds."""
-    vertices = len(history.position)
-    first, around = beside(history.cells[rounds], vertices)
-    return code_coarse(history.position, st, cd, first, around, np.full(len(around) + vertices, -1, np.int64))
+def coarse_signs(hierarchy: Hierarchy, rounds: int, g: RingEstimates, st: WalkState, cd: Coder) -> int:
+    """Code the signs of the vertices that are left after some rounds."""
+    vertices = len(hierarchy.position)
+    first, around = beside(hierarchy.cells(rounds), vertices)
+    return code_coarse(g, st, cd, first, around, np.full(len(around) + vertices, -1, np.int64))
 
 
-def signs_of_round(history: History, number: int, st: WalkState, cd: Coder) -> int:
-    """Code the signs of the vertices that a round has removed."""
-    removed = history.rounds[number]
+def signs_of_round(removed: Round, g: RingEstimates, st: WalkState, cd: Coder) -> int:
+    """Code the signs of the vertices that went in a round."""
     room = np.zeros((3, len(removed.vertex) + 128), np.int64)
-    return code_round(history.position, st, cd, removed.vertex, removed.first, removed.ring, room)
+    return code_round(g, st, cd, removed.vertex, removed.target, removed.first, removed.face, room)

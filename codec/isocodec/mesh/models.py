@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..entropy.context_layout import Layout, opinion_coder
 from ..entropy.guesses import DEPTHS
-from ..entropy.range_coder import Coder
+from ..entropy.range_coder import ONE, Coder
 from .before import AGREED, RINGS
 from .growth import CANDIDATES, NEAR
 
@@ -20,8 +23,15 @@ TURNED = 4
 """Numbers of vertices of a ring whose signs are others than in the frame before: so many or more are one class."""
 SHARES = 18
 """Classes of the share of what is around that lies above: none known, 0 to 16."""
-RING_COUNTS = 81
-"""Numbers of vertices around, and of those above: up to 8 each."""
+PARTS = 16
+"""The share of a ring's weight with a sign is taken in as many parts."""
+LEANS = 12
+"""Classes of how far the signs around a ring lean towards one."""
+MOST_COUNT = 30
+"""Numbers of vertices of a ring, and of those with a sign: so many or more are one class."""
+FIT_BOUNDS = (2, 5, 10, 16, 26, 38, 54, 77, 109, 160)
+"""Least sizes of fits in their classes but the first, in 1/64 of the mean distance."""
+SIZES = len(FIT_BOUNDS) + 1
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
 CONTEXT = Layout({
     "COMPONENT": (1, 0.8, 1),
@@ -34,11 +44,15 @@ CONTEXT = Layout({
     "SIGN_THEN_SURE": (CLASSES * RINGS * 3, 0.7, 1),
     "COARSE": (8 * SHARES, 0.5, 0),
     "COARSE_THEN": (3 * AGREED * SHARES, 0.5, 0),
-    "LEVEL_RING": (2 * SHARES, 0.5, 0),
-    "LEVEL_COUNT": (RING_COUNTS, 0.5, 0),
-    "LEVEL_PAST": (4 * SHARES, 0.5, 0),
-    "LEVEL_THEN": (3 * AGREED * TURNED * 5, 0.5, 0),
-    "LEVEL_THEN_SHARE": (3 * AGREED * SHARES, 0.5, 0),
+    "LEVEL_FIT": (8 * SIZES, 0.5, 4),
+    "LEVEL_RING": (LEANS * PARTS, 0.5, 4),
+    "LEVEL_SHARE": (2 * PARTS * SIZES, 0.5, 4),
+    "LEVEL_LEAN": (LEANS * SIZES, 0.5, 4),
+    "LEVEL_COUNT": ((MOST_COUNT + 1) ** 2, 0.5, 4),
+    "LEVEL_PAST": (16 * SIZES, 0.5, 4),
+    "LEVEL_SLOPE": (24 * SIZES, 0.5, 4),
+    "LEVEL_THEN": (3 * AGREED * TURNED * 4, 0.5, 0),
+    "LEVEL_THEN_SHARE": (3 * AGREED * (PARTS + 1), 0.5, 0),
     "NEW": (16, 0.1, 1),
     "NEW_THEN": (TURNED, 0.5, 0),
     "OFFSET": (2 * CROSSINGS * 4 * DEPTHS, 0.5, 0),
@@ -49,13 +63,15 @@ SIGN_SURE, SIGN_RING, SIGN_PAST, SIGN_BOTH = CONTEXT.firsts("SIGN_SURE", "SIGN_R
 SIGN_THEN, SIGN_THEN_SURE = CONTEXT.firsts("SIGN_THEN", "SIGN_THEN_SURE")
 COARSE, COARSE_THEN, NEW, NEW_THEN = CONTEXT.firsts("COARSE", "COARSE_THEN", "NEW", "NEW_THEN")
 LEVEL_THEN, LEVEL_THEN_SHARE = CONTEXT.firsts("LEVEL_THEN", "LEVEL_THEN_SHARE")
-LEVEL_RING, LEVEL_COUNT, LEVEL_PAST = CONTEXT.firsts("LEVEL_RING", "LEVEL_COUNT", "LEVEL_PAST")
+LEVEL_FIT, LEVEL_RING, LEVEL_SHARE = CONTEXT.firsts("LEVEL_FIT", "LEVEL_RING", "LEVEL_SHARE")
+LEVEL_LEAN, LEVEL_COUNT = CONTEXT.firsts("LEVEL_LEAN", "LEVEL_COUNT")
+LEVEL_PAST, LEVEL_SLOPE = CONTEXT.firsts("LEVEL_PAST", "LEVEL_SLOPE")
 OFFSET, VALUE = CONTEXT.firsts("OFFSET", "VALUE")
 MIX_SIGN = 0
 MIX_OFFSET = MIX_SIGN + CLASSES
 MIX_VALUE = MIX_OFFSET + 2 * CROSSINGS * DEPTHS
 MIX_LEVEL = MIX_VALUE + 2 * NUMBERS * DEPTHS
-MIXES = MIX_LEVEL + SHARES // 2
+MIXES = MIX_LEVEL + SIZES
 # For the run of a mesh (spec clause 10.10): the same.
 _MESH = Layout({
     "CLOSED": (4 * NEAR, 0.5, 0),
@@ -75,11 +91,34 @@ MIX_PLACE = MIX_KNOWN + 1 + CANDIDATES
 _MESH_MIXES = MIX_PLACE + 2 * 3 * DEPTHS
 WEIGHT = 22000
 """Mixing weight that every opinion starts with, of 2**16."""
+LEVEL_WEIGHT = 11000
+"""Mixing weight of opinions on signs of vertices that come back."""
+BY_SIZE = (51, 57, 64, 74, 85, 94, 98, 99, 99, 97, 91)
+BY_SHARE = (46, 46, 51, 55, 60, 60, 62, 65, 68, 72, 79, 84, 90, 95, 98, 99)
+BY_LEAN = (61, 72, 73, 74, 78, 82, 85, 87, 91, 93, 95, 95)
+"""Hundredths of fits with the right sign: by the class of their size, the share of their ring with that sign, and how
+far signs around lean towards it."""
+
+
+def _level_starts() -> dict[int, NDArray[np.int64]]:
+    """Sums of two beginnings, in hundredths, of the contexts of signs of vertices that come back, by the first one."""
+    size, share, lean = (np.array(each) for each in (BY_SIZE, BY_SHARE, BY_LEAN))
+    k, a = np.divmod(np.arange((MOST_COUNT + 1) ** 2), MOST_COUNT + 1)
+    counted = share[np.minimum(a * PARTS // np.maximum(k, 1), PARTS - 1)]
+    return {
+        LEVEL_FIT: np.repeat(2 * size, 8), LEVEL_RING: (share[:, None] + lean).ravel(),
+        LEVEL_SHARE: np.repeat((size[:, None] + share).ravel(), 2), LEVEL_LEAN: (size[:, None] + lean).ravel(),
+        LEVEL_COUNT: 2 * counted, LEVEL_PAST: np.repeat(2 * size, 16), LEVEL_SLOPE: np.repeat(2 * size, 24),
+    }
 
 
 def new_coder() -> Coder:
     """A coder for all runs of an isovalue."""
-    return opinion_coder(CONTEXT, MIXES, WEIGHT)
+    coder = opinion_coder(CONTEXT, MIXES, WEIGHT)
+    for first, sums in _level_starts().items():
+        coder.prob[first : first + len(sums)] = np.rint(sums * (ONE / 200))
+    coder.blend.mix[MIX_LEVEL:] = LEVEL_WEIGHT
+    return coder
 
 
 def coder_of_meshes() -> Coder:

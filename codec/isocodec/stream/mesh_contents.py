@@ -26,14 +26,14 @@ from ..format.header import Header
 from ..mesh.before import spread_signs
 from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
 from ..mesh.complex import Complex, complex_of
-from ..mesh.history import History, history_of
+from ..mesh.hierarchy import Hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import decoded_mesh
 from .outline import check_explicit
 from .session import Session
 
-HISTORY_PER_CELL = 300
-"""Bytes that the history of a mesh takes for a cell, about."""
+HIERARCHY_PER_CELL = 500
+"""Bytes that the hierarchy of a mesh takes for a cell, about."""
 OPEN = 1e-6
 """Least share of its area that a surface which is not closed faces to one side more than to the other."""
 ELEMENTS = 64
@@ -110,6 +110,11 @@ class MeshContents:
         """The complex, once it is known."""
         return self._domain
 
+    @property
+    def hierarchy(self) -> Hierarchy | None:
+        """The rounds of collapses of the mesh, once a layer has needed them."""
+        return self.__dict__.get("_hierarchy")
+
     def contour(
         self, number: int = 0, *, smooth: bool | None = None, through_holes: bool = False, before: bool = False
     ) -> Contour:
@@ -139,12 +144,14 @@ class MeshContents:
     def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
         """Draw the curve on the part of the mesh that remains after some rounds of removal."""
         assert self._points is not None and found.rounds is not None
-        cells, above = self._history.cells[found.rounds], found.strand.sign == 1
-        cells = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
+        assert self._domain is not None
+        (cells, source), above = self._hierarchy.remaining(found.rounds), found.strand.sign == 1
+        crossed = above[cells].any(axis=1) & ~above[cells].all(axis=1)
+        cells, mirrored = cells[crossed], self._domain.mirrored[source[crossed]]
+        if self._points.shape[1] == self._domain.n:
+            mirrored = np.zeros(len(cells), np.bool_)
         edges = crossed_edges(cells, above)
-        points, pieces = draw_cells(
-            self._points, cells, np.zeros(len(cells), np.bool_), above, edges, np.full(len(edges), 0.5)
-        )
+        points, pieces = draw_cells(self._points, cells, mirrored, above, edges, np.full(len(edges), 0.5))
         return Contour(points, pieces, found.value, (), False, own_placement(notes, points.shape[1]), metadata=notes)
 
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
@@ -246,7 +253,7 @@ class MeshContents:
     def drop(self) -> None:
         """See `Contents.drop`."""
         self._strands, self._before, self._domain, self._points = [], [], None, None
-        self.__dict__.pop("_history", None)
+        self.__dict__.pop("_hierarchy", None)
         self._budget.release(self)
 
     def _begin_domain(self, payload: bytes, start: int) -> None:
@@ -355,7 +362,7 @@ class MeshContents:
         if head.kind == MeshLayer.SIGNS:
             present.code_signs()
         elif head.kind == MeshLayer.LEVELS:
-            present.code_levels(self._history, head.rounds)
+            present.code_levels(self._hierarchy, head.rounds)
         elif head.kind == MeshLayer.OFFSETS:
             present.code_offsets(head.step)
         else:
@@ -369,9 +376,8 @@ class MeshContents:
             case MeshLayer.SIGNS:
                 return present.rounds is None and present.edges is None
             case MeshLayer.LEVELS if present.edges is None:
-                return (
-                    head.rounds <= len(self._history.rounds) if present.rounds is None else head.rounds < present.rounds
-                )
+                most = len(self._hierarchy.rounds) if present.rounds is None else present.rounds - 1
+                return head.rounds <= most
             case MeshLayer.OFFSETS:
                 return present.edges is not None and present.parts is None
             case MeshLayer.VALUES:
@@ -379,18 +385,19 @@ class MeshContents:
         return False
 
     @cached_property
-    def _history(self) -> History:
-        """History of removals of the mesh."""
+    def _hierarchy(self) -> Hierarchy:
+        """Rounds of collapses of the mesh."""
         assert self._domain is not None
-        self._budget.check(HISTORY_PER_CELL * len(self._domain.mesh.cell))
-        domain = self._domain
+        usual = HIERARCHY_PER_CELL * len(self._domain.mesh.cell)
+        self._budget.check(usual)
 
-        def watch(held: int) -> None:
-            self._budget.check(max(HISTORY_PER_CELL * len(domain.mesh.cell), 2 * held))
-            self._work_off(domain)
+        def watch(work: int, held: int) -> None:
+            self._budget.check(max(usual, 2 * held))
+            self._account.read = self._session.at
+            self._account.spend(work // ELEMENTS)
 
         try:
-            return history_of(domain, watch)
+            return hierarchy_of(self._domain, watch)
         except OptionError as error:
             text = f"a layer of levels, but {error.message}"
             raise FormatError(text, code="layer", offset=self._session.at, clause="10.8.1") from None

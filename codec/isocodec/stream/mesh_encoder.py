@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from ..format.frames import as_last, write_frame, write_interval
 from ..format.header import Header
 from ..mesh.coded_points import delaunay_complex, encoded_points, triangulated
 from ..mesh.complex import EXTENT_BITS, Complex, complex_of, neighbours
-from ..mesh.history import has_levels, history_of
+from ..mesh.hierarchy import Hierarchy, has_hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import encoded_mesh
 from ..mesh.positions import STEPS, active_vertices, parts_of
@@ -45,8 +46,8 @@ from .options import LEVELS, Options
 from .promises import PROMISE
 from .series import Series
 
-FINER = 3
-"""Least factor by which the number of known vertices grows from one layer of signs to the next."""
+FINER = 8
+"""Factor by which the number of known vertices grows from one layer of signs to the next, about."""
 EDGE_SHARE = 0.05
 """Default tolerance of contour points, as a fraction of the median edge length."""
 MESH_SHARE = 0.05
@@ -57,6 +58,8 @@ CLOSER = 3**0.5
 CLOSER_TRIED = 11
 """So many times scattered points are rounded, by that factor more finely each time, until contours cross the same
 triangles as of the points themselves."""
+SHORTER = 50
+"""Signs come along a walk, unless levels are asked for, where that saves more than such a part of an isovalue."""
 CELL_KINDS, POINT_KINDS = ("known", "coded", "whole"), ("delaunay", "whole")
 """Ways to store a mesh with cells, and scattered points."""
 KINDS = (*CELL_KINDS, "delaunay")
@@ -122,10 +125,9 @@ class MeshFrames:
         self._exceeded = self._count_exceeded() if stored in NEEDED else []
         self._domain_chunk = self._known() if stored == "known" else self._in_file(mesh.error)
         self._step = self._offset_step()
-        progressive = mesh.progressive
-        if progressive is None:
-            progressive = stored == "known" and has_levels(self.domain)
-        self._history = history_of(self.domain) if progressive else None
+        self._asked_levels = mesh.progressive
+        wanted = mesh.progressive or (mesh.progressive is None and stored == "known" and has_hierarchy(self.domain))
+        self._hierarchy = hierarchy_of(self.domain) if wanted else None
         step = options.precision.step
         self.header = Header((), self._fields(first[0])[0].isovalue, step, Profile.MAIN, cells=self.domain.n)
         self._metadata = {**mesh.metadata, **options.metadata}
@@ -190,8 +192,8 @@ class MeshFrames:
             while lean is not None and not lean.before:
                 earlier.append(strands[lean.number])
                 lean = series.lean(lean.number, frame)
-            strands.append(MeshIsovalue(self.domain, value, self.options.precision.step, earlier, then))
-            yield from self._layers(strands[number], fields[number])
+            begun = partial(MeshIsovalue, self.domain, value, self.options.precision.step, earlier, then)
+            yield from self._shorter(begun, fields[number])
 
     def _fields(self, values: NDArray[Any]) -> list[Samples]:
         """Prepare the values of a frame at the vertices of the mesh, for each isovalue."""
@@ -334,20 +336,38 @@ class MeshFrames:
         number, unit = distance_of(self._asked)
         return f"{number * off / tolerance:.12g}{unit}"
 
-    def _layers(self, strand: MeshIsovalue, field: Samples) -> Iterator[bytes]:
-        """Yield the chunks of the layers of an isovalue."""
+    def _shorter(self, begun: Callable[[], MeshIsovalue], field: Samples) -> list[bytes]:
+        """Code an isovalue level by level, or along a walk where that is much shorter; return its chunks."""
+        strand = begun()
+        if self._hierarchy is None:
+            found = [self._signs(strand, field, MeshLayerHead(MeshLayer.SIGNS)), *self._layer_of_places(strand, field)]
+        else:
+            signs = [self._signs(strand, field, head) for head in level_heads(self._hierarchy)]
+            found = [*signs, *self._layer_of_places(strand, field)]
+            if self._asked_levels is None:
+                other = begun()
+                walk = self._signs(other, field, MeshLayerHead(MeshLayer.SIGNS))
+                if SHORTER * (sum(map(len, signs)) - len(walk)) > sum(map(len, found)):
+                    strand, found = other, [walk, *self._layer_of_places(other, field)]
+        self._strands.append(strand)
+        return found
+
+    def _signs(self, strand: MeshIsovalue, field: Samples, head: MeshLayerHead) -> bytes:
+        """Code a layer of signs; return its chunk."""
+        run = strand.write()
+        if head.kind == MeshLayer.LEVELS:
+            assert self._hierarchy is not None
+            strand.code_levels(self._hierarchy, head.rounds, field.signs)
+        else:
+            strand.code_signs(field.signs)
+        return write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
+
+    def _layer_of_places(self, strand: MeshIsovalue, field: Samples) -> list[bytes]:
+        """Code where within cells the curve lies; return the chunk, if there is any."""
         geometry = self._geometry()
-        for head in self._sign_layers():
-            run = strand.write()
-            if self._history is None:
-                strand.code_signs(field.signs)
-            else:
-                strand.code_levels(self._history, head.rounds, field.signs)
-            empty = strand.edges is not None and not len(strand.edges)
-            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
         assert strand.edges is not None
-        if geometry is None or empty:
-            return
+        if geometry is None or not len(strand.edges):
+            return []
         run = strand.write()
         if geometry == MeshLayer.OFFSETS:
             number_of = self._offsets(strand, field)
@@ -359,7 +379,7 @@ class MeshFrames:
             bits = [max((int(n).bit_length() for n in steps[field.signs[active] == s]), default=0) for s in (0, 1)]
             head = MeshLayerHead(geometry, bits=(bits[0], bits[1]))
             strand.code_values(head.bits, steps)
-        yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
+        return [write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())]
 
     def _offsets(self, strand: MeshIsovalue, field: Samples) -> NDArray[np.int64]:
         """Find the part of each crossed edge in which the curve lies."""
@@ -370,20 +390,6 @@ class MeshFrames:
             where = refitted(self.domain, self._points, self._rounded, strand.edges[:, :2], above, where)
         parts = parts_of(self.domain.mesh, strand.edges, self._step)
         return np.clip(np.floor(where * parts), 0, parts - 1).astype(np.int64)
-
-    def _sign_layers(self) -> list[MeshLayerHead]:
-        """Yield the layers that code the signs: one layer, or one for every few rounds."""
-        if self._history is None:
-            return [MeshLayerHead(MeshLayer.SIGNS)]
-        rounds = len(self._history.rounds)
-        out, there, told = [rounds], self._history.left, self._history.left
-        while rounds:
-            rounds -= 1
-            there += len(self._history.rounds[rounds].vertex)
-            if there >= FINER * told or rounds == 0:
-                out.append(rounds)
-                told = there
-        return [MeshLayerHead(MeshLayer.LEVELS, rounds=each) for each in out]
 
     def _geometry(self) -> MeshLayer | None:
         """Yield the layers that code where within cells the curve lies."""
@@ -455,6 +461,17 @@ def _one_at_least(crossed: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _vertex_sets(cells: NDArray[np.int64]) -> set[tuple[int, ...]]:
     """The vertices of each cell, whatever their order."""
     return set(map(tuple, np.sort(cells, axis=1).tolist()))
+
+
+def level_heads(hierarchy: Hierarchy) -> list[MeshLayerHead]:
+    """Heads of the layers that code signs level by level, each finer than the one before by about the same factor."""
+    sizes = np.array([len(each.vertex) for each in hierarchy.rounds], np.int64)
+    # vertices that are there before each round, and after the last
+    there = hierarchy.left + np.append(np.cumsum(sizes[::-1])[::-1], 0)
+    count = max(round(math.log(there[0] / there[-1], FINER)), 1)
+    wanted = there[-1] * (there[0] / there[-1]) ** (np.arange(1, count) / count)
+    rounds = {int(np.abs(there - each).argmin()) for each in wanted} | {0, len(sizes)}
+    return [MeshLayerHead(MeshLayer.LEVELS, rounds=each) for each in sorted(rounds, reverse=True)]
 
 
 def _check_options(options: Options) -> None:

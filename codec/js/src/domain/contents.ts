@@ -12,13 +12,13 @@ import { Complex, neighboursOf } from "./complex.js";
 import { Crossings } from "./crossings.js";
 import { Delaunay } from "./delaunay.js";
 import { drawContour, type Unit } from "./drawing.js";
+import { Hierarchy } from "./hierarchy.js";
 import { Contour } from "./isovalue.js";
 import { knownMesh } from "./known.js";
 import { Levels } from "./levels.js";
 import { Opinions } from "./models.js";
 import { Offsets } from "./offsets.js";
 import { readPositions, SURFACE } from "./positions.js";
-import { Rounds } from "./rounds.js";
 import { Walk } from "./signs.js";
 import { Surface } from "./surface.js";
 import { Numbers } from "./values.js";
@@ -33,7 +33,7 @@ export class DomainFile implements Contents {
   private inFile = false;
   private begun = false;
   private unit: Unit = { origin: [0, 0, 0], factor: 1, exponent: 0 };
-  private removed: Rounds | undefined;
+  private hierarchy: Hierarchy | undefined;
 
   constructor(private readonly s: Session, readonly header: Header, private readonly given: KnownMesh | undefined) {
     this.series = new Series<Contour>(s, {
@@ -175,15 +175,15 @@ export class DomainFile implements Contents {
 
   /** The first layer of levels of an isovalue, with `left` rounds that are to come back (10.8.1). */
   private levels(contour: Contour, left: number, wrong: (what: string) => IsoError): Levels {
-    const mesh = this.mesh!, { positions, n, d } = mesh, low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-    positions.forEach((x, i) => {
-      low[i & 1] = Math.min(low[i & 1]!, x);
-      high[i & 1] = Math.max(high[i & 1]!, x);
-    });
-    if (n !== 2 || d !== 2 || high.some((x, a) => x - low[a]! >= 2 ** 30))
-      throw this.s.r.error("10.8.1", "levels on a mesh that is not of triangles in the plane");
-    const rounds = (this.removed ??= new Rounds(mesh, this.s.meter));
+    const mesh = this.mesh!, { positions, d } = mesh;
+    for (let k = 0; k < d; k++) {
+      let low = Infinity, high = -Infinity;
+      for (let i = k; i < positions.length; i += d) [low, high] = [Math.min(low, positions[i]!), Math.max(high, positions[i]!)];
+      if (high - low >= 2 ** 30) throw this.s.r.error("10.8.1", "levels on a mesh that is too large for its unit");
+    }
+    const rounds = (this.hierarchy ??= new Hierarchy(mesh, this.s.meter));
     if (!rounds.make(left)) throw wrong("more rounds than there are");
+    this.s.meter.take(40 * mesh.V);
     return new Levels(contour, mesh, rounds, left);
   }
 
@@ -192,6 +192,7 @@ export class DomainFile implements Contents {
     if (this.surface) return this.surface.lines();
     if (!this.mesh) return [];
     const { d, n, V, T, positions, cells } = this.mesh, lines = [`domain ${d} ${n} ${V} ${T}`];
+    if (this.hierarchy) lines.push(`nodes ${this.hierarchy.digest()} ${this.hierarchy.rounds.length}`);
     for (let v = 0; this.inFile && v < V; v++) lines.push(`p ${positions.subarray(d * v, d * v + d).join(" ")}`);
     for (let t = 0; this.inFile && t < T; t++) lines.push(`t ${cells.subarray((n + 1) * t, (n + 1) * (t + 1)).join(" ")}`);
     return lines;

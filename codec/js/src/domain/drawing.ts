@@ -1,4 +1,4 @@
-/** Contours of isovalues of a mesh (10.7, 10.8.4(2)). */
+/** Contours of isovalues of a mesh (10.7, 10.8.6(2)). */
 import type { Drawing } from "../draw.js";
 import { apart } from "../edges.js";
 import type { Complex } from "./complex.js";
@@ -36,8 +36,8 @@ function ways(mesh: Complex): Int8Array {
 
 export function drawContour(contour: Contour, mesh: Complex, unit: Unit, scale: number | undefined, meter: Meter): Drawing {
   const { n, d, cells } = mesh, { sign, levels } = contour, points: number[] = [], pieces: number[] = [];
-  const coarse = levels && levels.left > 0 ? levels.rounds : undefined;
-  const list = coarse ? Int32Array.from(coarse.triangles(levels!.left)) : (contour.leaves ?? new Int32Array(0));
+  const coarse = levels && levels.left > 0 ? levels.remaining : undefined;
+  const list = coarse ? coarse.source.map((_, i) => i) : (contour.leaves ?? new Int32Array(0));
   const corners: ArrayLike<number> = coarse ? coarse.corners : cells, m = n + 1;
   const way = n === 2 && d === 3 ? ways(mesh) : undefined;
   meter.take(32 * list.length);
@@ -82,7 +82,7 @@ export function drawContour(contour: Contour, mesh: Complex, unit: Unit, scale: 
     const lone = (above.length === 1 ? above : below)[0]!, i = own.indexOf(lone);
     const others = n === 2 ? [own[(i + 1) % 3]!, own[(i + 2) % 3]!] : own.filter((v) => v !== lone);
     const ring = others.map((v) => on(lone, v)), [a, b, c] = others as [number, number, number];
-    const anticlockwise = n === 3 ? turn(lone, a, b, c) : way ? way[cell]!
+    const anticlockwise = n === 3 ? turn(lone, a, b, c) : way ? way[coarse ? coarse.source[cell]! : cell]!
       : by(lone, a, 0) * by(lone, b, 1) - by(lone, a, 1) * by(lone, b, 0);
     if (anticlockwise > 0 !== (above.length === 1)) ring.reverse();
     pieces.push(...ring);

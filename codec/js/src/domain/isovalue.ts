@@ -3,7 +3,7 @@ import type { Meter } from "../errors.js";
 import type { Isovalue } from "../series.js";
 import type { Complex } from "./complex.js";
 import type { Levels } from "./levels.js";
-import { LAYERS, type Models } from "./models.js";
+import { layerModels, type Models } from "./models.js";
 import type { Numbers } from "./values.js";
 import type { Offsets } from "./offsets.js";
 
@@ -33,7 +33,7 @@ export class Contour implements Isovalue {
     meter.take(3 * V + 16384);
     meter.step(V + mesh.T);
     this.sign = new Int8Array(V).fill(-1);
-    this.models = lean ? lean.models.copy() : LAYERS.make();
+    this.models = lean ? lean.models.copy() : layerModels();
     this.earlier = lean && !framed ? [lean, ...lean.earlier] : [];
     if (this.earlier.length) this.given = this.follow();
     if (!lean || !framed) return;

@@ -37,7 +37,7 @@ export class Walk {
     return this.leaves.slice(0, this.count);
   }
 
-  /** Leaves of signs that are known (10.8.4). */
+  /** Leaves of signs that are known (10.8.6). */
   find(): Int32Array {
     for (let cell = 0; cell < this.mesh.T; cell++) {
       if (this.visited[cell] || !this.mixed(cell)) continue;
