@@ -95,6 +95,7 @@ class MeshLayer(IntEnum):
     OFFSETS = 1
     VALUES = 2
     LEVELS = 3
+    CUT = 4
 
 
 class Operation(IntEnum):

@@ -105,13 +105,28 @@ def assembled(
     position: NDArray[np.int64], cells: NDArray[np.int64], unit: float, neighbour: NDArray[np.int64]
 ) -> Complex:
     """The complex of integer positions (V, d), cells (T, n + 1) and their neighbours."""
+    mesh = _arrays(position, cells, neighbour)
+    return Complex(mesh, unit, _mirrored(mesh))
+
+
+def _arrays(position: NDArray[np.int64], cells: NDArray[np.int64], neighbour: NDArray[np.int64]) -> CellArrays:
+    """Put them together for kernels."""
     order = np.argsort(cells.ravel(), kind="stable")
     first = np.searchsorted(cells.ravel()[order], np.arange(len(position) + 1))
-    mesh = CellArrays(
+    return CellArrays(
         np.ascontiguousarray(position), np.ascontiguousarray(cells), neighbour, first.astype(np.int64),
         np.ascontiguousarray(order // cells.shape[1]),
     )
-    return Complex(mesh, unit, _mirrored(mesh))
+
+
+def part_of(domain: Complex, cells: NDArray[np.int64], source: NDArray[np.int64]) -> Complex:
+    """The complex of other cells (T', n + 1) of a mesh's vertices, each from one of its cells; they run as that one.
+
+    In the plane and in space they run as the axes do.
+    """
+    made = _arrays(domain.mesh.position, cells, neighbours(cells))
+    flat = made.position.shape[1] == domain.n
+    return Complex(made, domain.unit, np.zeros(len(cells), np.bool_) if flat else domain.mirrored[source])
 
 
 def _checked_points(points: ArrayLike) -> NDArray[np.float64]:

@@ -29,6 +29,10 @@ class CellHistory:
     star_first, star : (N + 1,), (S,) int64
         Likewise of its star.
     vertex, target : (N,) int64
+    around : (S, n + 1) int64
+        Cells of the stars: ``cell[star]``.
+    position : (V, 3) int64
+        As of the hierarchy.
     """
 
     cell: NDArray[np.int64]
@@ -41,6 +45,13 @@ class CellHistory:
     star: NDArray[np.int64]
     vertex: NDArray[np.int64]
     target: NDArray[np.int64]
+    around: NDArray[np.int64]
+    position: NDArray[np.int64]
+
+    @property
+    def bytes(self) -> int:
+        """Memory that it holds."""
+        return sum(part.nbytes for part in vars(self).values())
 
     def closure(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The least cut that has all of some nodes, (N,)."""
@@ -81,9 +92,10 @@ def history_of(hierarchy: Hierarchy) -> CellHistory:
         now, source, broken, into = now[left], source[left], node[left], into[left]
         now = np.where(now == vertex[broken][:, None], into[:, None], now)
     maker, breaker = np.concatenate(makers), np.concatenate(breakers)
+    cell, (first, star) = np.concatenate(cells), _groups(maker, nodes)
     return CellHistory(
-        np.concatenate(cells), np.concatenate(sources), maker, breaker, *_groups(breaker, nodes),
-        *_groups(maker, nodes), vertex, target,
+        cell, np.concatenate(sources), maker, breaker, *_groups(breaker, nodes), first, star, vertex, target,
+        cell[star], hierarchy.position,
     )
 
 

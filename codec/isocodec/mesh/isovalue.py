@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from ..entropy.context_layout import take_over
 from ..entropy.run import Account, ReadingRun, Run, WritingRun, whole_run
 from .before import UNKNOWN, spread_signs
-from .complex import Complex
+from .complex import Complex, part_of
+from .cut import CellHistory
+from .cut_signs import Cut, code_cut, cut_of, real_cells, wanted_by
 from .hierarchy import Hierarchy
 from .levels import coarse_signs, estimates_of, signs_of_round
 from .models import NUMBERS, new_coder
@@ -76,6 +78,7 @@ class MeshIsovalue:
     Parameters
     ----------
     domain : Complex
+        The whole mesh.
     value : float
     scale : float or None
         Step of numbers of values; None for integers.
@@ -86,11 +89,15 @@ class MeshIsovalue:
 
     Attributes
     ----------
+    domain : Complex
+        What the curve lies on: the mesh, or the cells of a cut of it.
     strand : WalkState
     run : Run
         That of the present layer, from `read` or `write`.
     rounds : int or None
         How many rounds of the hierarchy are to come back yet, in signs that come level by level.
+    cut : (N,) bool or None
+        Nodes of the hierarchy that have come back, in layers of a cut.
     edges : (E, 3) int64 or None
         Crossed edges, when the signs are known: both ends, and the leaf that has it first.
     parts, number : (E,) int64 or None
@@ -119,6 +126,8 @@ class MeshIsovalue:
             np.zeros(NUMBERS, np.int64), unknown.copy(), np.zeros(4, np.int64), np.zeros(2, np.int64), WalkRegisters(),
         )
         self.rounds: int | None = None
+        self._whole = domain
+        self._cut: Cut | None = None
         self._estimates: RingEstimates | None = None
         self.edges: NDArray[np.int64] | None = None
         self.parts: NDArray[np.int64] | None = None
@@ -130,7 +139,8 @@ class MeshIsovalue:
             self.strand.reg.leans = 1
             if before.edges is not None:
                 self.strand.before[:] = before.strand.sign
-                spread_signs(mesh, self.strand.before, np.zeros(vertices, np.int64))
+                if before.cut is None:
+                    spread_signs(mesh, self.strand.before, np.zeros(vertices, np.int64))
                 self._then = _then_of(before, vertices)
 
     @staticmethod
@@ -138,6 +148,17 @@ class MeshIsovalue:
         """Memory that an isovalue holds."""
         vertices, (cells, corners) = len(domain.mesh.position), domain.mesh.cell.shape
         return vertices * 52 + cells * (9 + 8 * (corners - 1))
+
+    @staticmethod
+    def bytes_of_cut(domain: Complex) -> int:
+        """Memory that an isovalue holds more once it has a layer of a cut."""
+        vertices, (cells, corners) = len(domain.mesh.position), domain.mesh.cell.shape
+        return 80 * vertices + 32 * corners * cells
+
+    @property
+    def cut(self) -> NDArray[np.bool_] | None:
+        """See the class."""
+        return None if self._cut is None else self._cut.inside
 
     @property
     def leaves(self) -> NDArray[np.int64]:
@@ -180,8 +201,8 @@ class MeshIsovalue:
             self.strand.truth[:] = truth
         run.room(4 * len(mesh.position) + 64)
         if self.rounds is None or self._estimates is None:
-            self._estimates = estimates_of(hierarchy)
-            run.check(coarse_signs(hierarchy, rounds, self._estimates, self.strand, run.coder))
+            self._estimates = estimates_of(hierarchy.position, hierarchy.cell.shape[1])
+            run.check(coarse_signs(hierarchy.cells(rounds), self._estimates, self.strand, run.coder))
         else:
             for number in range(self.rounds - 1, rounds - 1, -1):
                 run.check(signs_of_round(hierarchy.rounds[number], self._estimates, self.strand, run.coder))
@@ -190,6 +211,38 @@ class MeshIsovalue:
             self._estimates = None
             trace(mesh, self.strand, run.coder)
             self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
+
+    def code_cut(
+        self, history: CellHistory, wanted: NDArray[np.bool_] | None = None, truth: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Code which vertices come back into a cut, and their signs; in the first layer, of those that are left, too.
+
+        Parameters
+        ----------
+        history : CellHistory
+        wanted : (N,) bool, optional
+            The encoder's: nodes that are to be inside, which those that they need will be, too. Those that neither
+            change the contour nor are needed stay out.
+        truth : (V,) bool, optional
+            The encoder's, as in `code_signs`.
+        """
+        run, st = self.run, self.strand
+        if truth is not None:
+            st.truth[:] = truth
+        run.room(6 * len(st.sign) + 64)
+        if self._cut is None or self._estimates is None:
+            self._cut = cut_of(history)
+            self._estimates = estimates_of(history.position, history.cell.shape[1])
+            left = real_cells(history, self._cut.inside)[0]
+            run.check(coarse_signs(left, self._estimates, st, run.coder))
+        if wanted is not None and truth is not None:
+            wanted_by(history, self._cut, wanted, truth)
+        run.check(code_cut(self._estimates, st, run.coder, self._cut))
+        self.domain = mesh = part_of(self._whole, *real_cells(history, self._cut.inside))
+        st.visited[:] = False
+        st.reg.leaves = 0
+        trace(mesh.mesh, st, run.coder)
+        self.edges = crossed_edges(mesh.mesh, self.leaves, st.sign)
 
     def code_offsets(self, step: int, number: NDArray[np.int64] | None = None) -> None:
         """Code which part of each edge is crossed."""

@@ -10,7 +10,7 @@ from ..entropy.range_coder import Coder, code
 from ..kernel import DONE, inlined, inner, kernel
 from ..kernel.types import IntMatrix, IntVector
 from .before import AGREED, UNKNOWN, learn_agreement, sign_before
-from .hierarchy import MOST_STAR, Hierarchy, Round
+from .hierarchy import MOST_STAR, Round
 from .models import (
     COARSE,
     COARSE_THEN,
@@ -43,6 +43,8 @@ TRUST = 180
 """Trust at first, of ``ALL``."""
 ALL = 256
 """Full trust, and the lean of a vertex around which all lie above."""
+OPEN = 1
+"""A vertex that comes back has the sign of its ring, unless it is found to have the other one."""
 LEARNT = 77
 """Share by which trust and lean of a ring move towards a sign, of ``ALL``."""
 
@@ -259,22 +261,38 @@ def _follow(st, g, v, sign):
 
 
 @inlined
-def _flip(st, g, v):
+def flip(st, g, v):
     """A vertex has another sign than its ring."""
     st.sign[v] = 1 - st.sign[v]
     size = (3 * abs(g.height[v])) // 10
     g.height[v] = size if st.sign[v] else -size
 
 
+@inner
+def comes_back(g, st, cd, v, target, face, start, end):
+    """Give a vertex that comes back its sign; OPEN if it has that of its ring, and might have the other one."""
+    gather(g, v, face, start, end)
+    sign = np.int64(st.sign[g.ring[0]])
+    for k in range(g.reg.count):
+        if st.sign[g.ring[k]] != sign:
+            return min(_mixed_sign(st, g, cd, v, target), np.int64(DONE))
+    _follow(st, g, v, sign)
+    if st.given[v] == UNKNOWN:
+        return np.int64(OPEN)
+    if st.given[v] != sign:
+        flip(st, g, v)
+    return np.int64(DONE)
+
+
 @inlined
 def _any(prefix, low, high):
-    """Encoder: whether there are new components among some candidates."""
+    """Encoder: whether some of the listed are sought."""
     return np.int64(prefix[high] > prefix[low])
 
 
 @inlined
 def _width(low, high):
-    """Class of how many candidates there are."""
+    """Class of how many are listed."""
     wide = np.int64(0)
     while (high - low) >> wide and wide < 15:
         wide += 1
@@ -282,26 +300,28 @@ def _width(low, high):
 
 
 @inner
-def _new_components(st, g, cd, candidate, count, prefix, stack):
-    """Find candidates that differ from the ring that they come back into, by halves of their list."""
+def code_list(cd, context, listed, count, prefix, stack):
+    """Find those that are sought among all listed, by halves; returns how many, which begin the list then."""
+    found = np.int64(0)
     if count == 0:
-        return np.int64(DONE)
-    bit = code(cd, NEW + _width(0, count), _any(prefix, 0, count))
+        return found
+    bit = code(cd, context + _width(0, count), _any(prefix, 0, count))
     if bit <= 0:
-        return bit if bit < 0 else np.int64(DONE)
+        return bit
     stack[0], stack[1] = 0, count
     top = np.int64(2)
     while top > 0:
         top -= 2
         low, high = stack[top], stack[top + 1]
         if high - low == 1:
-            _flip(st, g, candidate[low])
+            listed[found] = listed[low]
+            found += 1
             continue
         middle = (low + high) >> 1
-        left = code(cd, NEW + _width(low, middle), _any(prefix, low, middle))
+        left = code(cd, context + _width(low, middle), _any(prefix, low, middle))
         right = np.int64(1)
         if left > 0:
-            right = code(cd, NEW + _width(middle, high), _any(prefix, middle, high))
+            right = code(cd, context + _width(middle, high), _any(prefix, middle, high))
         if left < 0 or right < 0:
             return min(left, right)
         if right:
@@ -310,7 +330,7 @@ def _new_components(st, g, cd, candidate, count, prefix, stack):
         if left:
             stack[top], stack[top + 1] = low, middle
             top += 2
-    return np.int64(DONE)
+    return found
 
 
 @kernel
@@ -324,43 +344,38 @@ def code_round(
     prefix[0] = 0
     for i in range(len(vertex) - 1, -1, -1):
         v = vertex[i]
-        gather(g, v, face, first[i], first[i + 1])
-        sign = np.int64(st.sign[g.ring[0]])
-        mixed = False
-        for k in range(g.reg.count):
-            mixed = mixed or st.sign[g.ring[k]] != sign
-        if mixed:
-            status = _mixed_sign(st, g, cd, v, target[i])
-            if status < 0:
-                return status
+        status = comes_back(g, st, cd, v, target[i], face, first[i], first[i + 1])
+        if status < 0:
+            return status
+        if status != OPEN:
             continue
-        _follow(st, g, v, sign)
-        if st.given[v] != UNKNOWN:
-            if st.given[v] != sign:
-                _flip(st, g, v)
-        elif st.before[v] != UNKNOWN and st.before[v] != sign:
+        sign = np.int64(st.sign[v])
+        if st.before[v] != UNKNOWN and st.before[v] != sign:
             bit = code(cd, NEW_THEN + _turned(st, g), np.int64(st.truth[v] != sign))
             if bit < 0:
                 return bit
             if bit:
-                _flip(st, g, v)
+                flip(st, g, v)
         else:
             candidate[count] = v
             count += 1
             prefix[count] = prefix[count - 1] + np.int64(st.truth[v] != sign)
-    return _new_components(st, g, cd, candidate, count, prefix, room[2])
+    found = code_list(cd, NEW, candidate, count, prefix, room[2])
+    for i in range(found):
+        flip(st, g, candidate[i])
+    return min(found, np.int64(DONE))
 
 
-def estimates_of(hierarchy: Hierarchy) -> RingEstimates:
-    """Estimates before the first sign."""
-    vertices, corners = len(hierarchy.position), hierarchy.cell.shape[1]
+def estimates_of(position: NDArray[np.int64], corners: int) -> RingEstimates:
+    """Estimates before the first sign, at positions (V, 3) of cells of so many corners."""
+    vertices = len(position)
     most = MOST_STAR[corners - 1] * corners
 
     def zeros(*shape: int) -> NDArray[np.int64]:
         return np.zeros(shape, np.int64)
 
     return RingEstimates(
-        hierarchy.position, zeros(vertices), zeros(vertices), zeros(vertices), zeros(vertices + 1), zeros(most),
+        position, zeros(vertices), zeros(vertices), zeros(vertices), zeros(vertices + 1), zeros(most),
         zeros(most), zeros(most), zeros(most), zeros(most), zeros(most, 3), zeros(3), RingRegisters(),
     )
 
@@ -373,10 +388,10 @@ def beside(cells: NDArray[np.int64], vertices: int) -> tuple[NDArray[np.int64], 
     return np.searchsorted(keys // vertices, np.arange(vertices + 1)), keys % vertices
 
 
-def coarse_signs(hierarchy: Hierarchy, rounds: int, g: RingEstimates, st: WalkState, cd: Coder) -> int:
-    """Code the signs of the vertices that are left after some rounds."""
-    vertices = len(hierarchy.position)
-    first, around = beside(hierarchy.cells(rounds), vertices)
+def coarse_signs(cells: NDArray[np.int64], g: RingEstimates, st: WalkState, cd: Coder) -> int:
+    """Code the signs of the vertices of some cells (T, n + 1), those that are left."""
+    vertices = len(g.position)
+    first, around = beside(cells, vertices)
     return code_coarse(g, st, cd, first, around, np.full(len(around) + vertices, -1, np.int64))
 
 

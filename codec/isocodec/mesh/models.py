@@ -29,6 +29,8 @@ LEANS = 12
 """Classes of how far the signs around a ring lean towards one."""
 MOST_COUNT = 30
 """Numbers of vertices of a ring, and of those with a sign: so many or more are one class."""
+MIXED_FACES = 6
+"""Half the numbers of faces of a ring that have both signs: the last one and more are one class."""
 FIT_BOUNDS = (2, 5, 10, 16, 26, 38, 54, 77, 109, 160)
 """Least sizes of fits in their classes but the first, in 1/64 of the mean distance."""
 SIZES = len(FIT_BOUNDS) + 1
@@ -55,6 +57,8 @@ CONTEXT = Layout({
     "LEVEL_THEN_SHARE": (3 * AGREED * (PARTS + 1), 0.5, 0),
     "NEW": (16, 0.1, 1),
     "NEW_THEN": (TURNED, 0.5, 0),
+    "UNASKED": (16, 0.1, 1),
+    "SPLIT": (4 * MIXED_FACES, 0.5, 0),
     "OFFSET": (2 * CROSSINGS * 4 * DEPTHS, 0.5, 0),
     "VALUE": (2 * NUMBERS * 4 * DEPTHS, 0.5, 0),
 })
@@ -62,6 +66,7 @@ COMPONENT, FIRST = CONTEXT.firsts("COMPONENT", "FIRST")
 SIGN_SURE, SIGN_RING, SIGN_PAST, SIGN_BOTH = CONTEXT.firsts("SIGN_SURE", "SIGN_RING", "SIGN_PAST", "SIGN_BOTH")
 SIGN_THEN, SIGN_THEN_SURE = CONTEXT.firsts("SIGN_THEN", "SIGN_THEN_SURE")
 COARSE, COARSE_THEN, NEW, NEW_THEN = CONTEXT.firsts("COARSE", "COARSE_THEN", "NEW", "NEW_THEN")
+UNASKED, SPLIT = CONTEXT.firsts("UNASKED", "SPLIT")
 LEVEL_THEN, LEVEL_THEN_SHARE = CONTEXT.firsts("LEVEL_THEN", "LEVEL_THEN_SHARE")
 LEVEL_FIT, LEVEL_RING, LEVEL_SHARE = CONTEXT.firsts("LEVEL_FIT", "LEVEL_RING", "LEVEL_SHARE")
 LEVEL_LEAN, LEVEL_COUNT = CONTEXT.firsts("LEVEL_LEAN", "LEVEL_COUNT")

@@ -161,7 +161,7 @@ def _solve(g, mean):
 
 @inner
 def gather(g, v, face, start, end):
-    """Find the ring of a vertex, from the faces of its node, and fit a linear function to the heights there."""
+    """Find the ring of a vertex, from its cells or their faces opposite, and fit a linear function to its heights."""
     reg = g.reg
     reg.clock += 1
     reg.count = 0
@@ -169,7 +169,7 @@ def gather(g, v, face, start, end):
     for i in range(start, end):
         for j in range(face.shape[1]):
             u = face[i, j]
-            if u != apex and g.mark[u] != reg.clock:
+            if u not in (v, apex) and g.mark[u] != reg.clock:
                 g.mark[u] = reg.clock
                 g.ring[reg.count] = u
                 reg.count += 1

@@ -26,6 +26,7 @@ from ..format.header import Header
 from ..mesh.before import spread_signs
 from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
 from ..mesh.complex import Complex, complex_of
+from ..mesh.cut import CellHistory, history_of
 from ..mesh.hierarchy import Hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import decoded_mesh
@@ -34,6 +35,8 @@ from .session import Session
 
 HIERARCHY_PER_CELL = 500
 """Bytes that the hierarchy of a mesh takes for a cell, about."""
+HISTORY_PER_CORNER = 40
+"""Bytes that the history of cells takes for each of their corners while it is made, about."""
 OPEN = 1e-6
 """Least share of its area that a surface which is not closed faces to one side more than to the other."""
 ELEMENTS = 64
@@ -135,7 +138,7 @@ class MeshContents:
                            own_placement(notes, d), metadata=notes)
         leaves = found.leaves
         points, cells = draw_cells(
-            self._points, self._domain.mesh.cell[leaves], self._domain.mirrored[leaves], found.strand.sign == 1,
+            self._points, found.domain.mesh.cell[leaves], found.domain.mirrored[leaves], found.strand.sign == 1,
             found.edges[:, :2], self._ratio(found),
         )
         return Contour(points, cells, found.value, (), self._session.complete,
@@ -157,6 +160,8 @@ class MeshContents:
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
         """Find which vertices lie above an isovalue, by number, (V,).
 
+        One that has not come back into a cut has the sign of the vertex that it collapsed into.
+
         Raises
         ------
         TruncatedError
@@ -166,12 +171,18 @@ class MeshContents:
         if found is None or found.edges is None or self._domain is None:
             raise TruncatedError("the file ends before its signs are complete", code="truncated")
         sign = found.strand.sign.copy()
+        if found.cut is not None:
+            vertex, target = self._history.vertex, self._history.target
+            for i in np.flatnonzero(~found.cut)[::-1]:
+                sign[vertex[i]] = sign[target[i]]
         spread_signs(self._domain.mesh, sign, np.zeros(len(sign), np.int64))
         # without a curve, all vertices lie on the same side as the first
         return np.asarray(sign == 1)
 
     def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:
         """The mesh, with signs of its vertices at an isovalue, by number: the whole mesh, or only the crossed cells.
+
+        Of an isovalue that is coded on a cut of the mesh, the cells are those of the cut.
 
         Raises
         ------
@@ -181,7 +192,7 @@ class MeshContents:
         found = self.strand(number)
         if found is None or found.edges is None or self._domain is None or self._points is None:
             raise TruncatedError("the file ends before its mesh and signs are complete", code="truncated")
-        cells = self._wound(self._domain)
+        cells = self._wound(found.domain)
         cells = cells if whole else cells[found.leaves]
         return Tessellation(
             self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self.above(number), found.value,
@@ -253,7 +264,8 @@ class MeshContents:
     def drop(self) -> None:
         """See `Contents.drop`."""
         self._strands, self._before, self._domain, self._points = [], [], None, None
-        self.__dict__.pop("_hierarchy", None)
+        for name in ("_hierarchy", "_history"):
+            self.__dict__.pop(name, None)
         self._budget.release(self)
 
     def _begin_domain(self, payload: bytes, start: int) -> None:
@@ -335,15 +347,31 @@ class MeshContents:
             earlier.append(one)
             lean = self._leans[lean]
         self._work_off(self._domain)
-        held = sum(one is not None for one in [*self._before, *self._strands]) + 1
-        self._budget.hold(self, held * MeshIsovalue.bytes_for(self._domain))
+        self._hold(1, 0)
         isovalue = self.outline.isovalues[number]
         self._strands.append(MeshIsovalue(self._domain, isovalue, self._header.scale, earlier, then))
 
-    def _work_off(self, domain: Complex) -> None:
-        """Count the work of visiting all vertices and cells once."""
+    def _hold(self, more: int, cuts: int) -> None:
+        """Make room for so many isovalues more, and first layers of cuts."""
+        assert self._domain is not None
+        there = [one for one in [*self._before, *self._strands] if one is not None]
+        size = (len(there) + more) * MeshIsovalue.bytes_for(self._domain)
+        cuts += sum(one.cut is not None for one in there)
+        if cuts:
+            size += cuts * MeshIsovalue.bytes_of_cut(self._domain) + self._history.bytes
+        self._budget.hold(self, size)
+
+    def _work_off(self, domain: Complex, more: int = 0) -> None:
+        """Count the work of visiting all vertices and cells once, and ``more``."""
         self._account.read = self._session.at
-        self._account.spend((len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS)
+        self._account.spend((len(domain.mesh.position) + len(domain.mesh.cell) + more) // ELEMENTS)
+
+    def _begin_cut(self, present: MeshIsovalue) -> None:
+        """Count what a layer of a cut takes."""
+        assert self._domain is not None
+        self._hold(0, present.cut is None)
+        self._budget.check(PER_CELL * len(self._domain.mesh.cell))
+        self._work_off(self._domain, len(self._history.cell))
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = None if self._skipped else self._strands[-1]
@@ -358,11 +386,15 @@ class MeshContents:
             return ChunkSkipped(behind, ChunkType.LAYERS, len(payload))
         if not self._fits(head, present):
             raise FormatError("a layer appears twice, or too early", code="layer", offset=start, clause="10.1.3")
+        if head.kind == MeshLayer.CUT:
+            self._begin_cut(present)
         run = present.read(payload[at:], start + at, self._account)
         if head.kind == MeshLayer.SIGNS:
             present.code_signs()
         elif head.kind == MeshLayer.LEVELS:
             present.code_levels(self._hierarchy, head.rounds)
+        elif head.kind == MeshLayer.CUT:
+            present.code_cut(self._history)
         elif head.kind == MeshLayer.OFFSETS:
             present.code_offsets(head.step)
         else:
@@ -378,6 +410,9 @@ class MeshContents:
             case MeshLayer.LEVELS if present.edges is None:
                 most = len(self._hierarchy.rounds) if present.rounds is None else present.rounds - 1
                 return head.rounds <= most
+            case MeshLayer.CUT:
+                begun = present.cut is not None or (present.rounds is None and present.edges is None)
+                return begun and present.parts is None and present.active is None
             case MeshLayer.OFFSETS:
                 return present.edges is not None and present.parts is None
             case MeshLayer.VALUES:
@@ -399,5 +434,14 @@ class MeshContents:
         try:
             return hierarchy_of(self._domain, watch)
         except OptionError as error:
-            text = f"a layer of levels, but {error.message}"
+            text = f"a layer of levels or of a cut, but {error.message}"
             raise FormatError(text, code="layer", offset=self._session.at, clause="10.8.1") from None
+
+    @cached_property
+    def _history(self) -> CellHistory:
+        """All cells that the mesh has in all rounds."""
+        cells, corners = self._hierarchy.cell.shape
+        faces = sum(len(each.face) for each in self._hierarchy.rounds)
+        # the cells of the mesh, at most as many at its border as they have faces, and those of patches
+        self._budget.check(HISTORY_PER_CORNER * corners * (cells + faces))
+        return history_of(self._hierarchy)

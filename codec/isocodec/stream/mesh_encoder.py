@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ from ..format.frames import as_last, write_frame, write_interval
 from ..format.header import Header
 from ..mesh.coded_points import delaunay_complex, encoded_points, triangulated
 from ..mesh.complex import EXTENT_BITS, Complex, complex_of, neighbours
+from ..mesh.cut import CellHistory, history_of
 from ..mesh.hierarchy import Hierarchy, has_hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import encoded_mesh
@@ -65,6 +66,8 @@ CELL_KINDS, POINT_KINDS = ("known", "coded", "whole"), ("delaunay", "whole")
 KINDS = (*CELL_KINDS, "delaunay")
 NEEDED = ("coded", "delaunay")
 """Ways to store only what the contours of all frames need."""
+Cuts = Callable[[CellHistory, Samples], Sequence[NDArray[np.bool_]]]
+"""Chooses for an isovalue, from the values there, which nodes each layer of a cut shall have, (N,) each."""
 
 
 class MeshFrames:
@@ -83,6 +86,8 @@ class MeshFrames:
     ----------
     given : (F, V) array
         Values of the given frames, at distinct points.
+    cuts : Cuts or None
+        Codes isovalues on cuts of the mesh.
 
     Raises
     ------
@@ -134,6 +139,12 @@ class MeshFrames:
         if options.precision.tolerance is not None and self._same:
             self._metadata[PROMISE] = self._promise(options.precision.tolerance)
         self._strands: list[MeshIsovalue] = []
+        self.cuts: Cuts | None = None
+
+    @cached_property
+    def _history(self) -> CellHistory:
+        """All cells that the mesh has in all rounds."""
+        return history_of(self._hierarchy or hierarchy_of(self.domain))
 
     def chunks(self, values: ArrayLike) -> list[bytes]:
         """Return the chunks of a frame, the first with the header; if an error is raised, earlier frames are kept.
@@ -339,7 +350,11 @@ class MeshFrames:
     def _shorter(self, begun: Callable[[], MeshIsovalue], field: Samples) -> list[bytes]:
         """Code an isovalue level by level, or along a walk where that is much shorter; return its chunks."""
         strand = begun()
-        if self._hierarchy is None:
+        if self.cuts is not None:
+            wanted = self.cuts(self._history, field)
+            found = [self._signs(strand, field, MeshLayerHead(MeshLayer.CUT), each) for each in wanted]
+            found += self._layer_of_places(strand, field)
+        elif self._hierarchy is None:
             found = [self._signs(strand, field, MeshLayerHead(MeshLayer.SIGNS)), *self._layer_of_places(strand, field)]
         else:
             signs = [self._signs(strand, field, head) for head in level_heads(self._hierarchy)]
@@ -352,10 +367,14 @@ class MeshFrames:
         self._strands.append(strand)
         return found
 
-    def _signs(self, strand: MeshIsovalue, field: Samples, head: MeshLayerHead) -> bytes:
-        """Code a layer of signs; return its chunk."""
+    def _signs(
+        self, strand: MeshIsovalue, field: Samples, head: MeshLayerHead, wanted: NDArray[np.bool_] | None = None
+    ) -> bytes:
+        """Code a layer of signs, of a cut with the nodes ``wanted``; return its chunk."""
         run = strand.write()
-        if head.kind == MeshLayer.LEVELS:
+        if head.kind == MeshLayer.CUT:
+            strand.code_cut(self._history, wanted, field.signs)
+        elif head.kind == MeshLayer.LEVELS:
             assert self._hierarchy is not None
             strand.code_levels(self._hierarchy, head.rounds, field.signs)
         else:

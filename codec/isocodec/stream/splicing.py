@@ -21,7 +21,7 @@ ANCILLARY = 0x80
 """Bit of a chunk's head that marks it as ancillary, so that readers may skip it."""
 _SHARED = ("domain", "mask", "coordinates")
 """Chunks that concern the whole file."""
-_SIGNS = (MeshLayer.SIGNS, MeshLayer.LEVELS)
+_SIGNS = (MeshLayer.SIGNS, MeshLayer.LEVELS, MeshLayer.CUT)
 _PARTS = (
     "if each file stores only the part of the mesh that its own contours need, encode all isovalues together, or each "
     'with stored="whole" (--stored whole)'
