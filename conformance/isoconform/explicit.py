@@ -12,7 +12,11 @@ from numpy.typing import NDArray
 
 import isocodec
 from isocodec.field.meshed import StoredName
+from isocodec.field.samples import Samples
 from isocodec.mesh.complex import complex_of
+from isocodec.mesh.cut import CellHistory
+from isocodec.stream.encoder import encoder_of
+from isocodec.stream.mesh_encoder import Cuts, MeshEncoder
 from isocodec.tin.delaunay import triangulate
 from isospec.container import ChunkType, read_varint, write_varint
 
@@ -178,6 +182,8 @@ def whole() -> Iterator[Draft]:
         "plane": plane(150, 400, 0), "space": tetrahedra(7), "surface": larger_ring(),
     }.items():
         yield from _many_rounds(kind, mesh)
+    for kind, mesh in {"plane": plane(150, 400, 9), "space": tetrahedra(6), "surface": larger_ring()}.items():
+        yield from _cuts(kind, mesh)
     mesh = far_apart()
     yield _draft(
         "mesh_far_levels", mesh, hills(tetrahedra(6), 0, 5), VALUE, "the whole mesh in the file", "levels",
@@ -194,6 +200,59 @@ def _many_rounds(kind: str, mesh: Mesh) -> Iterator[Draft]:
         yield _draft(
             f"mesh_{kind}_levels_many_{name}", mesh, values, isovalues, "levels", "many rounds", precision="signs",
             states=True, progressive=True,
+        )
+
+
+def with_cuts(mesh: isocodec.Mesh, isovalue: float | tuple[float, ...], cuts: Cuts, **options: Any) -> bytes:
+    """A file with isovalues on cuts of a mesh."""
+    found = encoder_of(mesh, isovalue, **options)
+    assert isinstance(found, MeshEncoder)
+    found.frames.cuts = cuts
+    return b"".join(found)
+
+
+def some_nodes(*shares: int, seed: int = 51) -> Cuts:
+    """Layers of a cut, each with one node of so many, and all that they need."""
+
+    def wanted(history: CellHistory, field: Samples) -> list[NDArray[np.bool_]]:
+        nodes = len(history.vertex)
+        return [
+            history.closure(np.array(random_numbers(seed + i, nodes, 16)) % share == 0)
+            for i, share in enumerate(shares)
+        ]
+
+    return wanted
+
+
+def first_isovalue(history: CellHistory, field: Samples) -> list[NDArray[np.bool_]]:
+    """A cut for one isovalue alone."""
+    return some_nodes(4)(history, field) if field.isovalue == VALUE else []
+
+
+def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
+    """Isovalues on cuts of a mesh."""
+    values, salt = hills(mesh, 0, 5), np.array([int(n % 9 == 0) for n in random_numbers(31, len(mesh[0]), 16)])
+    frames = np.array([hills(mesh, step, 9) for step in range(4)])
+    for name, field, isovalue, cuts, options in (
+        ("signs", values, VALUE, some_nodes(3), {"precision": "signs"}),
+        ("offsets", values, VALUE, some_nodes(5), {"precision": 0.5}),
+        ("values", values, VALUE, some_nodes(5), {"precision": "exact"}),
+        ("layers", hills(mesh), VALUE, some_nodes(40, 8, 2), {"precision": 2.0}),
+        ("all", hills(mesh), VALUE, some_nodes(1), {"precision": "signs"}),
+        ("new", salt, 0.5, some_nodes(12, 3), {"precision": "signs"}),
+        ("isovalues", hills(mesh), VALUES, some_nodes(9, 3), {"precision": "exact"}),
+        ("then_levels", hills(mesh), VALUES, first_isovalue, {"precision": "exact", "progressive": True}),
+        ("then_signs", hills(mesh), VALUES, first_isovalue, {"precision": "signs", "progressive": False}),
+        ("frames", frames, VALUES[:2], some_nodes(7, 2), {"precision": 0.5, "interval": 3}),
+        ("frames_values", frames, VALUE, some_nodes(6), {"precision": "exact"}),
+        ("empty", values, 1e6, some_nodes(3), {"precision": "exact"}),
+    ):
+        progressive = options.pop("progressive", None)
+        data = with_cuts(isocodec.Mesh(*mesh, field, progressive=progressive), isovalue, cuts, **options)
+        data = bare(data) if isinstance(options["precision"], float) else data
+        yield Draft(
+            f"mesh_{kind}_cut_{name}", data, mesh[1].shape[1] - 1, (EXPLICIT, "cuts", name), None,
+            name in ("signs", "new", "layers", "frames"), written(mesh),
         )
 
 
@@ -300,7 +359,7 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     for name, kind in (("mask", ChunkType.MASK), ("cut", ChunkType.CUT_LAYERS)):
         chunks = (*known.chunks, Chunk(kind, b"\1"))
         yield name, "10.1.1", f"a chunk of the type {int(kind)}", bytes(known.with_chunks(*chunks))
-    yield "layer_kind", "10.1.3", "an unknown kind of layer", payload(1, b"\x04" + signs[1:])
+    yield "layer_kind", "10.1.3", "an unknown kind of layer", payload(1, b"\x05" + signs[1:])
     yield "layer_empty", "10.1.3", "an empty layer", payload(1, b"")
     yield "layer_bits", "10.1.3", "more bits than 52", payload(2, values[:1] + b"\x35" + values[2:])
     yield "layer_twice", "10.1.3", "signs twice", bytes(known.with_chunks(first, second, second))
@@ -314,6 +373,7 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     fine = levels.chunks[0].payload
     fine = _varint_changed(fine, 0, 47)[:-16] + complex_of(*larger, -24)[0].digest
     yield "levels_far", "10.8.1", "levels of a mesh too large for its unit", _changed(levels, 0, fine)
+    yield from _wrong_cuts(larger, levels)
     yield "run_short", "6.3", "a run that is too short", payload(1, signs[:2])
     yield "run_long", "6.3", "bytes left over", payload(1, signs + bytes(5))
     late = Chunk(ChunkType.SERIES, b"\0")
@@ -325,6 +385,25 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
         "frames_late_isovalue", "3.5.7", "a series behind layers and another isovalue",
         bytes(known.with_chunks(first, second, other, late)),
     )
+
+
+def _wrong_cuts(mesh: Mesh, levels: File) -> Iterator[tuple[str, str, str, bytes]]:
+    """The same: layers of cuts."""
+    given = isocodec.Mesh(*mesh, hills(mesh), progressive=False)
+    signs = split(isocodec.encode(given, VALUE, precision="signs"))
+    cut = split(with_cuts(given, VALUE, some_nodes(5), precision="exact"))
+    first, layer, values = cut.chunks
+    for name, about, chunks in (
+        ("after_signs", "a cut after signs", (*signs.chunks, layer)),
+        ("after_levels", "a cut after a level", (*levels.chunks[:2], layer)),
+        ("before_signs", "signs after a cut", (first, layer, signs.chunks[1])),
+        ("before_levels", "a level after a cut", (first, layer, levels.chunks[1])),
+        ("after_values", "a cut after values", (first, layer, values, layer)),
+    ):
+        yield f"cuts_{name}", "10.1.3", about, bytes(cut.with_chunks(*chunks))
+    fine = _varint_changed(first.payload, 0, 47)[:-16] + complex_of(*mesh, -24)[0].digest
+    yield "cuts_far", "10.8.1", "a cut of a mesh too large for its unit", _changed(cut, 0, fine)
+    yield "cuts_long", "6.3", "bytes left over", _changed(cut, 1, layer.payload + bytes(5))
 
 
 def _wrong_meshes() -> Iterator[tuple[str, str, str, bytes]]:
@@ -360,7 +439,7 @@ def refused() -> Iterator[Draft]:
     for name, clause, about, data in (*_wrong_chunks(), *_wrong_meshes()):
         space = name.endswith("space")
         in_file = name.startswith(("coded", "delaunay")) and not space
-        text = written(tetrahedra() if space else plane(150, 400, 0) if name.startswith("levels") else plane())
+        text = written(tetrahedra() if space else plane(150, 400, 0) if name.startswith(("levels", "cuts")) else plane())
         text = "" if in_file else text
         yield Draft(f"mesh_{name}", data, 3 if space else 2, (EXPLICIT, f"error: {about}"), clause, mesh=text)
 

@@ -67,7 +67,8 @@ KINDS = (*CELL_KINDS, "delaunay")
 NEEDED = ("coded", "delaunay")
 """Ways to store only what the contours of all frames need."""
 Cuts = Callable[[CellHistory, Samples], Sequence[NDArray[np.bool_]]]
-"""Chooses for an isovalue, from the values there, which nodes each layer of a cut shall have, (N,) each."""
+"""Chooses for an isovalue, from the values there, which nodes each layer of a cut shall have, (N,) each; no layers: no
+cut."""
 
 
 class MeshFrames:
@@ -350,8 +351,8 @@ class MeshFrames:
     def _shorter(self, begun: Callable[[], MeshIsovalue], field: Samples) -> list[bytes]:
         """Code an isovalue level by level, or along a walk where that is much shorter; return its chunks."""
         strand = begun()
-        if self.cuts is not None:
-            wanted = self.cuts(self._history, field)
+        wanted = self.cuts(self._history, field) if self.cuts is not None else ()
+        if len(wanted):
             found = [self._signs(strand, field, MeshLayerHead(MeshLayer.CUT), each) for each in wanted]
             found += self._layer_of_places(strand, field)
         elif self._hierarchy is None:

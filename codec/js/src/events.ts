@@ -21,7 +21,7 @@ export interface Header {
 export type FrameLean = "before" | number | undefined;
 
 /** Layers of explicit domains (10.1.3) beside those of grids. */
-export type LayerKind = Layer["kind"] | "signs" | "levels";
+export type LayerKind = Layer["kind"] | "signs" | "levels" | "cut";
 
 /** What has happened, with the number of bytes of the file that it needed. */
 export type IsoEvent =

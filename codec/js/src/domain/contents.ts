@@ -11,6 +11,7 @@ import { CodedMesh } from "./coded.js";
 import { Complex, neighboursOf } from "./complex.js";
 import { Crossings } from "./crossings.js";
 import { Delaunay } from "./delaunay.js";
+import { Cells, Cut } from "./cut.js";
 import { drawContour, type Unit } from "./drawing.js";
 import { Hierarchy } from "./hierarchy.js";
 import { Contour } from "./isovalue.js";
@@ -34,6 +35,7 @@ export class DomainFile implements Contents {
   private begun = false;
   private unit: Unit = { origin: [0, 0, 0], factor: 1, exponent: 0 };
   private hierarchy: Hierarchy | undefined;
+  private cells: Cells | undefined;
 
   constructor(private readonly s: Session, readonly header: Header, private readonly given: KnownMesh | undefined) {
     this.series = new Series<Contour>(s, {
@@ -142,18 +144,20 @@ export class DomainFile implements Contents {
     series.layered = true;
     if (s.planned++ >= 2 ** 17) throw r.error("11.1", "a file has at most 131072 layers");
     const kind = yield* r.byte(clause), numbers: number[] = [];
-    if (kind > 3) throw wrong("an unknown kind of layer");
+    if (kind > 4) throw wrong("an unknown kind of layer");
     if (kind === 2) numbers.push(yield* r.byte(clause), yield* r.byte(clause));
-    else if (kind) numbers.push(yield* r.varint(clause));
+    else if (kind % 4) numbers.push(yield* r.varint(clause));
     const first = numbers[0] ?? 0;
     if (kind === 1 && (first < 1 || first > 2 ** 40)) throw wrong("a step out of range");
     if (kind === 2 && Math.max(...numbers) > 52) throw wrong("numbers of more than 52 bits");
     const bare = !contour.whole && !contour.levels;
     if (kind === 0 ? !bare : kind === 1 ? !contour.whole || contour.offsets : kind === 2 ? !contour.whole || contour.values
+      : kind === 4 ? !(contour.cut ? !contour.offsets && !contour.values : bare)
       : contour.whole || (contour.levels && first >= contour.levels.left)) throw wrong("a layer that cannot come now");
     meter.step(mesh.V + mesh.T);
     meter.take(8 * mesh.V + 4 * mesh.T);
     if (kind === 3 && !contour.levels) contour.levels = this.levels(contour, first, wrong);
+    if (kind === 4 && !contour.cut) contour.cut = this.cut(contour);
     coder.begin(r.at, r.stop - r.at, Infinity);
     const o = new Opinions(coder, contour.models);
     if (kind === 0) contour.leaves = new Walk(contour, mesh).decode(o, (what) => r.error("10.3.1", what));
@@ -162,29 +166,46 @@ export class DomainFile implements Contents {
       if (bare) levels.coarse(o);
       else levels.back(o, first);
       if (!levels.left) contour.leaves = new Walk(contour, mesh).find();
+    } else if (kind === 4) {
+      contour.mesh = contour.cut!.layer(o);
+      contour.leaves = new Walk(contour, contour.mesh).find();
     } else {
-      const edges = contour.offsets?.edges ?? new Crossings(mesh, contour.leaves!, contour.sign, meter);
+      const edges = contour.offsets?.edges ?? new Crossings(contour.mesh, contour.leaves!, contour.sign, meter);
       if (kind === 1) (contour.offsets = new Offsets(contour, edges, first)).decode(o);
       else (contour.values = new Numbers(contour, edges, numbers[1]!, first, this.header.scale !== undefined)).decode(o);
     }
     yield* s.finish(s.coder);
-    s.layer(bytes, (["signs", "offsets", "values", "levels"] as const)[kind]!, series.frames.length - 1,
+    s.layer(bytes, (["signs", "offsets", "values", "levels", "cut"] as const)[kind]!, series.frames.length - 1,
       series.contours.length - 1, -1);
     yield;
   }
 
-  /** The first layer of levels of an isovalue, with `left` rounds that are to come back (10.8.1). */
-  private levels(contour: Contour, left: number, wrong: (what: string) => IsoError): Levels {
+  /** The hierarchy of the mesh, if it is not too large for its unit (10.8.1). */
+  private ranked(): Hierarchy {
     const mesh = this.mesh!, { positions, d } = mesh;
     for (let k = 0; k < d; k++) {
       let low = Infinity, high = -Infinity;
       for (let i = k; i < positions.length; i += d) [low, high] = [Math.min(low, positions[i]!), Math.max(high, positions[i]!)];
-      if (high - low >= 2 ** 30) throw this.s.r.error("10.8.1", "levels on a mesh that is too large for its unit");
+      if (high - low >= 2 ** 30) throw this.s.r.error("10.8.1", "levels or a cut of a mesh that is too large for its unit");
     }
-    const rounds = (this.hierarchy ??= new Hierarchy(mesh, this.s.meter));
-    if (!rounds.make(left)) throw wrong("more rounds than there are");
+    return (this.hierarchy ??= new Hierarchy(mesh, this.s.meter));
+  }
+
+  /** The first layer of levels of an isovalue, with `left` rounds that are to come back. */
+  private levels(contour: Contour, left: number, wrong: (what: string) => IsoError): Levels {
+    const hierarchy = this.ranked(), mesh = this.mesh!;
+    if (!hierarchy.make(left)) throw wrong("more rounds than there are");
     this.s.meter.take(40 * mesh.V);
-    return new Levels(contour, mesh, rounds, left);
+    return new Levels(contour, mesh, hierarchy, left);
+  }
+
+  /** The first layer of a cut of an isovalue. */
+  private cut(contour: Contour): Cut {
+    const hierarchy = this.ranked(), mesh = this.mesh!, { meter } = this.s;
+    hierarchy.make(Infinity);
+    this.cells ??= new Cells(mesh, hierarchy, meter);
+    meter.take(40 * mesh.V);
+    return new Cut(contour, mesh, hierarchy, this.cells);
   }
 
   /** The first lines of the text of annex C; none before the domain is there. */

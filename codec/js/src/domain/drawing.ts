@@ -35,14 +35,15 @@ function ways(mesh: Complex): Int8Array {
 }
 
 export function drawContour(contour: Contour, mesh: Complex, unit: Unit, scale: number | undefined, meter: Meter): Drawing {
-  const { n, d, cells } = mesh, { sign, levels } = contour, points: number[] = [], pieces: number[] = [];
+  const { n, d } = mesh, { sign, levels, mesh: { cells } } = contour, points: number[] = [], pieces: number[] = [];
   const coarse = levels && levels.left > 0 ? levels.remaining : undefined;
   const list = coarse ? coarse.source.map((_, i) => i) : (contour.leaves ?? new Int32Array(0));
   const corners: ArrayLike<number> = coarse ? coarse.corners : cells, m = n + 1;
+  const source = coarse?.source ?? contour.cut?.source;
   const way = n === 2 && d === 3 ? ways(mesh) : undefined;
   meter.take(32 * list.length);
   const x = (v: number, k: number): number => (mesh.positions[d * v + k]! + unit.origin[k]!) * unit.factor * 2 ** unit.exponent;
-  const edges = coarse ? undefined : (contour.offsets?.edges ?? new Crossings(mesh, list, sign, meter));
+  const edges = coarse ? undefined : (contour.offsets?.edges ?? new Crossings(contour.mesh, list, sign, meter));
   const at = (p: number, q: number): number => {
     const N = (v: number): number => contour.values?.number[v] ?? -1;
     if (N(p) >= 0 && N(q) >= 0) {
@@ -82,7 +83,7 @@ export function drawContour(contour: Contour, mesh: Complex, unit: Unit, scale: 
     const lone = (above.length === 1 ? above : below)[0]!, i = own.indexOf(lone);
     const others = n === 2 ? [own[(i + 1) % 3]!, own[(i + 2) % 3]!] : own.filter((v) => v !== lone);
     const ring = others.map((v) => on(lone, v)), [a, b, c] = others as [number, number, number];
-    const anticlockwise = n === 3 ? turn(lone, a, b, c) : way ? way[coarse ? coarse.source[cell]! : cell]!
+    const anticlockwise = n === 3 ? turn(lone, a, b, c) : way ? way[source ? source[cell]! : cell]!
       : by(lone, a, 0) * by(lone, b, 1) - by(lone, a, 1) * by(lone, b, 0);
     if (anticlockwise > 0 !== (above.length === 1)) ring.reverse();
     pieces.push(...ring);

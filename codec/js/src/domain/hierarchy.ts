@@ -22,7 +22,8 @@ export class Hierarchy {
   readonly rounds: Round[] = [];
   /** Three coordinates of each vertex, from the least along each axis. */
   readonly positions: Float64Array;
-  private readonly real: Int32Array;
+  /** The cells of the mesh as they run here. */
+  readonly real: Int32Array;
   private readonly m: number;
   private readonly cells: Int32Array;
   private readonly alive: Uint8Array;

@@ -2,6 +2,7 @@
 import type { Meter } from "../errors.js";
 import type { Isovalue } from "../series.js";
 import type { Complex } from "./complex.js";
+import type { Cut } from "./cut.js";
 import type { Levels } from "./levels.js";
 import { layerModels, type Models } from "./models.js";
 import type { Numbers } from "./values.js";
@@ -24,10 +25,13 @@ export class Contour implements Isovalue {
   leaves: Int32Array | undefined;
   /** Rounds that have not come back yet, and the signs of 10.8 so far; none without layers of levels. */
   levels: Levels | undefined;
+  /** The nodes that have come back; none without layers of a cut. */
+  cut: Cut | undefined;
   offsets: Offsets | undefined;
   values: Numbers | undefined;
 
-  constructor(readonly mesh: Complex, readonly isovalue: number, lean: Contour | undefined, framed: boolean, meter: Meter) {
+  /** `mesh`: what the curve lies on. */
+  constructor(public mesh: Complex, readonly isovalue: number, lean: Contour | undefined, framed: boolean, meter: Meter) {
     const { V } = mesh;
     // models, and a byte for each sign, given sign and sign then; looking at all of them is work
     meter.take(3 * V + 16384);
@@ -78,6 +82,7 @@ export class Contour implements Isovalue {
   private everywhere(): Int8Array {
     const { mesh: { V, n, first, stars, cells } } = this, then = this.sign.slice();
     if (!this.whole) return then.fill(-1);
+    if (this.cut) return then;
     const queue = new Int32Array(V);
     let end = 0;
     for (let v = 0; v < V; v++) if (then[v]! >= 0) queue[end++] = v;

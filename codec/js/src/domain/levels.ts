@@ -1,7 +1,7 @@
 /** Signs that come level by level (10.8.3 to 10.8.5). */
+import { bits } from "../bits.js";
 import type { Complex } from "./complex.js";
 import type { Contour } from "./isovalue.js";
-import { bits } from "../bits.js";
 import { RingFit } from "./fit.js";
 import type { Hierarchy, Remaining } from "./hierarchy.js";
 import { LAYERS, type Opinions } from "./models.js";
@@ -16,7 +16,7 @@ export class Levels {
   private shown: Remaining | undefined;
 
   /** `left` rounds are to come back. */
-  constructor(private readonly contour: Contour, private readonly mesh: Complex, readonly hierarchy: Hierarchy, public left: number) {
+  constructor(protected readonly contour: Contour, protected readonly mesh: Complex, readonly hierarchy: Hierarchy, public left: number) {
     this.fit = new RingFit(hierarchy.positions, mesh.V);
   }
 
@@ -95,28 +95,32 @@ export class Levels {
   }
 
   private round(o: Opinions, number: number): void {
-    const { contour: { sign, given, then }, fit, mesh: { n } } = this;
+    const { contour: { sign, then }, mesh: { n } } = this;
     const { vertices, targets, faces, ends } = this.hierarchy.rounds[number]!, candidates: number[] = [];
     for (let i = vertices.length - 1; i >= 0; i--) {
       const v = vertices[i]!;
-      fit.make(v, faces, n * (ends[i - 1] ?? 0), n * ends[i]!);
-      const { ring, count } = fit, first = sign[ring[0]!]!, known = given ? given[v]! : -1;
-      o.coder.meter.step(count);
-      let mixed = false;
-      for (let j = 0; j < count; j++) if (sign[ring[j]!] !== first) mixed = true;
-      if (mixed) {
-        this.between(o, v, targets[i]!, known);
-        continue;
-      }
-      this.follow(v, first);
-      if (known >= 0) {
-        if (known !== first) this.flip(v);
-      } else if (then && then[v]! >= 0 && then[v] !== first) {
+      if (!this.returns(o, v, targets[i]!, faces, n * (ends[i - 1] ?? 0), n * ends[i]!)) continue;
+      if (then && then[v]! >= 0 && then[v] !== sign[v]) {
         if (o.coder.bit(C.NEW_THEN + this.turned())) this.flip(v);
       } else candidates.push(v);
     }
-    if (candidates.length && o.coder.bit(C.NEW + Math.min(bits(candidates.length), 15)))
-      this.born(o, candidates, 0, candidates.length);
+    for (const i of this.sought(o, C.NEW, candidates.length)) this.flip(candidates[i]!);
+  }
+
+  /** A vertex comes back; whether it has the sign of its ring and might have the other one. */
+  protected returns(o: Opinions, v: number, target: number, faces: Int32Array, from: number, to: number): boolean {
+    const { contour: { sign, given }, fit } = this;
+    fit.make(v, faces, from, to);
+    const { ring, count } = fit, first = sign[ring[0]!]!, known = given ? given[v]! : -1;
+    o.coder.meter.step(count);
+    for (let j = 0; j < count; j++) if (sign[ring[j]!] !== first) {
+      this.between(o, v, target, known);
+      return false;
+    }
+    this.follow(v, first);
+    if (known < 0) return true;
+    if (known !== first) this.flip(v);
+    return false;
   }
 
   /** How many of the ring have another sign than then, at most 3. */
@@ -200,21 +204,25 @@ export class Levels {
   }
 
   /** A vertex has another sign than its ring. */
-  private flip(v: number): void {
+  protected flip(v: number): void {
     const { contour: { sign }, fit: { height } } = this, size = Math.floor((3 * Math.abs(height[v]!)) / 10);
     sign[v] = 1 - sign[v]!;
     height[v] = sign[v] ? size : -size;
   }
 
-  /** Which candidates of a list that has new components are some (10.8.5(5)). */
-  private born(o: Opinions, list: readonly number[], low: number, high: number): void {
-    if (high - low === 1) {
-      this.flip(list[low]!);
-      return;
-    }
-    const middle = (low + high) >> 1, some = (count: number): boolean => o.coder.bit(C.NEW + Math.min(bits(count), 15)) === 1;
-    const left = some(middle - low), right = !left || some(high - middle);
-    if (left) this.born(o, list, low, middle);
-    if (right) this.born(o, list, middle, high);
+  /** Which of a list of `all` are sought, ascending (10.8.5(5)). */
+  protected sought(o: Opinions, context: number, all: number): number[] {
+    const found: number[] = [], some = (count: number): boolean => o.coder.bit(context + Math.min(bits(count), 15)) === 1;
+    const halve = (low: number, high: number): void => {
+      if (high - low === 1) {
+        found.push(low);
+        return;
+      }
+      const middle = (low + high) >> 1, left = some(middle - low), right = !left || some(high - middle);
+      if (left) halve(low, middle);
+      if (right) halve(middle, high);
+    };
+    if (all && some(all)) halve(0, all);
+    return found;
   }
 }
