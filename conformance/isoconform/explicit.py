@@ -439,7 +439,8 @@ def refused() -> Iterator[Draft]:
     for name, clause, about, data in (*_wrong_chunks(), *_wrong_meshes()):
         space = name.endswith("space")
         in_file = name.startswith(("coded", "delaunay")) and not space
-        text = written(tetrahedra() if space else plane(150, 400, 0) if name.startswith(("levels", "cuts")) else plane())
+        larger = name.startswith(("levels", "cuts"))
+        text = written(tetrahedra() if space else plane(150, 400, 0) if larger else plane())
         text = "" if in_file else text
         yield Draft(f"mesh_{name}", data, 3 if space else 2, (EXPLICIT, f"error: {about}"), clause, mesh=text)
 

@@ -6,6 +6,8 @@ of another, its maker, or stays to the end. A cut has nodes with, for each, the 
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -80,7 +82,7 @@ def history_of(hierarchy: Hierarchy) -> CellHistory:
     source, broken = np.arange(len(now)), np.full(len(now), -1)
     cells, sources, makers, breakers = [], [], [], []
     while len(now):
-        node = gone[now].min(axis=1)
+        node = reduce(np.minimum, gone[now].T)
         stays = node == nodes
         cells.append(now)
         sources.append(source)
@@ -88,7 +90,7 @@ def history_of(hierarchy: Hierarchy) -> CellHistory:
         makers.append(np.where(stays, -1, node))
         now, source, node = now[~stays], source[~stays], node[~stays]
         into = target[node]
-        left = ~(now == into[:, None]).any(axis=1)
+        left = ~reduce(np.logical_or, (now == into[:, None]).T)
         now, source, broken, into = now[left], source[left], node[left], into[left]
         now = np.where(now == vertex[broken][:, None], into[:, None], now)
     maker, breaker = np.concatenate(makers), np.concatenate(breakers)

@@ -395,6 +395,7 @@ class MeshContents:
             present.code_levels(self._hierarchy, head.rounds)
         elif head.kind == MeshLayer.CUT:
             present.code_cut(self._history)
+            self._account.spend(len(present.domain.mesh.cell))
         elif head.kind == MeshLayer.OFFSETS:
             present.code_offsets(head.step)
         else:

@@ -167,6 +167,7 @@ export class Cut extends Levels {
     }
     list.sort((p, q) => source[p]! - source[q]!);
     meter.take((8 + 4 * m) * list.length);
+    meter.step(16 * list.length);
     const cells = Int32Array.from(list.flatMap((c) => corners.slice(m * c, m * c + m)));
     this.source = Int32Array.from(list, (c) => source[c]!);
     return new Complex(d, n, V, list.length, positions, cells, neighboursOf(n, list.length, cells, meter), meter);

@@ -1,0 +1,347 @@
+"""Layers of cuts of a mesh (spec clause 10.8.7) against cells as sets of vertices."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count, pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import isocodec
+from brute import examples
+from explicit_meshes import Mesh, crossings, euler, plane
+from isocodec.errors import FormatError, IsoError, LimitError
+from isocodec.field.samples import Samples
+from isocodec.format.chunks import write_chunk
+from isocodec.format.events import DomainRead, MeshLayerComplete
+from isocodec.limits import Limits
+from isocodec.mesh.complex import complex_of
+from isocodec.mesh.cut import CellHistory, history_of
+from isocodec.mesh.hierarchy import hierarchy_of
+from isocodec.stream.encoder import encoder_of
+from isoconform.streams import split
+from isospec.container import ChunkType
+from test_hierarchy import MESHES, Cell, Replay
+from test_levels import middles
+
+Nodes = NDArray[np.bool_]
+
+
+def encoded(mesh: Mesh, values: NDArray, isovalue: Any, cuts: Callable[[CellHistory, Samples], list[Nodes]],
+            **options: Any) -> bytes:
+    """A file of isovalues on cuts."""
+    given = isocodec.Mesh(*mesh, values, progressive=options.pop("progressive", None))
+    encoder = encoder_of(given, isovalue, **options)
+    encoder.frames.cuts = cuts
+    return b"".join(encoder)
+
+
+def replay(mesh: Mesh) -> Replay:
+    return Replay(hierarchy_of(complex_of(*mesh)[0]))
+
+
+def some(seed: int, layers: int) -> Callable[[CellHistory, Samples], list[Nodes]]:
+    """Layers of any nodes, not what these need."""
+
+    def cuts(history: CellHistory, field: Samples) -> list[Nodes]:
+        rng = np.random.default_rng(seed)
+        return [rng.random(len(history.vertex)) < rng.random() ** 2 for _ in range(layers)]
+
+    return cuts
+
+
+def mixed(cells: list[Cell], above: Nodes, apex: int) -> set[Cell]:
+    """Real cells with both signs."""
+    return {cell for cell in cells if apex not in cell and 0 < sum(bool(above[v]) for v in cell) < len(cell)}
+
+
+def field_of(mesh: Mesh, seed: int) -> NDArray:
+    """Smooth, rough, or a component at each few vertices."""
+    rng = np.random.default_rng(seed)
+    smooth = np.sin(mesh[0] / (np.ptp(mesh[0]) / 7)).sum(axis=1)
+    return [smooth, rng.normal(size=len(smooth)) + 0.1, np.where(rng.random(len(smooth)) < 0.1, 1.0, -1.0)][seed % 3]
+
+
+@pytest.mark.parametrize("kind", MESHES)
+@pytest.mark.parametrize("seed", range(30))
+def test_every_layer_shows_the_curve_of_its_cut(kind: str, seed: int) -> None:
+    """Cut anywhere, a file draws the last complete layer: the cells of a cut, from brute force, that are crossed."""
+    mesh = MESHES[kind](seed)
+    values, cuts, brute = field_of(mesh, seed), some(seed, 1 + seed % 3), replay(mesh)
+    above = values > 0.1
+    history = history_of(hierarchy_of(complex_of(*mesh)[0]))
+    wanted: set[int] = set()
+    want = []
+    for layer in cuts(history, None):
+        wanted |= set(np.flatnonzero(layer).tolist())
+        want.append(mixed(brute.cut(wanted), above, brute.apex))
+    data = encoded(mesh, values, 0.1, cuts, precision="signs")
+    decoder = isocodec.Decoder(mesh=mesh)
+    layers = 0
+    for start in range(0, len(data), 3):
+        decoder.feed(data[start : start + 3])
+        layers += sum(isinstance(event, MeshLayerComplete) for event in decoder)
+        if decoder.contents is None or decoder.contents.kind != "mesh":
+            continue
+        contour = decoder.on_mesh.contour()
+        found = decoder.on_mesh.strand()
+        if not layers:
+            assert not len(contour.points)
+            continue
+        assert found is not None and found.cut is not None
+        inside = set(np.flatnonzero(found.cut).tolist())
+        cells = brute.cut(inside)
+        known = set(np.flatnonzero(found.strand.sign >= 0).tolist())
+        assert known == {v for cell in cells for v in cell} - {brute.apex}
+        assert all(found.strand.sign[v] == above[v] for v in known)
+        now = mixed(cells, above, brute.apex)
+        assert now == want[layers - 1]
+        drawn = {frozenset(cell) for cell in found.domain.mesh.cell[found.leaves].tolist()}
+        assert drawn == now and len(found.leaves) == len(now)
+        real = np.array([sorted(cell) for cell in cells if brute.apex not in cell])
+        assert {tuple(p) for p in contour.points} == middles(mesh, real, above)
+        if real.shape[1] == 3:
+            assert len(contour.cells) == len(now)
+    assert layers == len(want)
+
+
+@pytest.mark.parametrize("kind", MESHES)
+def test_nodes_that_change_nothing_stay_out(kind: str) -> None:
+    """Of all nodes those come that the curve needs: with none that crosses, nobody but the vertices that are left."""
+    mesh = MESHES[kind](5)
+    data = encoded(mesh, np.zeros(len(mesh[0])), 0.5, lambda history, _: [np.ones(len(history.vertex), np.bool_)])
+    decoder = isocodec.Decoder(mesh=mesh)
+    decoder.feed(data)
+    found = decoder.take().on_mesh.strand()
+    assert found is not None and found.cut is not None and len(found.cut) and not found.cut.any()
+    assert not len(decoder.contour().points)
+
+
+@pytest.mark.parametrize("kind", MESHES)
+@pytest.mark.parametrize("precision", ["exact", 0.05])
+def test_geometry_lies_on_the_edges_of_the_cut(kind: str, precision: Any) -> None:
+    """Of all nodes: the same points as without a cut; of some: on crossed sides of the cut's cells, where values are
+    linear between their ends.
+    """
+    for seed in range(4):
+        mesh = MESHES[kind](seed + 20)
+        values = np.rint(40 * field_of(mesh, 3 * seed)).astype(int)
+        full = encoded(mesh, values, 0.5, lambda h, _: [np.ones(len(h.vertex), np.bool_)], precision=precision)
+        plain = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=False), 0.5, precision=precision)
+        one, other = (isocodec.decode(data, mesh=mesh) for data in (full, plain))
+        assert {tuple(p) for p in one.points.round(9)} == {tuple(p) for p in other.points.round(9)}
+        assert len(one.cells) == len(other.cells)
+        part = isocodec.open(encoded(mesh, values, 0.5, some(seed, 2), precision=precision), mesh=mesh)
+        cells = part.mesh(0.5, whole=True).cells
+        want = np.array(list(crossings((mesh[0], cells), values, 0.5).values()))
+        points = part.contour(0.5).points
+        assert len(points) == len(want)
+        off = np.abs(points[:, None] - want[None]).max(axis=2).min(axis=1)
+        assert off.max(initial=0) <= (1e-9 if precision == "exact" else precision)
+
+
+@pytest.mark.parametrize("kind", MESHES)
+@pytest.mark.parametrize("progressive", [None, True, False])
+def test_isovalues_that_lean_on_a_cut(kind: str, progressive: bool | None) -> None:
+    """Of vertices that are not there nothing is known: those behind have the curve that they have alone."""
+    for seed in range(6):
+        mesh = MESHES[kind](seed + 40)
+        values = np.rint(20 * field_of(mesh, seed)).astype(int)
+        isovalues = (0.5, 5.5, -4.5)
+        brute = replay(mesh)
+
+        def cuts(history: CellHistory, field: Samples, seed: int = seed) -> list[Nodes]:
+            return some(seed, 1)(history, field) if progressive is None or field.isovalue == 0.5 else []
+
+        data = encoded(mesh, values, isovalues, cuts, precision="exact", progressive=progressive)
+        file = isocodec.open(data, mesh=mesh)
+        assert [file.info.leans[i] is not None for i in range(3)] == [False, True, True]
+        wanted = some(seed, 1)(history_of(hierarchy_of(complex_of(*mesh)[0])), None)[0]
+        for number, isovalue in enumerate(isovalues):
+            whole = progressive is not None and number > 0
+            cells = brute.cut(set(range(len(brute.nodes))) if whole else set(np.flatnonzero(wanted).tolist()))
+            crossed = mixed(cells, values > isovalue, brute.apex)
+            found = {frozenset(cell) for cell in file.mesh(isovalue, whole=False).cells.tolist()}
+            assert found == crossed
+            part = np.array([sorted(c) for c in crossed]).reshape(len(crossed), -1)
+            apart = crossings((mesh[0], part), values, isovalue)
+            assert {tuple(np.round(p, 6)) for p in file.contour(isovalue).points} == {
+                tuple(np.round(p, 6)) for p in apart.values()
+            }
+
+
+@pytest.mark.parametrize("kind", MESHES)
+def test_series_of_cuts(kind: str) -> None:
+    """Frames lean on the cut of the frame before, and on any kind of layers there."""
+    mesh = MESHES[kind](33)
+    frames = np.stack([np.sin(mesh[0] / (np.ptp(mesh[0]) / 6) + step / 9).sum(axis=1) for step in range(5)])
+    brute = replay(mesh)
+    numbers = count(1)
+
+    def cuts(history: CellHistory, field: Samples) -> list[Nodes]:
+        return some(7, 2)(history, field) if next(numbers) % 3 else []
+
+    data = encoded(mesh, frames, 0.1, cuts, precision=0.4)
+    wanted = np.any(some(7, 2)(history_of(hierarchy_of(complex_of(*mesh)[0])), None), axis=0)
+    for frame, values in enumerate(frames):
+        cells = brute.cut(set(np.flatnonzero(wanted).tolist()) if (frame + 1) % 3 else set(range(len(brute.nodes))))
+        file = isocodec.open(data, mesh=mesh)
+        drawn = isocodec.decode(data, mesh=mesh, frame=frame)
+        crossed = mixed(cells, values > 0.1, brute.apex)
+        part = np.array([sorted(c) for c in crossed])
+        assert len(drawn.points) == len(crossings((mesh[0], part), values, 0.1))
+        assert file.info.frames[frame].before[0] == (frame > 0)
+
+
+def test_what_a_cut_says_of_vertices_that_are_not_there() -> None:
+    """They have the sign of those that they collapsed into; the cells are those of the cut."""
+    mesh = MESHES["plane"](17)
+    values = field_of(mesh, 0)
+    file = isocodec.open(encoded(mesh, values, 0.1, some(3, 1), precision="signs"), mesh=mesh)
+    decoder = isocodec.Decoder(mesh=mesh)
+    decoder.feed(file.data)
+    found = decoder.take().on_mesh.strand()
+    assert found is not None and found.cut is not None and not found.cut.all()
+    above = file.above(0.1)
+    known = found.strand.sign >= 0
+    assert (above[known] == (values > 0.1)[known]).all()
+    brute = replay(mesh)
+    for (v, u, _), inside in zip(brute.nodes, found.cut, strict=True):
+        assert inside or above[v] == above[u]
+    cells = {frozenset(cell) for cell in file.mesh(0.1, whole=True).cells.tolist()}
+    assert cells == {cell for cell in brute.cut(set(np.flatnonzero(found.cut).tolist())) if brute.apex not in cell}
+    # what a later file is made of: the layers as they are
+    other = encoded(mesh, values, 0.4, some(4, 1), precision="signs")
+    signs = isocodec.open(isocodec.merge([file.data, other]), mesh=mesh)
+    assert {tuple(p) for p in signs.contour(0.1).points} == {tuple(p) for p in file.contour(0.1).points}
+
+
+def test_a_cut_of_a_torus_keeps_the_mesh() -> None:
+    """As many handles as the surface has, in each cut."""
+    mesh = MESHES["surface"](2)
+    whole = euler(len(np.unique(mesh[1])), mesh[1])
+    for seed in range(5):
+        file = isocodec.open(encoded(mesh, field_of(mesh, seed), 0.1, some(seed, 1), precision="signs"), mesh=mesh)
+        cells = file.mesh(0.1, whole=True).cells
+        assert euler(len(np.unique(cells)), cells) == whole
+
+
+def began(mesh: Mesh) -> bytes:
+    """A file up to its layers."""
+    data = encoded(mesh, np.arange(len(mesh[0])) % 7, 3.5, some(1, 1), precision="signs")
+    decoder = isocodec.Decoder(mesh=mesh)
+    decoder.feed(data)
+    (read,) = (event for event in decoder if isinstance(event, DomainRead))
+    return data[: read.offset]
+
+
+@examples(300)
+@given(st.sampled_from(sorted(MESHES)), st.lists(st.binary(min_size=1, max_size=60), min_size=1, max_size=4))
+def test_any_bytes_end(kind: str, layers: list[bytes]) -> None:
+    """A layer of random bytes is decoded or refused, and leaves a cut that draws."""
+    mesh = MESHES[kind](51)
+    decoder = isocodec.Decoder(mesh=mesh)
+    decoder.feed(began(mesh))
+    brute = replay(mesh)
+    for layer in layers:
+        decoder.feed(write_chunk(ChunkType.LAYERS, b"\x04" + layer))
+    try:
+        list(decoder)
+    except IsoError as error:
+        assert isinstance(error, FormatError) and error.clause == "6.3"
+        return
+    found = decoder.on_mesh.strand()
+    assert found is not None and found.cut is not None
+    inside = set(np.flatnonzero(found.cut).tolist())
+    cells = {frozenset(cell) for cell in found.domain.mesh.cell.tolist()}
+    assert cells == {cell for cell in brute.cut(inside) if brute.apex not in cell}
+    assert len(decoder.contour().cells) >= len(found.leaves)
+
+
+def test_layers_of_few_bytes_are_counted_as_work() -> None:
+    """Each finds the curve anew on all cells that are there: many of them do not take hours."""
+    mesh = plane(3, 5000, 1.0)
+    values = field_of(mesh, 1)
+    data = encoded(mesh, values, 0.1, lambda h, _: [np.ones(len(h.vertex), np.bool_)], precision="signs")
+    file = split(data)
+    assert len(isocodec.decode(data, mesh=mesh, limits=Limits(work=1 << 16)).points)
+    short = [replace(file.chunks[1], payload=b"\x04\xff\xff")] * 1000
+    with pytest.raises(LimitError) as caught:
+        isocodec.decode(bytes(file.with_chunks(*file.chunks, *short)), mesh=mesh, limits=Limits(work=1 << 16))
+    assert caught.value.code == "limit-work"
+
+
+def test_memory_of_a_cut_is_counted() -> None:
+    """More than that of levels of the same mesh."""
+    mesh = plane(3, 600, 1.0)
+    values = field_of(mesh, 0)
+    files = (
+        encoded(mesh, values, 0.1, some(1, 1), precision="signs"),
+        isocodec.encode(isocodec.Mesh(*mesh, values, progressive=True), 0.1, precision="signs"),
+    )
+
+    def refused(data: bytes, memory: int) -> bool:
+        try:
+            isocodec.decode(data, mesh=mesh, limits=Limits(memory=memory))
+        except LimitError as error:
+            assert error.code == "limit-memory"
+            return True
+        return False
+
+    cut, levels = (bisect_left(range(1 << 30), True, key=lambda m, data=data: not refused(data, m)) for data in files)
+    assert levels < cut < 3 * levels
+
+
+@pytest.mark.parametrize("wrong", [
+    ("signs", "cut"), ("cut", "signs"), ("cut", "levels"), ("levels", "cut"), ("cut", "values", "cut"),
+    ("values", "cut"),
+])
+def test_layers_that_may_not_come(wrong: tuple[str, ...]) -> None:
+    """A cut beside signs or levels, or behind geometry."""
+    mesh = plane(3, 200)
+    values = np.arange(len(mesh[0])) % 7
+    alone = {
+        name: split(isocodec.encode(isocodec.Mesh(*mesh, values, progressive=each), 3.5, precision="signs"))
+        for name, each in (("levels", True), ("signs", False))
+    }
+    domain, cut, places = split(encoded(mesh, values, 3.5, some(1, 1), precision="exact")).chunks
+    layers = {"cut": cut, "values": places, **{name: file.chunks[1] for name, file in alone.items()}}
+    with pytest.raises(FormatError) as caught:
+        isocodec.decode(bytes(alone["signs"].with_chunks(domain, *(layers[name] for name in wrong))), mesh=mesh)
+    assert caught.value.clause == "10.1.3"
+
+
+def test_plain_python_writes_the_same() -> None:
+    """Kernels as plain Python in another process, and those of this one."""
+    script = (
+        "import sys; sys.path[:0] = sys.argv[1:]\n"
+        "import test_cuts as t\n"
+        "mesh = t.MESHES['space'](21)\n"
+        "print(t.encoded(mesh, t.field_of(mesh, 0), 0.1, t.some(1, 3), precision=0.3).hex())\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script, *sys.path], env={**os.environ, "ISOCODEC_KERNELS": "python"}, check=True,
+        capture_output=True, text=True,
+    )
+    mesh = MESHES["space"](21)
+    assert bytes.fromhex(run.stdout) == encoded(mesh, field_of(mesh, 0), 0.1, some(1, 3), precision=0.3)
+
+
+def test_history_is_linear() -> None:
+    """The cells of all times are a few times those of the mesh, and each came from the one that it replaced."""
+    mesh = plane(2, 3000, 1.0)
+    history = history_of(hierarchy_of(complex_of(*mesh)[0]))
+    assert len(history.cell) < 5 * len(mesh[1])
+    assert all(a <= b for a, b in pairwise(history.first.tolist()))
+    broken = history.breaker >= 0
+    assert ((history.maker < 0) | (history.maker > history.breaker))[broken].all()
