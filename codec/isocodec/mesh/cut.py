@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..deferred import dataclass
+from .cut_signs import Cut
 from .hierarchy import Hierarchy
 
 
@@ -69,6 +70,16 @@ class CellHistory:
         """Numbers of the cells of a cut."""
         return np.flatnonzero(np.append(inside, True)[self.maker] & ~np.append(inside, False)[self.breaker])
 
+    def real(self, inside: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The cells of a cut without those at the apex, (T', n + 1), in the order of the cells that they came from.
+
+        Also the numbers of these.
+        """
+        there = self.there(inside)
+        there = there[(self.cell[there] < len(self.position)).all(axis=1)]
+        there = there[np.argsort(self.source[there])]
+        return self.cell[there], self.source[there]
+
 
 def history_of(hierarchy: Hierarchy) -> CellHistory:
     """Follow each cell of the closed mesh through all collapses."""
@@ -105,8 +116,10 @@ def _cone(cell: NDArray[np.int64], apex: int) -> NDArray[np.int64]:
     """Cells of the border with the apex."""
     corners = cell.shape[1]
     faces = np.concatenate([np.delete(cell, i, axis=1) for i in range(corners)])
-    _, at, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    border = faces[np.sort(at[count == 1])]
+    ordered = np.sort(faces, axis=1)
+    order = np.lexsort(ordered.T)
+    alike = np.concatenate([[False], (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1), [False]])
+    border = faces[np.sort(order[~(alike[1:] | alike[:-1])])]
     return np.concatenate([border, np.full((len(border), 1), apex)], axis=1)
 
 
@@ -114,3 +127,35 @@ def _groups(node: NDArray[np.int64], nodes: int) -> tuple[NDArray[np.int64], NDA
     """Numbers of cells by their node: where each node's begin, and all of them."""
     order = np.argsort(node, kind="stable")
     return np.searchsorted(node[order], np.arange(nodes + 1)) - (node < 0).sum(), order[(node < 0).sum() :]
+
+
+def cut_of(history: CellHistory) -> Cut:
+    """The cut without any node."""
+    nodes = len(history.vertex)
+    none = np.zeros(nodes, np.bool_)
+    return Cut(
+        history.cell, history.maker, history.first, history.patch, history.star_first, history.around, history.vertex,
+        history.target, none, none.copy(), none.copy(), np.zeros(nodes, np.int64), np.zeros(nodes + 1, np.int64),
+        np.zeros(nodes + 128, np.int64),
+    )
+
+
+def wanted_by(history: CellHistory, c: Cut, wanted: NDArray[np.bool_], above: NDArray[np.bool_]) -> None:
+    """Let the encoder want a cut of some nodes (N,), by the signs of all vertices (V,).
+
+    Vertices with the sign of all of their ring change nothing, and come only where others need them.
+    """
+    inside = c.inside | wanted
+    c.wanted[:] = history.closure(inside)
+    mixed = np.zeros(len(history.cell), np.bool_)
+    real = history.cell < len(above)
+    signs = np.append(above, False)[history.cell]
+    whole = real.all(axis=1)
+    mixed[whole] = signs[whole].any(axis=1) & ~signs[whole].all(axis=1)
+    # a vertex of both signs around has a mixed cell
+    node = np.arange(len(c.vertex))
+    crossed = np.zeros(len(node), np.bool_)
+    crossed[np.repeat(node, np.diff(history.star_first))[mixed[history.star]]] = True
+    reached = np.zeros(len(node), np.bool_)
+    reached[np.repeat(node, np.diff(history.first))[mixed[history.patch]]] = True
+    c.unasked[:] = c.wanted & ~c.inside & crossed & ~reached

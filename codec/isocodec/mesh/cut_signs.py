@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..entropy.range_coder import Coder, code
 from ..kernel import DONE, inner, kernel, record
 from ..kernel.types import BoolVector, IntMatrix, IntVector
 from .before import UNKNOWN
-from .cut import CellHistory
 from .levels import OPEN, code_list, comes_back, flip
 from .models import MIXED_FACES, SPLIT, UNASKED
 from .ring_fit import RingEstimates
@@ -151,43 +149,3 @@ def code_cut(g: RingEstimates, st: WalkState, cd: Coder, c: Cut) -> int:
             if status < 0:
                 return status
     return DONE
-
-
-def cut_of(history: CellHistory) -> Cut:
-    """The cut without any node."""
-    nodes = len(history.vertex)
-    none = np.zeros(nodes, np.bool_)
-    return Cut(
-        history.cell, history.maker, history.first, history.patch, history.star_first, history.around, history.vertex,
-        history.target, none, none.copy(), none.copy(), np.zeros(nodes, np.int64), np.zeros(nodes + 1, np.int64),
-        np.zeros(nodes + 128, np.int64),
-    )
-
-
-def wanted_by(history: CellHistory, c: Cut, wanted: NDArray[np.bool_], above: NDArray[np.bool_]) -> None:
-    """Let the encoder want a cut of some nodes (N,), by the signs of all vertices (V,).
-
-    Vertices with the sign of all of their ring change nothing, and come only where others need them.
-    """
-    inside = c.inside | wanted
-    c.wanted[:] = history.closure(inside)
-    mixed = np.zeros(len(history.cell), np.bool_)
-    real = history.cell < len(above)
-    signs = np.append(above, False)[history.cell]
-    whole = real.all(axis=1)
-    mixed[whole] = signs[whole].any(axis=1) & ~signs[whole].all(axis=1)
-    # a vertex of both signs around has a mixed cell
-    node = np.arange(len(c.vertex))
-    crossed = np.zeros(len(node), np.bool_)
-    crossed[np.repeat(node, np.diff(history.star_first))[mixed[history.star]]] = True
-    reached = np.zeros(len(node), np.bool_)
-    reached[np.repeat(node, np.diff(history.first))[mixed[history.patch]]] = True
-    c.unasked[:] = c.wanted & ~c.inside & crossed & ~reached
-
-
-def real_cells(history: CellHistory, inside: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The cells of a cut without those at the apex, (T', n + 1), by the cells of the mesh that they came from."""
-    there = history.there(inside)
-    there = there[(history.cell[there] < len(history.position)).all(axis=1)]
-    there = there[np.argsort(history.source[there])]
-    return history.cell[there], history.source[there]

@@ -13,8 +13,8 @@ from ..entropy.context_layout import take_over
 from ..entropy.run import Account, ReadingRun, Run, WritingRun, whole_run
 from .before import UNKNOWN, spread_signs
 from .complex import Complex, part_of
-from .cut import CellHistory
-from .cut_signs import Cut, code_cut, cut_of, real_cells, wanted_by
+from .cut import CellHistory, cut_of, wanted_by
+from .cut_signs import Cut, code_cut
 from .hierarchy import Hierarchy
 from .levels import coarse_signs, estimates_of, signs_of_round
 from .models import NUMBERS, new_coder
@@ -233,12 +233,12 @@ class MeshIsovalue:
         if self._cut is None or self._estimates is None:
             self._cut = cut_of(history)
             self._estimates = estimates_of(history.position, history.cell.shape[1])
-            left = real_cells(history, self._cut.inside)[0]
+            left = history.real(self._cut.inside)[0]
             run.check(coarse_signs(left, self._estimates, st, run.coder))
         if wanted is not None and truth is not None:
             wanted_by(history, self._cut, wanted, truth)
         run.check(code_cut(self._estimates, st, run.coder, self._cut))
-        self.domain = mesh = part_of(self._whole, *real_cells(history, self._cut.inside))
+        self.domain = mesh = part_of(self._whole, *history.real(self._cut.inside))
         st.visited[:] = False
         st.reg.leaves = 0
         trace(mesh.mesh, st, run.coder)

@@ -48,7 +48,7 @@ for (const name of ["mesh_plane_signs", "mesh_plane_levels_offsets", "mesh_plane
 }
 
 test("higher values lie to the left in the plane, behind triangles in space", () => {
-  for (const name of ["mesh_plane_values", "mesh_space_values"]) {
+  for (const name of ["mesh_plane_values", "mesh_space_values", "mesh_plane_cut_values", "mesh_space_cut_values"]) {
     const { decoder, mesh: { d, n, coordinates } } = decoded(name), signs = signsOf(decoder), { points, cells } = draw(decoder);
     const at = (i) => Array.from(points.subarray(d * i, d * i + d)), known = [...signs].map(([v, s]) => [coordinates.slice(d * v, d * v + d), s]);
     let right = 0, all = 0;
@@ -65,6 +65,25 @@ test("higher values lie to the left in the plane, behind triangles in space", ()
     assert.ok(right > 0.8 * all, `${name}: ${right} of ${all}`);
   }
 });
+
+for (const kind of ["plane", "surface", "space"]) {
+  test(`a cut of a ${kind} draws in each layer between known vertices of both signs, and grows`, () => {
+    const name = `mesh_${kind}_cut_layers`, mesh = readMesh(readFileSync(new URL(`${name}.mesh`, folder), "utf8")), { d, coordinates } = mesh;
+    const decoder = new Decoder({ domains, mesh }), data = vector(name), counts = [];
+    const length = (u) => Math.hypot(...u), to = (p, q) => p.map((a, i) => a - q[i]), x = (v) => coordinates.slice(d * v, d * v + d);
+    for (let at = 0; at < data.length; at += 3) {
+      if (!decoder.feed(data.subarray(at, at + 3)).some((event) => event.type === "layer")) continue;
+      const signs = [...signsOf(decoder)], { points, cells } = draw(decoder);
+      counts.push(cells.length);
+      for (let i = 0; i < points.length; i += d) {
+        const p = Array.from(points.subarray(i, i + d));
+        assert.ok(signs.some(([u, s]) => s && signs.some(([v, r]) => !r && length(to(p, x(u))) + length(to(p, x(v))) - length(to(x(u), x(v))) < 1e-9)));
+      }
+    }
+    assert.equal(counts.length, 4);
+    assert.ok(counts[0] > 0 && counts[0] <= counts[1] && counts[1] < counts[2] && counts[2] === counts[3], `${counts}`);
+  });
+}
 
 test("triangles of a surface cover the hull, and no circle holds another point", () => {
   for (const name of ["tin_terrain", "tin_scattered", "tin_grid"]) {
