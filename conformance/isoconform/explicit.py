@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import permutations, product
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import isocodec
+from isocodec.errors import FormatError
 from isocodec.field.meshed import StoredName
 from isocodec.field.samples import Samples
 from isocodec.mesh.complex import complex_of
@@ -184,6 +185,7 @@ def whole() -> Iterator[Draft]:
         yield from _many_rounds(kind, mesh)
     for kind, mesh in {"plane": plane(150, 400, 9), "space": tetrahedra(6), "surface": larger_ring()}.items():
         yield from _cuts(kind, mesh)
+        yield _random_runs(kind, mesh)
     mesh = far_apart()
     yield _draft(
         "mesh_far_levels", mesh, hills(tetrahedra(6), 0, 5), VALUE, "the whole mesh in the file", "levels",
@@ -224,7 +226,7 @@ def some_nodes(*shares: int, seed: int = 51) -> Cuts:
     return wanted
 
 
-def first_isovalue(history: CellHistory, field: Samples) -> list[NDArray[np.bool_]]:
+def first_isovalue(history: CellHistory, field: Samples) -> Sequence[NDArray[np.bool_]]:
     """A cut for one isovalue alone."""
     return some_nodes(4)(history, field) if field.isovalue == VALUE else []
 
@@ -233,7 +235,7 @@ def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
     """Isovalues on cuts of a mesh."""
     values, salt = hills(mesh, 0, 5), np.array([int(n % 9 == 0) for n in random_numbers(31, len(mesh[0]), 16)])
     frames = np.array([hills(mesh, step, 9) for step in range(4)])
-    for name, field, isovalue, cuts, options in (
+    kinds: tuple[tuple[str, Integers, float | tuple[float, ...], Cuts, dict[str, Any]], ...] = (
         ("signs", values, VALUE, some_nodes(3), {"precision": "signs"}),
         ("offsets", values, VALUE, some_nodes(5), {"precision": 0.5}),
         ("values", values, VALUE, some_nodes(5), {"precision": "exact"}),
@@ -246,7 +248,8 @@ def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
         ("frames", frames, VALUES[:2], some_nodes(7, 2), {"precision": 0.5, "interval": 3}),
         ("frames_values", frames, VALUE, some_nodes(6), {"precision": "exact"}),
         ("empty", values, 1e6, some_nodes(3), {"precision": "exact"}),
-    ):
+    )
+    for name, field, isovalue, cuts, options in kinds:
         progressive = options.pop("progressive", None)
         data = with_cuts(isocodec.Mesh(*mesh, field, progressive=progressive), isovalue, cuts, **options)
         data = bare(data) if isinstance(options["precision"], float) else data
@@ -254,6 +257,28 @@ def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
             f"mesh_{kind}_cut_{name}", data, mesh[1].shape[1] - 1, (EXPLICIT, "cuts", name), None,
             name in ("signs", "new", "layers", "frames"), written(mesh),
         )
+
+
+def _random_runs(kind: str, mesh: Mesh) -> Draft:
+    """Cuts that no encoder asks for: what runs of random bytes hold, each as long as it takes."""
+    file = split(with_cuts(isocodec.Mesh(*mesh, hills(mesh)), VALUE, some_nodes(5), precision="signs"))
+    chunks = file.chunks[:1]
+    for seed in (61, 62):
+        noise = b"\x04" + bytes(number >> 8 for number in random_numbers(seed, 400, 16))
+        every = [(*chunks, replace(file.chunks[1], payload=noise[:size])) for size in range(1, len(noise))]
+        chunks = next(each for each in reversed(every) if _decodes(bytes(file.with_chunks(*each)), mesh))
+    features = (EXPLICIT, "cuts", "random runs")
+    data = bytes(file.with_chunks(*chunks))
+    return Draft(f"mesh_{kind}_cut_random", data, mesh[1].shape[1] - 1, features, None, True, written(mesh))
+
+
+def _decodes(data: bytes, mesh: Mesh) -> bool:
+    """Whether a file has no error."""
+    try:
+        isocodec.decode(data, mesh=mesh)
+    except FormatError:
+        return False
+    return True
 
 
 def lattice() -> tuple[Mesh, Integers]:

@@ -162,7 +162,7 @@ def dump_explicit(
         for event, decoder, past in _taken(data, mesh, piece, limits):
             events.append(event)
             text = _text(decoder, past)
-            if layers and isinstance(event, MeshLayerComplete) and event.number == layers:
+            if layers and sum(isinstance(each, MeshLayerComplete) for each in events) == layers:
                 break
     except TruncatedError as cut:
         return Output(cut.exit_code, text, cut, {}, events)
