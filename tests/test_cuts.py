@@ -150,6 +150,17 @@ def test_geometry_lies_on_the_edges_of_the_cut(kind: str, precision: Any) -> Non
         assert off.max(initial=0) <= (1e-9 if precision == "exact" else precision)
 
 
+def test_verify_compares_the_curve_alone() -> None:
+    """Vertices that are not in a cut have no signs that could be wrong."""
+    mesh = MESHES["plane"](17)
+    values = field_of(mesh, 0)
+    data = encoded(mesh, values, [0.1, 0.5], some(3, 1), precision=0.5)
+    assert (isocodec.open(data, mesh=mesh).above(0.1) != (values > 0.1)).any()
+    given = isocodec.Mesh(*mesh, values)
+    for far, kept in ((200.0, True), (1e-3, False)):
+        assert [(one.wrong, one.kept) for one in isocodec.open(data, mesh=mesh).verify(given, within=far)] == [(None, kept)] * 2
+
+
 @pytest.mark.parametrize("kind", MESHES)
 @pytest.mark.parametrize("progressive", [None, True, False])
 def test_isovalues_that_lean_on_a_cut(kind: str, progressive: bool | None) -> None:

@@ -154,9 +154,9 @@ class MeshLayerComplete(Event):
     Attributes
     ----------
     number : int
-        Number of the layer in the file, from 1.
+        Number of the layer in the file, in a series in the frame, from 1.
     kind : str
-        ``signs``, ``levels``, ``offsets`` or ``values``.
+        ``signs``, ``levels``, ``cut``, ``offsets`` or ``values``.
     bytes : int
         Number of entropy-coded bytes.
     """
