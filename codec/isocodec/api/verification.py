@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -284,7 +285,8 @@ def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str
         if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN and "cut" not in kinds:
             # a mesh in the file has its vertices in another order, and a cut not all of them
             used = np.unique(cells)
-            wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above)[used].sum())
+            with suppress(OptionError):
+                wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above)[used].sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
         size = float(np.median(np.sqrt((edges**2).sum(axis=1))))
         promise = _of_points(held.info, within, points, notes, frame or 0, number)

@@ -48,7 +48,7 @@ class Target:
     def __init__(self, points: NDArray[np.float64], cells: NDArray[np.int64], limit: float) -> None:
         pieces = pieces_of(points, cells)
         self.limit = limit
-        self.empty = not len(pieces)
+        self.empty, self._corners = not len(pieces), cells.shape[1]
         self.buckets = _sorted(pieces, float(limit))
 
     def exceeded(
@@ -95,7 +95,7 @@ class Target:
         if not self.empty:
             in_parts(len(points), lambda some: nearest(padded[some], self.buckets, piece[some], two[some]))
         first = 1.0 - two.sum(axis=1, keepdims=True)
-        return piece, np.hstack([first, two if n == 3 else two.sum(axis=1, keepdims=True)])
+        return piece, np.hstack([first, two if self._corners == 3 else two.sum(axis=1, keepdims=True)])
 
 
 def in_parts(count: int, work: Callable[[slice], object]) -> None:
@@ -141,11 +141,10 @@ def _sorted(pieces: NDArray[np.float64], limit: float) -> Buckets:
 
 
 def pieces_of(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Corners of all pieces, (M, 9): those of a segment with its second point twice."""
-    n = points.shape[1]
+    """Corners of all pieces, (M, 9): those of a segment, also in space, with its second point twice."""
     padded = np.zeros((len(points), 3))
-    padded[:, :n] = points
-    corners = cells if n == 3 else cells[:, [0, 1, 1]]
+    padded[:, : points.shape[1]] = points
+    corners = cells if cells.shape[1] == 3 else cells[:, [0, 1, 1]]
     return np.ascontiguousarray(padded[corners].reshape(-1, 9))
 
 

@@ -160,13 +160,21 @@ class MeshContents:
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
         """Find which vertices lie above an isovalue, by number, (V,).
 
-        One that has not come back into a cut has the sign of the vertex that it collapsed into.
-
         Raises
         ------
         TruncatedError
             If its signs are not complete.
+        OptionError
+            If the isovalue is coded on a cut of the mesh.
         """
+        found = self.strand(number, before=before)
+        if found is not None and found.cut is not None and not found.cut.all():
+            raise OptionError("the mesh of the contour is coarser than that of the file", code="above",
+                              remedy="use the signs of its own vertices: mesh()")
+        return self._above(number, before=before)
+
+    def _above(self, number: int, *, before: bool = False) -> NDArray[np.bool_]:
+        """As `above`; a vertex that has not come back into a cut has the sign of the one that it collapsed into."""
         found = self.strand(number, before=before)
         if found is None or found.edges is None or self._domain is None:
             raise TruncatedError("the file ends before its signs are complete", code="truncated")
@@ -195,7 +203,7 @@ class MeshContents:
         cells = self._wound(found.domain)
         cells = cells if whole else cells[found.leaves]
         return Tessellation(
-            self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self.above(number), found.value,
+            self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self._above(number), found.value,
             (), self._session.complete, own_placement(self.outline.metadata, self._points.shape[1]),
             dict(self.outline.metadata),
         )

@@ -40,8 +40,10 @@ from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import encoded_mesh
 from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
+from ..search.mesh_cuts import KeptCut
 from ..tin.rank import by_rank
 from .container import ContainerEncoder, beginning
+from .cut_plan import Cut, CutPlan, check_cuts, crossing_places, wanted_of
 from .mesh_contents import coordinates_of
 from .options import LEVELS, Options
 from .promises import PROMISE
@@ -129,6 +131,9 @@ class MeshFrames:
         self._rounded: NDArray[np.float64] | None = None
         self._off, self._same, self._shared = 0.0, True, False
         self._exceeded = self._count_exceeded() if stored in NEEDED else []
+        self._shared_mesh = stored == "known"
+        if (wanted := wanted_of(options)) is not None and wanted.stepwise:
+            check_cuts(self.domain, options, mesh.progressive, self._shared_mesh)
         self._domain_chunk = self._known() if stored == "known" else self._in_file(mesh.error)
         self._step = self._offset_step()
         self._asked_levels = mesh.progressive
@@ -139,6 +144,8 @@ class MeshFrames:
         self._metadata = {**mesh.metadata, **options.metadata}
         if options.precision.tolerance is not None and self._same:
             self._metadata[PROMISE] = self._promise(options.precision.tolerance)
+        if options.precision.steps is not None:
+            self._metadata[PROMISE] = self._asked or options.precision.text
         self._strands: list[MeshIsovalue] = []
         self.cuts: Cuts | None = None
 
@@ -191,6 +198,7 @@ class MeshFrames:
         """Yield the chunks of all isovalues of a frame."""
         series, strands = self.series, self._strands
         frame = series.frame
+        cuts = self._cuts_of(fields)
         for number, value in enumerate(series.isovalues):
             lean = series.choose(number, self.options.independent)
             series.add(lean)
@@ -205,7 +213,10 @@ class MeshFrames:
                 earlier.append(strands[lean.number])
                 lean = series.lean(lean.number, frame)
             begun = partial(MeshIsovalue, self.domain, value, self.options.precision.step, earlier, then)
-            yield from self._shorter(begun, fields[number])
+            if cuts[number]:
+                yield from self._on_cuts(begun(), fields[number], cuts[number])
+            else:
+                yield from self._shorter(begun, fields[number])
 
     def _fields(self, values: NDArray[Any]) -> list[Samples]:
         """Prepare the values of a frame at the vertices of the mesh, for each isovalue."""
@@ -336,6 +347,8 @@ class MeshFrames:
         if precision.exact or precision.signs or precision.step is not None:
             return 0
         tolerance = precision.tolerance or EDGE_SHARE * self._edge
+        if precision.steps is not None:
+            tolerance = precision.steps[-1]
         if precision.tolerance is not None and self._shared:
             tolerance -= self._off
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
@@ -348,14 +361,40 @@ class MeshFrames:
         number, unit = distance_of(self._asked)
         return f"{number * off / tolerance:.12g}{unit}"
 
+    def _cuts_of(self, fields: Sequence[Samples]) -> list[list[Cut]]:
+        """Choose cuts of the mesh for each isovalue of a frame; none where signs of the whole mesh take fewer bytes."""
+        if self.cuts is not None:
+            return [list(self.cuts(self._history, field)) for field in fields]
+        wanted = wanted_of(self.options) if self._shared_mesh else None
+        if wanted is None or self._hierarchy is None:
+            return [[] for _ in fields]
+
+        def whole(field: Samples) -> int:
+            strands, self._strands = self._strands, []
+            size = sum(map(len, self._shorter(partial(MeshIsovalue, self.domain, field.isovalue), field)))
+            self._strands = strands
+            return size
+
+        return CutPlan(self.domain, self._points, self._history, wanted).cuts(fields, whole, self._step)
+
+    def _on_cuts(self, strand: MeshIsovalue, field: Samples, cuts: Sequence[Cut]) -> Iterator[bytes]:
+        """Yield the chunks of an isovalue on cuts of the mesh; the last one has its geometry."""
+        self._strands.append(strand)
+        for cut in cuts:
+            inside = cut.inside if isinstance(cut, KeptCut) else cut
+            yield self._signs(strand, field, MeshLayerHead(MeshLayer.CUT), inside)
+        if not isinstance(cut, KeptCut):
+            yield from self._layer_of_places(strand, field)
+        elif cut.step and strand.edges is not None and len(strand.edges):
+            run = strand.write()
+            strand.code_offsets(cut.step, cut.numbers(self.domain.mesh, strand.edges[:, :2]))
+            head = MeshLayerHead(MeshLayer.OFFSETS, step=cut.step)
+            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
+
     def _shorter(self, begun: Callable[[], MeshIsovalue], field: Samples) -> list[bytes]:
         """Code an isovalue level by level, or along a walk where that is much shorter; return its chunks."""
         strand = begun()
-        wanted = self.cuts(self._history, field) if self.cuts is not None else ()
-        if len(wanted):
-            found = [self._signs(strand, field, MeshLayerHead(MeshLayer.CUT), each) for each in wanted]
-            found += self._layer_of_places(strand, field)
-        elif self._hierarchy is None:
+        if self._hierarchy is None:
             found = [self._signs(strand, field, MeshLayerHead(MeshLayer.SIGNS)), *self._layer_of_places(strand, field)]
         else:
             signs = [self._signs(strand, field, head) for head in level_heads(self._hierarchy)]
@@ -498,10 +537,10 @@ def _check_options(options: Options) -> None:
     """Refuse options that do not apply to meshes."""
     precision = options.precision
     for name, given in (
-        ("keep_topology", options.keep_topology), ("layers", not options.layers.default),
+        ("layers", not options.layers.default),
         (f"profile {options.profile!r}", options.entropy != Profile.MAIN),
         (f"order {options.order!r}", options.order == LEVELS),
-        (f"precision {precision.text!r}", precision.steps is not None or "," in precision.world or precision.smooth),
+        (f"precision {precision.text!r}", precision.smooth),
     ):
         if given:
             raise OptionError(f"{name} does not apply to meshes", code=name.split()[0], remedy="leave it out")
@@ -512,12 +551,15 @@ def _check_options(options: Options) -> None:
 
 def _in_unit(options: Options, mesh: Mesh) -> Options:
     """The options with a distance in the unit of the points of a mesh."""
-    text = options.precision.world
-    if not text:
+    if not options.precision.world:
         return options
-    notes = {**mesh.metadata, **options.metadata}
-    number = in_unit(text, np.asarray(mesh.points), notes.get(COORDINATE_UNIT), notes.get(CRS))
-    return replace(options, precision=options.precision.in_cells(lambda _: number))
+    notes, points = {**mesh.metadata, **options.metadata}, np.asarray(mesh.points)
+
+    def number(text: str) -> float:
+        return in_unit(text, points, notes.get(COORDINATE_UNIT), notes.get(CRS))
+
+    return replace(options, precision=options.precision.in_cells(number))
+
 def without_slivers(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Leave out triangles at the border that are too flat for positions of a mesh, where points lie in a line but for
     rounding."""
@@ -573,14 +615,3 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
     if step is not None and not (math.isfinite(step) and step > 0):
         raise OptionError(f"the step {step} is not a positive number", code="step")
     return Samples(found, isovalue_of(isovalue), signs, step)
-
-
-def crossing_places(field: Samples, edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Compute crossings of edges by linear interpolation, from 0 at the lower vertex to 1 at the upper one."""
-    low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
-    with np.errstate(all="ignore"):
-        # as for fields: no overflow, and all bits of tiny numbers
-        exponent = np.frexp(np.maximum(np.abs(low), np.abs(high)))[1]
-        at, start, end = (np.ldexp(x, -exponent) for x in (field.isovalue, low, high))
-        where = np.nan_to_num((at - start) / (end - start), nan=0.5)
-    return np.asarray(np.clip(where, 0.0, 1.0))

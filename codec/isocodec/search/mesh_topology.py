@@ -1,0 +1,103 @@
+"""Nodes of the hierarchy of a mesh that may go without a change of topology (row C2-topology; spec annex G.6).
+
+In the cells around the vertex that goes, the contour is a copy of the part of the link with the other sign than the
+vertex; in the cells that take their place, of the part with the other sign than its target. If both have the same sign,
+nothing changes. Otherwise these are the two parts of a sphere that the contour's rims cut it into, which agree if there
+is one rim: if both signs form one part each; at the border of the mesh, on the border of the link, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernel import inlined, inner, kernel
+from ..kernel.types import BoolVector, IntMatrix, IntVector
+from ..mesh.cut import CellHistory
+
+
+@inlined
+def _root(parent, v):
+    while parent[v] != v:
+        v = parent[v]
+    return v
+
+
+@inner
+def _parts(cell, star, above, v, apex, rim, parent, seen):
+    """Parts of each sign, (below, above), of the link of v without the apex, or of its border; ``seen`` is room."""
+    corners = cell.shape[1]
+    count = np.int64(0)
+    below = np.int64(0)
+    over = np.int64(0)
+    for k in star:
+        at_rim = False
+        for i in range(corners):
+            at_rim = at_rim or cell[k, i] == apex
+        if rim and not at_rim:
+            continue
+        for i in range(corners):
+            u = cell[k, i]
+            if u not in (v, apex) and parent[u] < 0:
+                parent[u] = u
+                seen[count] = u
+                count += 1
+                if above[u]:
+                    over += 1
+                else:
+                    below += 1
+    for k in star:
+        at_rim = False
+        for i in range(corners):
+            at_rim = at_rim or cell[k, i] == apex
+        if rim and not at_rim:
+            continue
+        for i in range(corners):
+            for j in range(i):
+                a, b = cell[k, i], cell[k, j]
+                if a in (v, apex) or b in (v, apex) or above[a] != above[b]:
+                    continue
+                a, b = _root(parent, a), _root(parent, b)
+                if a != b:
+                    parent[a] = b
+                    if above[b]:
+                        over -= 1
+                    else:
+                        below -= 1
+    for i in range(count):
+        parent[seen[i]] = -1
+    return below, over
+
+
+@kernel
+def find_safe(
+    cell: IntMatrix, first: IntVector, star: IntVector, vertex: IntVector, target: IntVector, above: BoolVector,
+    parent: IntVector, seen: IntVector, out: BoolVector,
+) -> None:
+    """Mark the safe nodes; ``parent`` (V + 1,), all -1, and ``seen`` (V + 1,) are room."""
+    apex = np.int64(len(above))
+    for i in range(len(vertex)):
+        v = vertex[i]
+        if above[v] == above[target[i]]:
+            out[i] = True
+            continue
+        around = star[first[i] : first[i + 1]]
+        below, over = _parts(cell, around, above, v, apex, False, parent, seen)
+        out[i] = below == 1 and over == 1
+        border = False
+        for k in around:
+            for j in range(cell.shape[1]):
+                border = border or cell[k, j] == apex
+        if out[i] and border:
+            below, over = _parts(cell, around, above, v, apex, True, parent, seen)
+            out[i] = below == 1 and over == 1
+
+
+def safe_nodes(history: CellHistory, above: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which nodes may go, (N,), if vertices (V,) lie above or below: the contour's parts, rims and handles stay."""
+    out = np.zeros(len(history.vertex), np.bool_)
+    room = np.full((2, len(above) + 1), -1)
+    find_safe(
+        history.cell, history.star_first, history.star, history.vertex, history.target, above, room[0], room[1], out
+    )
+    return out

@@ -1,0 +1,155 @@
+"""Cuts of a known mesh that isovalues are coded on: within distances, with the topology kept (spec annex G.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..deferred import dataclass
+from ..drawing.explicit import crossed_edges
+from ..errors import OptionError
+from ..field.samples import Samples
+from ..mesh.complex import Complex
+from ..mesh.cut import CellHistory
+from ..mesh.hierarchy import has_hierarchy
+from ..mesh.isovalue import MeshIsovalue
+from ..search.mesh_cuts import KeptCut, MeshContour, without_crossings
+from ..search.mesh_topology import safe_nodes
+from ..search.tolerance import EXACT
+from .options import Options
+
+Cut = KeptCut | NDArray[np.bool_]
+"""A cut that keeps a distance, with its points; or nodes of one, (N,), with points of the field."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What cuts shall keep.
+
+    Attributes
+    ----------
+    distances : sequence of float
+        In the unit of the points, one for each cut, decreasing.
+    topology : bool
+        Whether each cut has the contour's components, rims and handles.
+    stepwise : bool
+        Whether each layer promises something, so that signs of the whole mesh are no alternative.
+    """
+
+    distances: Sequence[float]
+    topology: bool
+    stepwise: bool
+
+
+def wanted_of(options: Options) -> Wanted | None:
+    """What options ask of cuts; None if that is nothing."""
+    precision = options.precision
+    distances = precision.steps or (() if precision.tolerance is None else (precision.tolerance,))
+    stepwise = options.keep_topology or precision.steps is not None
+    return Wanted(distances, options.keep_topology, stepwise) if stepwise or distances else None
+
+
+def check_cuts(domain: Complex, options: Options, progressive: bool | None, shared: bool) -> None:
+    """Refuse what only cuts promise, where there are none; ``shared``: encoder and decoder both have the mesh."""
+    topology, steps = options.keep_topology, options.precision.steps or ()
+    name, code = ("keep_topology", "keep_topology") if topology else (f"precision {options.precision.text!r}", "steps")
+    if not shared:
+        raise OptionError(f"{name} is for meshes that both sides have", code=code,
+                          remedy='give stored="known" (--stored known), or leave it out')
+    if progressive is False:
+        raise OptionError(f"{name} needs progressive signs", code=code, remedy="leave progressive out")
+    if not has_hierarchy(domain):
+        raise OptionError(f"{name}: the mesh is too large for its unit", code=code, remedy="leave it out")
+    if EXACT in steps:
+        raise OptionError("a mesh has no step of exact values", code=code, remedy="end with a distance")
+    if any(not later < step for step, later in pairwise(steps)):
+        raise OptionError("the distances must decrease", code=code, remedy="for example 4, 1, 0.25")
+
+
+class CutPlan:
+    """Chooses cuts.
+
+    Parameters
+    ----------
+    domain : Complex
+    points : (V, d) float64
+    history : CellHistory
+    wanted : Wanted
+    """
+
+    def __init__(self, domain: Complex, points: NDArray[np.float64], history: CellHistory, wanted: Wanted) -> None:
+        self._domain, self._points, self._history, self._wanted = domain, points, history, wanted
+        self._every = np.ones(len(history.vertex), np.bool_)
+
+    def cuts(self, fields: Sequence[Samples], whole: Callable[[Samples], int], step: int) -> list[list[Cut]]:
+        """Choose cuts for isovalues, each part of the next.
+
+        Parameters
+        ----------
+        fields : sequence of Samples
+            The values for each isovalue.
+        whole : callable
+            The bytes that an isovalue takes on the whole mesh.
+        step : int
+            Of offsets there.
+
+        Returns
+        -------
+        list of list of Cut
+            Without any where the whole mesh takes fewer bytes.
+        """
+        found = [self._nested(field, whole) for field in fields]
+        flat = self._domain.n == self._domain.mesh.position.shape[1] == 2
+        if len(fields) > 1 and flat and self._wanted.distances:
+            curves = [self._contour(field, self._wanted.distances[-1]).whole(max(step, 1)) for field in fields]
+            last = without_crossings([_kept(each) for each in found], curves)
+            for number, one in enumerate(last):
+                if one is None and _kept(found[number]) is not None:
+                    found[number] = [*found[number][:-1], self._every] if self._wanted.stepwise else []
+        return found
+
+    def _nested(self, field: Samples, whole: Callable[[Samples], int]) -> list[Cut]:
+        """Choose the cuts of an isovalue, one for each distance."""
+        wanted, inside, found = self._wanted, ~self._every, list[Cut]()
+        if wanted.topology:
+            inside = ~safe_nodes(self._history, field.signs)
+        if not wanted.distances:
+            return [inside, self._every]
+        for distance in wanted.distances[:-1]:
+            one = self._contour(field, distance).coarsest(inside)
+            found.append(self._every if one is None else one)
+            inside = self._every if one is None else one.inside
+        begun = partial(MeshIsovalue, self._domain, field.isovalue)
+        kept, size = self._contour(field, wanted.distances[-1]).shortest(inside, begun)
+        if wanted.stepwise:
+            return [*found, self._every if kept is None else kept]
+        return [kept] if kept is not None and size < whole(field) else []
+
+    def _contour(self, field: Samples, distance: float) -> MeshContour:
+        """The contour of the whole mesh, as it is given, for cuts within a distance of it."""
+        cells = self._domain.mesh.cell
+        mixed = (field.signs[cells] != field.signs[cells[:, :1]]).any(axis=1)
+        edges = crossed_edges(cells[mixed], field.signs)
+        return MeshContour(
+            self._domain, self._history, self._points, field.signs, edges, crossing_places(field, edges), distance
+        )
+
+
+def _kept(cuts: Sequence[Cut]) -> KeptCut | None:
+    """The last cut, if its points are not those of the whole mesh."""
+    return cuts[-1] if cuts and isinstance(cuts[-1], KeptCut) else None
+
+
+def crossing_places(field: Samples, edges: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Compute crossings of edges by linear interpolation, from 0 at the lower vertex to 1 at the upper one."""
+    low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
+    with np.errstate(all="ignore"):
+        # as for fields: no overflow, and all bits of tiny numbers
+        exponent = np.frexp(np.maximum(np.abs(low), np.abs(high)))[1]
+        at, start, end = (np.ldexp(x, -exponent) for x in (field.isovalue, low, high))
+        where = np.nan_to_num((at - start) / (end - start), nan=0.5)
+    return np.asarray(np.clip(where, 0.0, 1.0))
