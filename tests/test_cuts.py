@@ -155,7 +155,8 @@ def test_verify_compares_the_curve_alone() -> None:
     mesh = MESHES["plane"](17)
     values = field_of(mesh, 0)
     data = encoded(mesh, values, [0.1, 0.5], some(3, 1), precision=0.5)
-    assert (isocodec.open(data, mesh=mesh).above(0.1) != (values > 0.1)).any()
+    with pytest.raises(OptionError, match="coarser"):
+        isocodec.open(data, mesh=mesh).above(0.1)
     given = isocodec.Mesh(*mesh, values)
     for far, kept in ((200.0, True), (1e-3, False)):
         assert [(one.wrong, one.kept) for one in isocodec.open(data, mesh=mesh).verify(given, within=far)] == [(None, kept)] * 2
@@ -215,7 +216,7 @@ def test_series_of_cuts(kind: str) -> None:
 
 
 def test_what_a_cut_says_of_vertices_that_are_not_there() -> None:
-    """They have the sign of those that they collapsed into; the cells are those of the cut."""
+    """They have no sign that one could ask for, and the mesh that of those that they collapsed into."""
     mesh = MESHES["plane"](17)
     values = field_of(mesh, 0)
     file = isocodec.open(encoded(mesh, values, 0.1, some(3, 1), precision="signs"), mesh=mesh)
@@ -223,7 +224,9 @@ def test_what_a_cut_says_of_vertices_that_are_not_there() -> None:
     decoder.feed(file.data)
     found = decoder.take().on_mesh.strand()
     assert found is not None and found.cut is not None and not found.cut.all()
-    above = file.above(0.1)
+    with pytest.raises(OptionError, match="coarser"):
+        file.above(0.1)
+    above = file.mesh(0.1, whole=True).above
     known = found.strand.sign >= 0
     assert (above[known] == (values > 0.1)[known]).all()
     brute = replay(mesh)

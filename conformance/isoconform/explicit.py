@@ -15,7 +15,10 @@ from isocodec.errors import FormatError
 from isocodec.field.meshed import StoredName
 from isocodec.field.samples import Samples
 from isocodec.mesh.complex import complex_of
+from isocodec.drawing.explicit import crossed_edges
 from isocodec.mesh.cut import CellHistory
+from isocodec.search.mesh_cuts import KeptCut
+from isocodec.stream.cut_plan import Cut
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.mesh_encoder import Cuts, MeshEncoder
 from isocodec.tin.delaunay import triangulate
@@ -226,6 +229,17 @@ def some_nodes(*shares: int, seed: int = 51) -> Cuts:
     return wanted
 
 
+def with_offsets_between(history: CellHistory, field: Samples) -> Sequence[Cut]:
+    """Layers of a cut, of which the first two have offsets, and the last one has other geometry."""
+    first, second, third = some_nodes(30, 9, 3)(history, field)
+    real = history.cell[(history.cell < len(field.signs)).all(axis=1)]
+    edges = crossed_edges(real, field.signs)
+    curve = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
+    return [
+        *(KeptCut(inside, 700, edges, np.full(len(edges), 0.25), curve) for inside in (first, second)), third,
+    ]
+
+
 def first_isovalue(history: CellHistory, field: Samples) -> Sequence[NDArray[np.bool_]]:
     """A cut for one isovalue alone."""
     return some_nodes(4)(history, field) if field.isovalue == VALUE else []
@@ -248,6 +262,7 @@ def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
         ("frames", frames, VALUES[:2], some_nodes(7, 2), {"precision": 0.5, "interval": 3}),
         ("frames_values", frames, VALUE, some_nodes(6), {"precision": "exact"}),
         ("empty", values, 1e6, some_nodes(3), {"precision": "exact"}),
+        ("geometry", values, VALUE, with_offsets_between, {"precision": "exact"}),
     )
     for name, field, isovalue, cuts, options in kinds:
         progressive = options.pop("progressive", None)
@@ -423,7 +438,7 @@ def _wrong_cuts(mesh: Mesh, levels: File) -> Iterator[tuple[str, str, str, bytes
         ("after_levels", "a cut after a level", (*levels.chunks[:2], layer)),
         ("before_signs", "signs after a cut", (first, layer, signs.chunks[1])),
         ("before_levels", "a level after a cut", (first, layer, levels.chunks[1])),
-        ("after_values", "a cut after values", (first, layer, values, layer)),
+        ("values_twice", "values twice after a cut", (first, layer, values, values)),
     ):
         yield f"cuts_{name}", "10.1.3", about, bytes(cut.with_chunks(*chunks))
     fine = _varint_changed(first.payload, 0, 47)[:-16] + complex_of(*mesh, -24)[0].digest

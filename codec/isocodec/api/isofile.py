@@ -261,13 +261,12 @@ class IsoFile:
         -------
         NDArray
             Bool, in the shape of the field: ``field > isovalue``, compared exactly; undefined where samples are missing
-            (see `valid`). On a mesh (V,), one value for each vertex of `mesh`; where a file has a cut of the mesh, those
-            that are not in it have the one of the vertex that takes their place.
+            (see `valid`). On a mesh (V,), one value for each vertex of `mesh`.
 
         Raises
         ------
         OptionError
-            If the mesh of the file is coarser than the grid.
+            If the mesh of the file is coarser than the grid, or than the mesh that the file was made on.
         FormatError, LimitError
             As `contour`; ``limits.samples`` bounds the result.
         """

@@ -281,9 +281,8 @@ def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str
         above = values > contour.isovalue
         original = _drawn(points, cells, values, contour.isovalue)
         wrong = None
-        kinds = {layer.kind for layer in held.info.layers if (layer.frame, layer.isovalue) == (frame or 0, number)}
-        if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN and "cut" not in kinds:
-            # a mesh in the file has its vertices in another order, and a cut not all of them
+        if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN:
+            # a mesh in the file has its vertices in another order
             used = np.unique(cells)
             with suppress(OptionError):
                 wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above)[used].sum())

@@ -243,6 +243,8 @@ class MeshIsovalue:
         st.reg.leaves = 0
         trace(mesh.mesh, st, run.coder)
         self.edges = crossed_edges(mesh.mesh, self.leaves, st.sign)
+        # the geometry of the cut before
+        self.parts = self.number = self.active = self.steps = None
 
     def code_offsets(self, step: int, number: NDArray[np.int64] | None = None) -> None:
         """Code which part of each edge is crossed."""

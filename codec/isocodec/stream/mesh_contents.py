@@ -420,8 +420,7 @@ class MeshContents:
                 most = len(self._hierarchy.rounds) if present.rounds is None else present.rounds - 1
                 return head.rounds <= most
             case MeshLayer.CUT:
-                begun = present.cut is not None or (present.rounds is None and present.edges is None)
-                return begun and present.parts is None and present.active is None
+                return present.cut is not None or (present.rounds is None and present.edges is None)
             case MeshLayer.OFFSETS:
                 return present.edges is not None and present.parts is None
             case MeshLayer.VALUES:

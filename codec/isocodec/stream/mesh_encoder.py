@@ -68,9 +68,8 @@ CELL_KINDS, POINT_KINDS = ("known", "coded", "whole"), ("delaunay", "whole")
 KINDS = (*CELL_KINDS, "delaunay")
 NEEDED = ("coded", "delaunay")
 """Ways to store only what the contours of all frames need."""
-Cuts = Callable[[CellHistory, Samples], Sequence[NDArray[np.bool_]]]
-"""Chooses for an isovalue, from the values there, which nodes each layer of a cut shall have, (N,) each; no layers: no
-cut."""
+Cuts = Callable[[CellHistory, Samples], Sequence[Cut]]
+"""Chooses for an isovalue, from the values there, the cuts of its layers; none for other layers."""
 
 
 class MeshFrames:
@@ -378,18 +377,19 @@ class MeshFrames:
         return CutPlan(self.domain, self._points, self._history, wanted).cuts(fields, whole, self._step)
 
     def _on_cuts(self, strand: MeshIsovalue, field: Samples, cuts: Sequence[Cut]) -> Iterator[bytes]:
-        """Yield the chunks of an isovalue on cuts of the mesh; the last one has its geometry."""
+        """Yield the chunks of an isovalue on cuts of the mesh, each with its geometry; the last one as it is asked for.
+        """
         self._strands.append(strand)
-        for cut in cuts:
+        for number, cut in enumerate(cuts, 1):
             inside = cut.inside if isinstance(cut, KeptCut) else cut
             yield self._signs(strand, field, MeshLayerHead(MeshLayer.CUT), inside)
-        if not isinstance(cut, KeptCut):
-            yield from self._layer_of_places(strand, field)
-        elif cut.step and strand.edges is not None and len(strand.edges):
-            run = strand.write()
-            strand.code_offsets(cut.step, cut.numbers(self.domain.mesh, strand.edges[:, :2]))
-            head = MeshLayerHead(MeshLayer.OFFSETS, step=cut.step)
-            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
+            if isinstance(cut, KeptCut) and cut.step and strand.edges is not None and len(strand.edges):
+                run = strand.write()
+                strand.code_offsets(cut.step, cut.numbers(self.domain.mesh, strand.edges[:, :2]))
+                head = MeshLayerHead(MeshLayer.OFFSETS, step=cut.step)
+                yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
+            elif number == len(cuts) and not isinstance(cut, KeptCut):
+                yield from self._layer_of_places(strand, field)
 
     def _shorter(self, begun: Callable[[], MeshIsovalue], field: Samples) -> list[bytes]:
         """Code an isovalue level by level, or along a walk where that is much shorter; return its chunks."""

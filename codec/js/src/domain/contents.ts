@@ -152,7 +152,7 @@ export class DomainFile implements Contents {
     if (kind === 2 && Math.max(...numbers) > 52) throw wrong("numbers of more than 52 bits");
     const bare = !contour.whole && !contour.levels;
     if (kind === 0 ? !bare : kind === 1 ? !contour.whole || contour.offsets : kind === 2 ? !contour.whole || contour.values
-      : kind === 4 ? !(contour.cut ? !contour.offsets && !contour.values : bare)
+      : kind === 4 ? !(contour.cut || bare)
       : contour.whole || (contour.levels && first >= contour.levels.left)) throw wrong("a layer that cannot come now");
     meter.step(mesh.V + mesh.T);
     meter.take(8 * mesh.V + 4 * mesh.T);
@@ -169,6 +169,8 @@ export class DomainFile implements Contents {
     } else if (kind === 4) {
       contour.mesh = contour.cut!.layer(o);
       contour.leaves = new Walk(contour, contour.mesh).find();
+      contour.offsets = undefined;
+      contour.values = undefined;
     } else {
       const edges = contour.offsets?.edges ?? new Crossings(contour.mesh, contour.leaves!, contour.sign, meter);
       if (kind === 1) (contour.offsets = new Offsets(contour, edges, first)).decode(o);
