@@ -154,6 +154,8 @@ def whole() -> Iterator[Draft]:
             f"mesh_{kind}_step", mesh, values / 8, 12.4, "values in steps", precision="step=0.25", progressive=False,
         )
         yield _draft(f"mesh_{kind}_empty", mesh, values, 1e6, "no curve", progressive=False)
+        yield _draft(f"mesh_{kind}_above", mesh, values, -1e6, "no curve", "all above", progressive=False)
+        yield _parts(kind, mesh, values)
         yield _draft(
             f"mesh_{kind}_coded", mesh, values, VALUE, "the mesh in the file, as far as it is crossed", kind="coded",
             precision="exact", mesh_error=0.3,
@@ -182,6 +184,21 @@ def whole() -> Iterator[Draft]:
     yield _draft(
         "mesh_far_levels", mesh, hills(tetrahedra(6), 0, 5), VALUE, "the whole mesh in the file", "levels",
         "determinants beyond 64 bits", kind="whole", mesh_error=0.6, precision="signs", states=True, progressive=True,
+    )
+
+
+def _parts(kind: str, mesh: Mesh, values: Integers) -> Draft:
+    """Four copies of a mesh beside one another, of which a curve crosses the second alone."""
+    points, cells = mesh
+    apart = np.zeros(points.shape[1], np.int64)
+    apart[0] = 2 * int(np.ptp(points[:, 0])) + 1
+    copies = np.concatenate([points + i * apart for i in range(4)]), np.concatenate(
+        [cells + i * len(points) for i in range(4)]
+    )
+    given = np.concatenate([values + 10_000, values, values - 10_000, values + 10_000])
+    return _draft(
+        f"mesh_{kind}_parts", copies, given, (VALUE, VALUE + 40), "parts of the mesh that no curve enters",
+        precision="exact", progressive=False, states=True,
     )
 
 

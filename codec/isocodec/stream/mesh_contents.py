@@ -167,7 +167,7 @@ class MeshContents:
             raise TruncatedError("the file ends before its signs are complete", code="truncated")
         sign = found.strand.sign.copy()
         spread_signs(self._domain.mesh, sign, np.zeros(len(sign), np.int64))
-        # without a curve, all vertices lie on the same side as the first
+        # vertices without a cell have none
         return np.asarray(sign == 1)
 
     def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:

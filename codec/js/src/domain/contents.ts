@@ -16,7 +16,7 @@ import { Hierarchy } from "./hierarchy.js";
 import { Contour } from "./isovalue.js";
 import { knownMesh } from "./known.js";
 import { Levels } from "./levels.js";
-import { Opinions } from "./models.js";
+import { LAYERS, Opinions } from "./models.js";
 import { Offsets } from "./offsets.js";
 import { readPositions, SURFACE } from "./positions.js";
 import { Walk } from "./signs.js";
@@ -156,7 +156,10 @@ export class DomainFile implements Contents {
     if (kind === 3 && !contour.levels) contour.levels = this.levels(contour, first, wrong);
     coder.begin(r.at, r.stop - r.at, Infinity);
     const o = new Opinions(coder, contour.models);
-    if (kind === 0) contour.leaves = new Walk(contour, mesh).decode(o, (what) => r.error("10.3.1", what));
+    if (kind === 0) {
+      contour.leaves = new Walk(contour, mesh).decode(o, (what) => r.error("10.3.1", what));
+      contour.parts(() => o.coder.bit(LAYERS.at.FIRST), meter);
+    }
     else if (kind === 3) {
       const levels = contour.levels!;
       if (bare) levels.coarse(o);
