@@ -150,7 +150,7 @@ def test_a_figure_that_fails_leaves_the_others(
         figures.main()
     output = capsys.readouterr()
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["hyperbola.png"]
-    assert "hyperbola, base (" in output.out and "terrain/jacksboro_fault_dem.npy nor" in output.err
+    assert "hyperbola: symbols of the base: " in output.out and "terrain/jacksboro_fault_dem.npy nor" in output.err
     monkeypatch.setattr(sys, "argv", ["figures", str(tmp_path), "-o", str(tmp_path / "out"), "none"])
     with pytest.raises(SystemExit):
         figures.main()

@@ -83,6 +83,5 @@ def cubic(folder: Path, out: Path) -> None:
         if stage.level < 14:
             draw_mesh(axis, stage.decoder.grid.mesh())
         draw_curve(axis, contour)
-        axis.set_title(f"{name}\n{stage.bytes:,} bytes, off by {far:.2f} cells", fontsize=8)
-        print(f"cubic, {name}: {stage.bytes:,} bytes, {len(contour.cells):,} segments, off by {far:.3f} cells")
+        axis.set_title(f"{name}\n{stage.bytes:,} bytes, off by {far:.3f} cells", fontsize=8)
     save(figure, out / "cubic.png")

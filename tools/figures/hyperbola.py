@@ -88,6 +88,5 @@ def hyperbola(folder: Path, out: Path) -> None:
         axis.set(xlim=(-1, SIDE), ylim=(SIDE, -1), aspect="equal", xticks=[], yticks=[])
         axis.set_title(title, fontsize=8)
     save(figure, out / "hyperbola.png")
-    print(f"hyperbola, base ({base.bytes} bytes): {listed(symbols, BASE)}")
-    print(f"hyperbola, refinement ({refined.bytes - geometry.bytes} bytes): {listed(symbols, REFINEMENT)}")
-    print(f"hyperbola, with both geometries: {whole.bytes} bytes")
+    print(f"hyperbola: symbols of the base: {listed(symbols, BASE)}")
+    print(f"hyperbola: symbols of the refinement: {listed(symbols, REFINEMENT)}")

@@ -110,6 +110,8 @@ def _rates(folder: Path, out: Path, chosen: tuple[tuple[str, float], ...]) -> No
     for name, isovalue in chosen:
         item = load(folder, name, isovalue)
         points = list(measured(item))
+        for strategy, size, far in points:
+            print(f"rates, {item.title}, {strategy}: {size:,} bytes, {far:.3f} cells")
         draw(item, points, out / f"rate-{item.short}.png")
         (out / f"rate-{item.short}.json").write_text(json.dumps(points, indent=1) + "\n")
 

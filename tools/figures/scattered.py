@@ -56,7 +56,7 @@ def scattered(folder: Path, out: Path) -> None:
         what = (f"{len(isovalues)} isovalue{'s' * (len(isovalues) > 1)}: {len(kept):,} points, "
                 f"{len(files['delaunay']):,} bytes; all points {len(files['whole']):,} ({share:.2f})")
         axis.set_title(what, fontsize=9)
-        print(f"scattered, {what}; contours off by {far:.3f} samples at most")
+        print(f"scattered: {len(isovalues)} isovalues: contours of both files off by {far:.3f} samples at most")
     for axis in axes:
         axis.set(aspect="equal", xlim=(0, terrain.shape[1]), ylim=(terrain.shape[0], 0), xticks=[], yticks=[])
     save(figure, out / "scattered.png")

@@ -20,6 +20,11 @@ DIVISIONS = (1, 3, 5, 9, 21, 63)
 """Parts of crossings, for every two samples of an edge."""
 
 
+def parts_of(parts: int) -> str:
+    """A quantisation in words."""
+    return f"{parts} part{'s' * (parts > 1)}"
+
+
 def thresholds(folder: Path, out: Path) -> None:
     """C2: a table of thresholds times quantisations of crossings, bytes and distances as measured, a line for each."""
     item = load(folder, *CURVE)
@@ -27,7 +32,7 @@ def thresholds(folder: Path, out: Path) -> None:
     sizes, far = np.full((2, len(DISTANCES), len(DIVISIONS)), np.nan)
     for (i, distance), (j, parts) in product(enumerate(DISTANCES), enumerate(DIVISIONS)):
         plan = f"adaptive-base topology distortion={distance}\noffsets {parts} unit=1"
-        asked = f"thresholds, {item.title}: {distance:g} cells asked, {parts} parts"
+        asked = f"thresholds, {item.title}: {distance:g} cells asked, {parts_of(parts)}"
         try:
             data = isocodec.encode(item.values, item.isovalue, layers=plan)
         except OptionError:
@@ -38,7 +43,7 @@ def thresholds(folder: Path, out: Path) -> None:
         print(f"{asked}: {len(data):,} bytes, {far[i, j]:.3f} cells measured")
     figure, (table, axes) = plt.subplots(1, 2, figsize=(13, 4.8), layout="constrained")
     table.imshow(np.log(sizes), cmap="Blues", aspect="auto")
-    table.set_xticks(range(len(DIVISIONS)), [f"{parts} parts" for parts in DIVISIONS])
+    table.set_xticks(range(len(DIVISIONS)), [parts_of(parts) for parts in DIVISIONS])
     table.set_yticks(range(len(DISTANCES)), [f"{distance:g} cells" for distance in DISTANCES])
     for i, j in np.argwhere(~np.isnan(sizes)):
         dark = np.log(sizes[i, j]) > np.nanmean(np.log(sizes))
@@ -46,7 +51,7 @@ def thresholds(folder: Path, out: Path) -> None:
                    color="white" if dark else "black")
     table.set_title(f"{item.title}: bytes, and distance in cells", fontsize=9)
     for j, parts in enumerate(DIVISIONS):
-        axes.loglog(sizes[:, j], far[:, j], marker="o", markersize=4, linewidth=1, label=f"{parts} parts")
+        axes.loglog(sizes[:, j], far[:, j], marker="o", markersize=4, linewidth=1, label=parts_of(parts))
     axes.set(xlabel="bytes", ylabel="distance (cells)")
     axes.grid(visible=True, which="both", linewidth=0.3)
     axes.legend(fontsize=8)
