@@ -30,7 +30,7 @@ SAMPLES = 257
 
 
 def surfaces(folder: Path, out: Path) -> None:
-    """S3 figures 1, 6, 7, 8: each model after each layer; bytes, distance asked and as measured by VTK (3 minutes)."""
+    """S3 figures 1, 6, 7, 8: each model after each layer; bytes, distance asked and as measured by VTK (minutes)."""
     for name, (placement, view) in MODELS.items():
         item = load(folder, f"sdf/{name}_{SAMPLES}", 0.5)
         data = isocodec.encode(isocodec.Field(item.values, placement=placement), item.isovalue, layers=PLAN)
