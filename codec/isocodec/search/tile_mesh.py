@@ -1,8 +1,9 @@
-"""Meshes of tiles in the plane for a tolerance: as those of whole files, but the same where tiles meet (spec 12.7)."""
+"""Meshes in the plane for a tolerance that describe shared sides alike: of tiles, and of periodic axes (spec 12.7)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,33 @@ from ..grid.lattice.vertex_set import Chosen
 from .promise import Promise
 from .repair import Course, repaired
 from .strategy import BACK, LOOSE, SPACING, Plan, base_of, even_starts
-from .tolerance import pitches, radices
+from .tolerance import Slack, pitches, radices
+
+
+class FaceSlack(Slack):
+    """Slack with none in shared faces, where crossings must be the same from both sides.
+
+    Parameters
+    ----------
+    tolerance : float
+    size : sequence of int
+    shared : (n, 2) bool
+        Across each axis the low and the high face.
+    """
+
+    def __init__(self, tolerance: float, size: Sequence[int], shared: NDArray[np.bool_]) -> None:
+        super().__init__(tolerance)
+        last = np.array(size, np.int64) - 1
+        self._low = np.where(shared[:, 0], 0, -1)
+        self._high = np.where(shared[:, 1], last, -1)
+
+    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Slack of crossings, as for ``Slack``, but 0 in shared faces."""
+        return np.where(self.on_face(low, high), 0, super().__call__(low, high))
+
+    def on_face(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Find edges that lie in a shared face."""
+        return ((low == high) & ((low == self._low) | (low == self._high))).any(axis=1)
 
 
 def face_vertices(signs: NDArray[np.bool_], shared: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -52,7 +79,7 @@ def tile_plan(promise: Promise, tolerance: float, coarse: int, shared: NDArray[n
     Parameters
     ----------
     promise : Promise
-        Of the tile; the points on its shared sides stay where they are.
+        Of the tile, or the field with its periodic axes closed; the points on shared sides stay where they are.
     tolerance : float
     coarse : int
         Level that all plans lead to first.

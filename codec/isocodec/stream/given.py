@@ -61,9 +61,9 @@ def placement_of_file(field: Field, options: Options) -> Placement | None:
     placement = field.placement
     if placement is None or (placement.matrix is not None and PLACEMENT in options.metadata):
         return None
-    if placement.inferred and placement.periodic and options.chooses_mesh:
+    if placement.inferred and placement.periodic and (chosen := options.keeps_open(np.ndim(field.values))):
         warnings.warn(
-            f"axis {placement.periodic[0]} is not treated as periodic, because {options.chooses_mesh} adapts the "
+            f"axis {placement.periodic[0]} is not treated as periodic, because {chosen} adapts the "
             "mesh, which "
             "could then differ at the two ends",
             stacklevel=5,

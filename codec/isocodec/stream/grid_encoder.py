@@ -51,6 +51,7 @@ from ..search.original import original
 from ..search.promise import Promise
 from ..search.reduced import LINEAR_POINTS
 from ..search.steps import stepwise
+from ..search.tile_mesh import FaceSlack, tile_plan
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from .container import ContainerEncoder, beginning
 from .options import DEFAULT_TOLERANCE, LEVELS, SEARCHED, Options
@@ -162,10 +163,11 @@ def grid_file(
     first = fields[0]
     shape, gone = first.signs.shape, first.gone
     periodic = () if placement is None else placement.periodic
-    if periodic and options.chooses_mesh:
+    if periodic and (chosen := options.keeps_open(len(shape))):
         raise OptionError(
-            f"periodic axes and {options.chooses_mesh} cannot be combined: the mesh must be the same at both ends of "
-            "the axis", code="periodic", remedy=f"use exact, step=.., signs or a distance below {SEARCHED:g}",
+            f"periodic axes and {chosen} cannot be combined: the mesh must be the same at both ends of "
+            "the axis", code="periodic",
+            remedy="use exact, step=.., signs or a distance" + f" below {SEARCHED:g}" * (len(shape) > 2),
         )
     options.check_data(first.integer)
     radices(options.precision.offsets)
@@ -271,7 +273,7 @@ class GridFrame:
         file, o = self.file, self.file.options
         single = len(file.series.isovalues) == 1 or file.series.interval is not None or LABELS in file.metadata
         searched = o.layers.default and o.precision.steps is None and o.precision.searched is not None
-        return searched and not single and file.header.n == 2
+        return searched and not single and file.header.n == 2 and not file.periodic
 
     def _uncrossed(self) -> Iterator[bytes]:
         """Yield the chunks of all isovalues, made anew until no two curves cross.
@@ -468,6 +470,9 @@ class GridFrame:
         truth = self._truth(number)
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, file.holes,
                           leans=lean is not None)
+        if file.periodic:
+            assert searched is not None
+            return self._joined(promise, number, searched)
         if self._fenced:
             return self._beside_others(promise, number, lean)
         if precision.steps is not None:
@@ -481,6 +486,24 @@ class GridFrame:
         if searched is not None:
             return smallest(promise, searched, o.keep_topology)
         return [*strategy.whole_mesh(promise, True, level), *behind]
+
+    def _joined(self, promise: Promise, number: int, tolerance: float) -> Sequence[Entry]:
+        """Make the plan for a tolerance on a grid whose ends along periodic axes are the same samples.
+
+        They are described alike, as faces that tiles share. The distance is proven in the grid that is cut open there;
+        across the seam it can only be smaller.
+        """
+        file, field = self.file, self._fields[number]
+        shape = file.header.shape
+        shared = np.zeros((len(shape), 2), np.bool_)
+        shared[list(file.periodic)] = True
+        slack = FaceSlack(tolerance, shape, shared)
+        promise.fixed, promise.free = slack.on_face, file.options.entropy == Profile.MAIN
+        offsets = grid_offsets(tolerance, False)
+        if promise.free and offsets:
+            offsets[-1] = (*offsets[-1], 0, None, slack)
+        grid = [*strategy.grid_plan(len(shape), file.full_level, None), *offsets]
+        return tile_plan(promise, tolerance, strategy.base_of(len(shape), file.full_level), shared, grid)
 
     def _beside_others(self, promise: Promise, number: int, lean: LeanOn | None) -> Sequence[Entry]:
         """Make the plan for an isovalue whose curve must not cross those next to it."""

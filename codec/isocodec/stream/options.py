@@ -380,6 +380,14 @@ class Options:
         }
         return next((name for name, given in chosen.items() if given), "")
 
+    def keeps_open(self, n: int) -> str:
+        """The option under which the ends of periodic axes of n cannot be joined; empty if there is none.
+
+        Of meshes that are searched for, only those in the plane for a distance are the same at both ends.
+        """
+        joined = n == 2 and not self.layers.planned and self.layers.criterion is None and not self.keep_topology
+        return "" if joined and self.precision.steps is None else self.chooses_mesh
+
     def check_data(self, integer: bool) -> None:
         """Refuse exact values for floating-point data."""
         if not integer and (self.precision.exact or EXACT in (self.precision.steps or ())):

@@ -28,9 +28,9 @@ from ..search.ground_truth import GroundTruth, truth_of
 from ..search.promise import Promise
 from ..search.strategy import NotKeptError, Plan, base_of
 from ..search.tile_faces import Faces
-from ..search.tile_mesh import tile_plan
+from ..search.tile_mesh import FaceSlack, tile_plan
 from ..search.tile_volume import cubes_for, pitch_of, volume_plan
-from ..search.tolerance import Slack, grid_offsets, radices
+from ..search.tolerance import grid_offsets, radices
 from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
 from .layout import COARSEST, Index, TileGrid
 from .structure import Head, Kind, Stage
@@ -156,24 +156,6 @@ class TileSegments:
     segments: tuple[tuple[bytes, ...], ...]
     faces: tuple[tuple[int, int], ...]
     counts: tuple[float, ...]
-
-
-class FaceSlack(Slack):
-    """Slack in a tile, with none in shared faces, where crossings must be the same from both sides."""
-
-    def __init__(self, tolerance: float, size: Sequence[int], shared: NDArray[np.bool_]) -> None:
-        super().__init__(tolerance)
-        last = np.array(size, np.int64) - 1
-        self._low = np.where(shared[:, 0], 0, -1)
-        self._high = np.where(shared[:, 1], last, -1)
-
-    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Slack of crossings, as for ``Slack``, but 0 in shared faces."""
-        return np.where(self.on_face(low, high), 0, super().__call__(low, high))
-
-    def on_face(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Find edges that lie in a shared face."""
-        return ((low == high) & ((low == self._low) | (low == self._high))).any(axis=1)
 
 
 def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments:
