@@ -26,9 +26,10 @@ from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.promise import Promise
+from ..search.shared_sides import SharedSides
 from ..search.strategy import NotKeptError, Plan, base_of
 from ..search.tile_faces import Faces
-from ..search.tile_mesh import FaceSlack, tile_plan
+from ..search.tile_mesh import tile_plan
 from ..search.tile_volume import cubes_for, pitch_of, volume_plan
 from ..search.tolerance import grid_offsets, radices
 from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
@@ -335,11 +336,8 @@ def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
             plan.append((LayerKind.VALUES, None))
         else:
             fine = precision.tolerance or DEFAULT_TOLERANCE
-            offsets = grid_offsets(fine, False)
-            if tiling.profile == Profile.MAIN and offsets:
-                slack = FaceSlack(fine, grid.size(index), grid.shared(index))
-                offsets[-1] = (*offsets[-1], 0, None, slack)
-            plan += offsets
+            sides = SharedSides(grid.size(index), grid.shared(index))
+            plan += grid_offsets(fine, tiling.profile == Profile.MAIN, sides.holds)
     return plan, ends
 
 
@@ -350,18 +348,15 @@ def _searched(
     """Search for a mesh that keeps a tolerance."""
     grid, tolerance = tiling.grid, tiling.searched
     assert tolerance is not None
-    shared = grid.shared(index)
-    slack = FaceSlack(tolerance, grid.size(index), shared)
+    sides, free = SharedSides(grid.size(index), grid.shared(index)), tiling.profile == Profile.MAIN
     coarse = grid.level(index, COARSEST)
     base = base_of(grid.n, coarse)
     whole: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, None)] if base < grid.level(index, 0) else [])]
-    offsets = grid_offsets(tolerance, False)
-    if tiling.profile == Profile.MAIN and offsets:
-        offsets[-1] = (*offsets[-1], 0, None, slack)
-    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), tiling.profile == Profile.MAIN,
-                      None, truth, holes, slack.on_face)
+    offsets = grid_offsets(tolerance, free, sides.holds)
+    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), free, None, truth, holes,
+                      sides.holds)
     if faces is None:
-        plan = tile_plan(promise, tolerance, coarse, shared, [*whole, *offsets])
+        plan = tile_plan(promise, tolerance, coarse, sides, [*whole, *offsets])
     else:
         level = grid.level(index, tiling.cubes)
         lead: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, level - base)] if base < level else [])]
