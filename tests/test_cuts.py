@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import isocodec
 from brute import examples
 from explicit_meshes import Mesh, crossings, euler, plane
-from isocodec.errors import FormatError, IsoError, LimitError
+from isocodec.errors import FormatError, IsoError, LimitError, OptionError
 from isocodec.field.samples import Samples
 from isocodec.format.chunks import write_chunk
 from isocodec.format.events import DomainRead, MeshLayerComplete

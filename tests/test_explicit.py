@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import isocodec
 from brute import HEAVY, INTERPRETED, clamped
@@ -327,3 +328,38 @@ def test_limits():
     ):
         with pytest.raises(LimitError):
             isocodec.open(data, mesh=mesh, limits=limits).contours()
+
+
+SIDES = {"above": [True] * 3, "below": [False] * 3, "both": [True, False, True]}
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("stored", ["known", "coded", "whole"])
+@pytest.mark.parametrize("levels", [False, True])
+@pytest.mark.parametrize("make", [plane, space])
+def test_sides_of_parts_that_no_curve_enters(make, levels, stored, side):
+    """Parts beside one another, each on a side of its own; beside a part that is crossed they have their sides, too."""
+    points, cells = make(3, 25, 1.0)
+    apart = np.eye(points.shape[1])[0] * 3 * np.ptp(points[:, 0])
+    above = np.array(SIDES[side])
+    for crossed in (False, True):
+        values = [np.where(one, 1.0, -1.0) + np.zeros(len(points)) for one in above]
+        if crossed:
+            values[1] = points[:, 0] - np.median(points[:, 0])
+        mesh = Mesh(
+            np.concatenate([points + i * apart for i in range(3)]),
+            np.concatenate([cells + i * len(points) for i in range(3)]), np.concatenate(values), stored=stored,
+            progressive=levels,
+        )
+        found = isocodec.open(
+            encode(mesh, [0.0, 0.25]), mesh=(mesh.points, mesh.cells) if stored == "known" else None
+        )
+        for isovalue in (0.0, 0.25):
+            there = found.mesh(isovalue, whole=True)
+            # a mesh in the file has its vertices in an order of its own
+            _, same = cKDTree(mesh.points).query(there.points)
+            if stored != "coded":
+                np.testing.assert_array_equal(there.above, (mesh.values > isovalue)[same])
+            elif not crossed:
+                # one cell at least, whatever its side
+                assert len(there.cells) == 1 and (there.above == above[0]).all()

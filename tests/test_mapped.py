@@ -265,21 +265,6 @@ def test_placements_of_no_use(where: dict[str, Any]) -> None:
         isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays, **where)), 0.05)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{"precision": 1}, {"precision": [1]}, {"keep_topology": True}, {"layers": "topology"},
-     {"layers": [("base", None)]}],
-)
-def test_searched_meshes_have_two_ends(options: dict[str, Any]) -> None:
-    """An axis that is periodic by its coordinates alone stays open, with a warning."""
-    field, arrays = grids.polar()
-    with pytest.raises(OptionError, match="periodic"):
-        isocodec.encode(grids.placed(field, arrays, periodic=1), 0.05, **options)
-    with pytest.warns(UserWarning, match="axis 1 is not treated as periodic"):
-        data = isocodec.encode(grids.placed(field, arrays, periodic=1, inferred=True), 0.05, **options)
-    assert data == isocodec.encode(grids.placed(field, arrays), 0.05, **options)
-
-
 def test_options_without_coordinates() -> None:
     field = grids.polar()[0]
     for where in ({"periods": 360}, {"error": 0.01}):
@@ -291,7 +276,7 @@ def test_options_without_coordinates() -> None:
 
 
 def test_curves_close_across_the_seam() -> None:
-    """A ring around the centre is one closed line in the world, a pipe one surface with the two ends of its axis."""
+    """A ring around the centre is one closed line in the world."""
     field, arrays = grids.polar()
     contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1), 0.05))
     (line,) = contour.__geo_interface__["coordinates"]
@@ -307,8 +292,12 @@ def test_curves_close_across_the_seam() -> None:
     assert above.area + below.area == pytest.approx(whole, rel=1e-3)
     assert below.area == pytest.approx(ring.area - turn * radius[0, 0] ** 2, rel=1e-2)
 
+
+@pytest.mark.parametrize("options", [{}, {"precision": 0.5}, {"precision": "1,0.3", "keep_topology": True}])
+def test_surfaces_close_across_the_seam(options: dict[str, Any]) -> None:
+    """A pipe is one surface with the two ends of its axis."""
     field, arrays = grids.cylinder()
-    contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1), 0.0))
+    contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1), 0.0, **options))
     mesh = trimesh.Trimesh(contour.joined.placed, contour.joined.cells, process=False)
     assert mesh.body_count == 1 and mesh.euler_number == 0 and mesh.is_winding_consistent
     loops = mesh.outline().discrete

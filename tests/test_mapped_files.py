@@ -53,13 +53,20 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     assert lines and all(np.abs(np.diff(np.array(line)[:, 0])).max() < 20 for line in lines)
     text = ok("info", path.with_suffix(".iso"))
     assert "axis 1 is periodic" in text and "x repeats after 360" in text
-    # a mesh that is searched for has other ends: they stay apart, with a warning
-    contour, said = encoded(path, 0.9, "--key", "f", "--precision", 1)
+    # on a mesh that is searched for, too
+    contour, said = encoded(path, 0.9, "--key", "f", "--precision", 1, "--keep-topology")
+    assert contour.shape == (13, 37) and contour.placement.periodic == (1,) and "periodic" not in said
+    ends = [sorted(contour.points[contour.points[:, 1] == column, 0].tolist()) for column in (0, 36)]
+    assert ends[0] == ends[1] != []
+    ok("verify", path.with_suffix(".iso"), path, "--key", "f")
+    # under a plan they may differ at the ends: these stay apart, with a warning
+    (tmp_path / "plan").write_text("base 5\noffsets 3\n")
+    plan = "--key", "f", "--layers", tmp_path / "plan"
+    contour, said = encoded(path, 0.9, *plan)
     assert contour.shape == (13, 36) and "not treated as periodic" in said
     contour, said = encoded(path, 0.9, "--key", "f", "--no-placement")
     assert contour.shape == (13, 36) and contour.placement is None and not said
-    refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--precision", 1,
-                  "--periodic", 1)
+    refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, *plan, "--periodic", 1)
     assert refused.exit_code == 2 and "cannot be combined" in refused.stderr
 
 

@@ -18,6 +18,7 @@ from isocodec.field.samples import check_field
 from isocodec.grid.layers.plan import Criteria
 from isocodec.search.original import original
 from isocodec.search.promise import Promise
+from isocodec.search.proof import hausdorff
 from isocodec.stream.plan_file import __doc__ as LANGUAGE
 from isocodec.stream.plan_file import check_plan, read_plan
 from isospec.container import SIGNATURE
@@ -187,6 +188,15 @@ def test_distances_that_cannot_be_kept() -> None:
     for text, line in (("base 2\nadapt distortion=0.2", 2), ("adaptive-base level=4 distortion=1\nvalues", 1)):
         with pytest.raises(OptionError, match=rf"^line {line}, .*distortion of"):
             isocodec.encode(HILLS, 60.5, layers=text)
+
+
+def test_a_distance_that_no_mesh_but_the_full_grid_keeps() -> None:
+    """A slab with edges: implied points are too far away on all others, so the mesh gets full along the surface."""
+    z, y, x = np.mgrid[:30, :34, :38] - np.array([14.2, 16.7, 18.1])[:, None, None, None]
+    field = np.maximum(np.maximum(abs(z) - 8.3, abs(y) - 7.2), abs(x + y / 3) - 9.4)
+    data = isocodec.encode(field, 0.0, layers="adaptive-base distortion=0.15\noffsets 5")
+    whole, found = original(check_field(field, 0.0)), isocodec.decode(data)
+    assert max(hausdorff(whole.points, whole.cells, found.points, found.cells)) <= 0.15 + 1e-2
 
 
 def test_one_criterion_is_that_of_encode() -> None:

@@ -18,7 +18,7 @@ from brute import INTERPRETED
 from commands import fails, ok, run
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
-from isocodec.search.tile_mesh import face_vertices
+from isocodec.search.shared_sides import SharedSides
 from isocodec.storage.ranges import GAP, MOST_PIECES, SLACK, together
 from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
@@ -174,7 +174,7 @@ def test_levels_of_samples_on_sides(seed: int, k: int) -> None:
     """By hand: a sample is a middle of the level at which bisection comes to it."""
     side = (1 << k) + 1
     signs = np.random.default_rng(seed).random((side, side)) < 0.5
-    position, level = face_vertices(signs, np.ones((2, 2), np.bool_))
+    position, level = SharedSides(signs.shape, np.ones((2, 2), np.bool_)).vertices(signs)
     for (x, y, _), own in zip(position.tolist(), level.tolist(), strict=True):
         step = 1 << (k - 1)
         while x % step or y % step:

@@ -162,6 +162,8 @@ def whole() -> Iterator[Draft]:
             f"mesh_{kind}_step", mesh, values / 8, 12.4, "values in steps", precision="step=0.25", progressive=False,
         )
         yield _draft(f"mesh_{kind}_empty", mesh, values, 1e6, "no curve", progressive=False)
+        yield _draft(f"mesh_{kind}_above", mesh, values, -1e6, "no curve", "all above", progressive=False)
+        yield _parts(kind, mesh, values)
         yield _draft(
             f"mesh_{kind}_coded", mesh, values, VALUE, "the mesh in the file, as far as it is crossed", kind="coded",
             precision="exact", mesh_error=0.3,
@@ -193,6 +195,21 @@ def whole() -> Iterator[Draft]:
     yield _draft(
         "mesh_far_levels", mesh, hills(tetrahedra(6), 0, 5), VALUE, "the whole mesh in the file", "levels",
         "determinants beyond 64 bits", kind="whole", mesh_error=0.6, precision="signs", states=True, progressive=True,
+    )
+
+
+def _parts(kind: str, mesh: Mesh, values: Integers) -> Draft:
+    """Four copies of a mesh beside one another, of which a curve crosses the second alone."""
+    points, cells = mesh
+    apart = np.zeros(points.shape[1], np.int64)
+    apart[0] = 2 * int(np.ptp(points[:, 0])) + 1
+    copies = np.concatenate([points + i * apart for i in range(4)]), np.concatenate(
+        [cells + i * len(points) for i in range(4)]
+    )
+    given = np.concatenate([values + 10_000, values, values - 10_000, values + 10_000])
+    return _draft(
+        f"mesh_{kind}_parts", copies, given, (VALUE, VALUE + 40), "parts of the mesh that no curve enters",
+        precision="exact", progressive=False, states=True,
     )
 
 
@@ -245,6 +262,12 @@ def first_isovalue(history: CellHistory, field: Samples) -> Sequence[NDArray[np.
     return some_nodes(4)(history, field) if field.isovalue == VALUE else []
 
 
+def other_nodes(history: CellHistory, field: Samples) -> Sequence[NDArray[np.bool_]]:
+    """Other nodes for each frame, and for some none."""
+    number = int(field.values.sum()) % 5
+    return some_nodes(7, 3, seed=51 + number)(history, field) if number else []
+
+
 def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
     """Isovalues on cuts of a mesh."""
     values, salt = hills(mesh, 0, 5), np.array([int(n % 9 == 0) for n in random_numbers(31, len(mesh[0]), 16)])
@@ -259,8 +282,8 @@ def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
         ("isovalues", hills(mesh), VALUES, some_nodes(9, 3), {"precision": "exact"}),
         ("then_levels", hills(mesh), VALUES, first_isovalue, {"precision": "exact", "progressive": True}),
         ("then_signs", hills(mesh), VALUES, first_isovalue, {"precision": "signs", "progressive": False}),
-        ("frames", frames, VALUES[:2], some_nodes(7, 2), {"precision": 0.5, "interval": 3}),
-        ("frames_values", frames, VALUE, some_nodes(6), {"precision": "exact"}),
+        ("frames", frames, VALUES[:2], other_nodes, {"precision": 0.5, "interval": 3}),
+        ("frames_values", frames, VALUE, other_nodes, {"precision": "exact"}),
         ("empty", values, 1e6, some_nodes(3), {"precision": "exact"}),
         ("geometry", values, VALUE, with_offsets_between, {"precision": "exact"}),
     )

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import isocodec
+from isocodec.field.samples import check_field
 from isocodec.format.events import LayerComplete
+from isocodec.search.original import original
 
 Y_UP = [(0.0, 0.0, -1.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)]
 """Placement of a distance field whose axes are z, y, x of a mesh with y upwards and the front at +z."""
@@ -37,13 +39,24 @@ class Item:
 
 
 def load(folder: Path, name: str, isovalue: float) -> Item:
-    """The array ``name`` (without its suffix) of the folder."""
+    """The array ``name`` (without its suffix) of the folder.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is not there.
+    """
     for suffix in (".npy", ".npz"):
         path = folder / f"{name}{suffix}"
         if path.exists():
             loaded = np.load(path)
             return Item(name, loaded["values"] if suffix == ".npz" else loaded, isovalue)
-    raise SystemExit(f"{folder} has no {name}")
+    raise FileNotFoundError(f"{folder} has neither {name}.npy nor {name}.npz: give the folder of the corpus")
+
+
+def original_of(item: Item) -> isocodec.Contour:
+    """What distances are measured from: the contour of the full grid, with the points of marching squares or cubes."""
+    return original(check_field(item.values, item.isovalue))
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,16 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
-from scipy.spatial import KDTree
 from skimage.measure import EllipseModel, find_contours
 
 import isocodec
+from figures.apart import distances
 from figures.corpus import Item, load
 from figures.planes import INK, save
 from isocodec.field.placement import Placement
 
 NODES = ((17, 64), (25, 96), (33, 128))
 """Rings and rays of the mapped grids; grids of about as many samples stand beside them."""
-SPREAD = 40
-"""Points that a segment is spread to."""
 REACH = 0.35
 """How far the rings go from the mean contour, as a share of its axes."""
 
@@ -41,7 +39,7 @@ def irregular(folder: Path, out: Path) -> None:
             )
             contour = isocodec.decode(data)
             curve = [contour.place(line) for line in contour.lines]
-            far = distance(outer[:, ::-1], curve)
+            far = distances(outer[:, ::-1], curve)
             grid = np.stack([x, y], axis=-1)
             closed = grid if periodic is None else np.concatenate([grid, grid[:, :1]], axis=1)
             lines = [*closed, *grid.transpose(1, 0, 2)]
@@ -75,11 +73,3 @@ def samplings(
     u, v = scale[:, None] * a * np.cos(t), scale[:, None] * b * np.sin(t)
     around = [row + u * np.cos(angle) - v * np.sin(angle), column + u * np.sin(angle) + v * np.cos(angle)]
     return [("grid", np.array(even), None), ("around the mean contour", np.array(around), 1)]
-
-
-def distance(of: NDArray[np.float64], curve: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Distance of points (P, 2) from a curve of several lines, by points spread densely along it."""
-    share = np.linspace(0, 1, SPREAD)[:, None, None]
-    spread = [(line[:-1] + share * np.diff(line, axis=0)).reshape(-1, 2) for line in curve]
-    found, _ = KDTree(np.concatenate(spread)).query(of)
-    return np.asarray(found)

@@ -49,7 +49,10 @@ def panels(rows: int, columns: int, shape: tuple[int, ...], side: float = 3.2) -
 
 
 def save(figure: Any, path: Path) -> None:
-    """Write and forget a figure."""
+    """Write and forget a figure; the titles of its panels, which hold the numbers, are printed."""
+    for axes in figure.axes:
+        if title := axes.get_title():
+            print(f"{path.stem}: {', '.join(title.splitlines())}")
     figure.savefig(path, dpi=150)
     plt.close(figure)
 

@@ -11,13 +11,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import isocodec
-from figures.corpus import Item, load
+from figures.corpus import Item, load, original_of
 from figures.planes import save
 from isocodec.errors import OptionError
-from isocodec.field.samples import check_field
 from isocodec.format.events import LayerComplete
 from isocodec.grid.lattice.tables import cube_exponent
-from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
 
 Point = tuple[str, int, float]
@@ -63,7 +61,7 @@ FAMILIES: dict[str, list[str]] = {
 
 def measured(item: Item) -> Iterator[Point]:
     """All strategies on one item."""
-    whole = original(check_field(item.values, item.isovalue))
+    whole = original_of(item)
 
     def apart(contour: isocodec.Contour) -> float:
         return max(hausdorff(whole.points, whole.cells, contour.points, contour.cells))
@@ -112,6 +110,8 @@ def _rates(folder: Path, out: Path, chosen: tuple[tuple[str, float], ...]) -> No
     for name, isovalue in chosen:
         item = load(folder, name, isovalue)
         points = list(measured(item))
+        for strategy, size, far in points:
+            print(f"rates, {item.title}, {strategy}: {size:,} bytes, {far:.3f} cells")
         draw(item, points, out / f"rate-{item.short}.png")
         (out / f"rate-{item.short}.json").write_text(json.dumps(points, indent=1) + "\n")
 

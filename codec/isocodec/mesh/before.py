@@ -45,17 +45,9 @@ def sign_before(st, v, above):
     return np.int64(1) if st.before[v] == above else np.int64(2)
 
 
-@kernel
-def spread_signs(mesh: CellArrays, sign: Int8Vector, queue: IntVector) -> None:
-    """Give every vertex that is not known the sign of those around it; ``queue`` (V,) is room.
-
-    Where cells of both signs are all known, as of a complete isovalue, that is the same in whatever order.
-    """
-    end = np.int64(0)
-    for v in range(len(sign)):
-        if sign[v] != UNKNOWN:
-            queue[end] = v
-            end += 1
+@inner
+def spread(mesh, sign, queue, end):
+    """Give vertices that are not known the sign of those around them, beginning with the first ``end`` of a queue."""
     at = np.int64(0)
     while at < end:
         v = queue[at]
@@ -68,3 +60,17 @@ def spread_signs(mesh: CellArrays, sign: Int8Vector, queue: IntVector) -> None:
                     sign[other] = sign[v]
                     queue[end] = other
                     end += 1
+
+
+@kernel
+def spread_signs(mesh: CellArrays, sign: Int8Vector, queue: IntVector) -> None:
+    """Give every vertex that is not known the sign of those around it; ``queue`` (V,) is room.
+
+    Where cells of both signs are all known, as of a complete isovalue, that is the same in whatever order.
+    """
+    end = np.int64(0)
+    for v in range(len(sign)):
+        if sign[v] != UNKNOWN:
+            queue[end] = v
+            end += 1
+    spread(mesh, sign, queue, end)

@@ -29,7 +29,7 @@ from .positions import (
     places_on,
 )
 from .ring_fit import RingEstimates
-from .walk import REASONS, WalkRegisters, WalkState, code_base, trace
+from .walk import REASONS, WalkRegisters, WalkState, code_base, code_parts, trace
 
 
 class _Then(NamedTuple):
@@ -186,9 +186,12 @@ class MeshIsovalue:
         mesh = self.domain.mesh
         if truth is not None:
             self.strand.truth[:] = truth
-        self.run.room(len(mesh.position) + 2 * len(mesh.cell))
+        self.run.room(2 * len(mesh.position) + 2 * len(mesh.cell))
         status = code_base(mesh, self.strand, self.run.coder)
         self.run.check(status, REASONS, self.strand.reg.error)
+        sign, queue = self.strand.sign.copy(), np.zeros(len(mesh.position), np.int64)
+        spread_signs(mesh, sign, queue)
+        self.run.check(code_parts(mesh, self.strand, self.run.coder, sign, queue))
         self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
 
     def code_levels(self, hierarchy: Hierarchy, rounds: int, truth: NDArray[np.bool_] | None = None) -> None:

@@ -11,7 +11,7 @@ from ..entropy.range_coder import DECODE, ONE, Coder, code, emit
 from ..kernel import BAD, DONE, inlined, inner, kernel, record
 from ..kernel.types import BoolVector, Int8Vector, IntVector, Registers
 from .affine import beyond
-from .before import RINGS, UNKNOWN, learn_agreement, sign_before, surplus
+from .before import RINGS, UNKNOWN, learn_agreement, sign_before, spread, surplus
 from .complex import CellArrays
 from .models import (
     CLASSES,
@@ -283,4 +283,24 @@ def code_base(mesh: CellArrays, st: WalkState, cd: Coder) -> int:
         if status < 0:
             return status
         least = t + 1
+    return DONE
+
+
+@kernel
+def code_parts(mesh: CellArrays, st: WalkState, cd: Coder, sign: Int8Vector, queue: IntVector) -> int:
+    """Code the sides of the parts of the mesh that no curve enters.
+
+    ``sign`` (V,) are those that follow from the components, as `spread_signs` finds them; ``queue`` (V,) is room.
+    """
+    for seed in range(len(sign)):
+        if sign[seed] != UNKNOWN or mesh.first[seed] == mesh.first[seed + 1]:
+            continue
+        bit = np.int64(st.given[seed])
+        if bit == UNKNOWN:
+            bit = code(cd, FIRST, np.int64(st.truth[seed]))
+            if bit < 0:
+                return bit
+        st.sign[seed] = sign[seed] = bit
+        queue[0] = seed
+        spread(mesh, sign, queue, np.int64(1))
     return DONE

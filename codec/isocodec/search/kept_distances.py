@@ -102,7 +102,8 @@ def keep(promise: Promise, plan: Sequence[Entry], meshes: Sequence[PlannedMesh])
             if not len(places):
                 continue
             failed = True
-            if not _put_back(meshes, number, places):
+            # where leaves are the finest already, implied points are too far away, which a full grid has none of
+            if not _put_back(meshes, number, places) and not _put_back(meshes, number, contour.points):
                 raise _not_kept(plan[meshes[number].entry], distance)
         if not failed:
             return out

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..field.samples import OFFSET_BITS
-from .tolerance import at_a_slant, slopes_at
+from .tolerance import Edges, at_a_slant, slopes_at
 
-Edges = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]]
-"""Choice of edges, by the positions of their ends (E, n) each."""
 SLANT = 2.5
 """Crossings are stored at most this many tolerances off along their edges, where the curve meets these at a slant."""
 SHARES = 1.0, 0.4, 0.0

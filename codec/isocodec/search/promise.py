@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import field as derived
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from .ground_truth import GroundTruth, truth_of
 from .original import original
 from .proof import Target
 from .reduction import Reduction
+from .shared_sides import JoinedReduction, SharedSides
 
 
 @dataclass
@@ -54,6 +56,8 @@ class Promise:
         The mask, where samples are missing.
     fixed : callable, optional
         Which edges, by the positions of their ends, are coded as crossed where the field crosses them.
+    sides : SharedSides, optional
+        Both ends of periodic axes: crossed edges in them stay those of the full grid in all reductions, and are fixed.
     fences : Fences, optional
         Curves of neighbouring isovalues, which the curve must not cross.
     leans : bool
@@ -73,6 +77,7 @@ class Promise:
     truth: GroundTruth | None = None
     holes: Holes | None = None
     fixed: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]] | None = None
+    sides: SharedSides | None = None
     fences: Fences | None = None
     leans: bool = False
     lean_level: int = -1
@@ -81,6 +86,8 @@ class Promise:
     _targets: dict[float, Target] = derived(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.sides:
+            self.fixed = self.sides.holds
         self.contour = original(self.field)
         self._truth = self.truth or truth_of(self.field)
         largest = np.finfo(np.float32).max
@@ -103,7 +110,14 @@ class Promise:
 
     def reduction(self, start: Chosen | None = None) -> Reduction:
         """A reduction of the full grid, or of a mesh."""
-        return Reduction(self.field.signs, self.phi, self.crossing_points, start, self._truth.busy)
+        given = self.field.signs, self.phi, self.crossing_points, start, self._truth.busy
+        return JoinedReduction(*given, *self._at_sides) if self.sides else Reduction(*given)
+
+    @cached_property
+    def _at_sides(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Vertices that crossed edges in the sides need."""
+        assert self.sides is not None
+        return self.sides.vertices(self.field.signs)
 
     @property
     def crossing_points(self) -> NDArray[np.float64]:

@@ -76,7 +76,8 @@ def _offsets(promise: Promise, distances: Sequence[float]) -> Plan:
     plan: Plan = []
     for distance in distances[:-1]:
         plan += [*grid_offsets(distance, False), (PROMISE, distance)]
-    return [*plan, *grid_offsets(distances[-1], promise.free and len(distances) == 1), (PROMISE, distances[-1])]
+    free = promise.free and len(distances) == 1
+    return [*plan, *grid_offsets(distances[-1], free, promise.fixed), (PROMISE, distances[-1])]
 
 
 def _chosen(plan: Plan) -> Chosen | None:

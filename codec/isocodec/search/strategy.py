@@ -65,7 +65,7 @@ def grids(promise: Promise, tolerance: float, topology: bool) -> Found:
     if topology:
         # one layer, which cannot go wrong
         grid.append([("base", promise.full_level)])
-    offsets = grid_offsets(tolerance, promise.free)
+    offsets = grid_offsets(tolerance, promise.free, promise.fixed)
     best: Found = (math.inf, [])
     for plan in [*([*each, *offsets] for each in grid), *grid]:
         best = better(promise, tolerance, plan, best)
@@ -120,7 +120,7 @@ def _coarsest(promise: Promise, grid: Plan, tolerance: float, best: Found) -> Fo
     # as few parts as can be, even if in the worst case a crossing on their border is stored a rounding too far away
     fewest = max(math.ceil(0.5 / tolerance * (1 - EDGE)), 1) | 1
     for radix in sorted({fewest, math.prod(radices(tolerance))} - {1}):
-        slack = Slack(tolerance, promise.phi) if promise.free else None
+        slack = Slack(tolerance, promise.phi, promise.fixed) if promise.free else None
         for _ in range(MOST_TIGHTENED if radix <= MAX_RADIX else 0):
             plan: Plan = [*grid, ("offsets", radix, 0, None, slack)]
             size, contour = promise.trial(plan)

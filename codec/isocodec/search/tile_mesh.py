@@ -4,49 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..grid.lattice.depth import levels_of
-from ..grid.lattice.tables import AXES, cube_exponent
 from ..grid.lattice.vertex_set import Chosen
 from .promise import Promise
 from .repair import Course, repaired
+from .shared_sides import SharedSides
 from .strategy import BACK, LOOSE, SPACING, Plan, base_of, even_starts
 from .tolerance import pitches, radices
 
 
-def face_vertices(signs: NDArray[np.bool_], shared: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Samples next to crossings of the shared sides of a tile, padded to three axes, and their levels.
-
-    With these and their ancestors in the mesh each crossed edge in a shared side leads from one sample to the next.
-
-    Parameters
-    ----------
-    signs : (s0, s1) bool
-    shared : (2, 2) bool
-        Across each axis the low and the high side.
-
-    Returns
-    -------
-    (V, 3) int64, (V,) int64
-    """
-    k = cube_exponent(signs.shape)
-    found = [np.zeros((0, 2), np.int64)]
-    for axis, side in np.argwhere(shared).tolist():
-        place = -side % signs.shape[axis]
-        row = signs.take(place, axis)
-        along = np.flatnonzero(row[1:] != row[:-1])
-        along = np.union1d(along, along + 1)
-        found.append(np.insert(along[:, None], axis, place, axis=1))
-    position = np.unique(np.concatenate(found), axis=0)
-    level = levels_of(position, k)
-    # corners of the root cube are always there
-    inner = level >= 0
-    return np.pad(position[inner], ((0, 0), (0, AXES - 2))), level[inner]
-
-
-def tile_plan(promise: Promise, tolerance: float, coarse: int, shared: NDArray[np.bool_], grid: Plan) -> Plan:
+def tile_plan(promise: Promise, tolerance: float, coarse: int, sides: SharedSides, grid: Plan) -> Plan:
     """The plan with the fewest bytes, of those tried, whose curve is proven to keep to the tolerance.
 
     Parameters
@@ -56,11 +22,11 @@ def tile_plan(promise: Promise, tolerance: float, coarse: int, shared: NDArray[n
     tolerance : float
     coarse : int
         Level that all plans lead to first.
-    shared : (2, 2) bool
+    sides : SharedSides
     grid : plan
         On the full grid, if nothing else is kept.
     """
-    vertices, levels = face_vertices(promise.field.signs, shared)
+    vertices, levels = sides.vertices(promise.field.signs)
     best, size = grid, promise.trial(grid)[0]
     told = math.prod(radices(tolerance))
     tried = [(parts, unit) for parts, unit in pitches(tolerance, promise.n) if _on_unit_edge(parts, unit) == told]

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..grid.lattice.depth import levels_of
-from .mesh_slack import Edges, on_edges, slanted
+from .mesh_slack import on_edges, slanted
 from .promise import Promise, onto
 from .strategy import NotKeptError, Plan
 from .tile_faces import Faces, bisected, is_rough
+from .tolerance import Edges
 
 LARGEST = 4.0
 """Edge of the largest cubes that are tried, in tolerances."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
 
 import numpy as np
@@ -15,6 +15,8 @@ from ..errors import OptionError
 from ..field.samples import OFFSET_BITS
 from ..grid.layers.plan import Entry
 
+Edges = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]]
+"""Choice of edges, by the positions of their ends (E, n) each."""
 EXACT = 0.0
 """A step that asks for all values, to the last bit."""
 PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
@@ -33,11 +35,22 @@ class Slack:
     If all are stored within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it
     takes a longer way along the edge to get as far from the curve; that is tried, and taken back where the tolerance is
     not kept.
+
+    Parameters
+    ----------
+    tolerance : float
+    phi : (s0, .., sn-1) float32, optional
+        The field less its isovalue, if slants are to be made use of.
+    fixed : callable, optional
+        Which edges have none.
     """
 
-    def __init__(self, tolerance: float, phi: NDArray[np.float32] | None = None) -> None:
+    def __init__(
+        self, tolerance: float, phi: NDArray[np.float32] | None = None, fixed: Edges | None = None
+    ) -> None:
         self._tolerance = tolerance
         self._phi = phi
+        self._fixed = fixed
         self._tight = np.zeros(0, np.int64)
 
     def tighten(self, places: NDArray[np.float64]) -> None:
@@ -57,6 +70,8 @@ class Slack:
             slanted = self._tolerance * at_a_slant(slope, high - low, MOST_SLACK)
             tight = np.isin(np.ravel_multi_index(tuple(low.T), self._phi.shape), self._tight)
             slack = np.where(tight, slack, slanted)
+        if self._fixed is not None:
+            slack = np.where(self._fixed(low, high), 0.0, slack)
         # places are rounded to the same unit
         return np.maximum(np.floor(np.minimum(slack, 1.0) * (1 << OFFSET_BITS)).astype(np.int64) - 2, 0)
 
@@ -90,11 +105,14 @@ def at_a_slant(slope: NDArray[np.float64], way: NDArray[np.int64], most: float) 
     return np.where(np.isfinite(times), times, 1.0)
 
 
-def grid_offsets(tolerance: float | None, free: bool) -> list[Entry]:
-    """Layers of offsets on the full grid that keep to the tolerance; if ``free``, the last one has slack."""
+def grid_offsets(tolerance: float | None, free: bool, fixed: Edges | None = None) -> list[Entry]:
+    """Layers of offsets on the full grid that keep to the tolerance; if ``free``, the last one has slack.
+
+    ``fixed`` are edges without any, as of `Slack`.
+    """
     plan: list[Entry] = [("offsets", radix) for radix in radices(tolerance)]
     if free and tolerance is not None and plan:
-        plan[-1] = (*plan[-1], 0, None, Slack(tolerance))
+        plan[-1] = (*plan[-1], 0, None, Slack(tolerance, fixed=fixed))
     return plan
 
 

@@ -56,19 +56,21 @@ def field_of(what: Any) -> Field:
 def placement_of_file(field: Field, options: Options) -> Placement | None:
     """Placement of the samples of a file: the field's, unless a note states it.
 
-    Axes that were taken to be periodic because of their coordinates are left open if a mesh is searched for.
+    Axes that were taken to be periodic because of their coordinates are left open under a plan whose last mesh could
+    differ at their ends.
     """
     placement = field.placement
     if placement is None or (placement.matrix is not None and PLACEMENT in options.metadata):
         return None
-    if placement.inferred and placement.periodic and options.chooses_mesh:
-        warnings.warn(
-            f"axis {placement.periodic[0]} is not treated as periodic, because {options.chooses_mesh} adapts the "
-            "mesh, which "
-            "could then differ at the two ends",
-            stacklevel=5,
-        )
-        placement = replace(placement, periodic=(), inferred=False)
+    if placement.inferred and placement.periodic:
+        shape = tuple(size + (axis in placement.periodic) for axis, size in enumerate(np.shape(field.values)))
+        if options.layers.keeps_open(shape):
+            warnings.warn(
+                f"axis {placement.periodic[0]} is not treated as periodic, because the last mesh of the plan could "
+                "differ at its two ends",
+                stacklevel=5,
+            )
+            placement = replace(placement, periodic=(), inferred=False)
     if options.precision.error and (placement.coordinates is not None or placement.periodic):
         return replace(placement, error=options.precision.error)
     return placement

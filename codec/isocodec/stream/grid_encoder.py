@@ -50,10 +50,11 @@ from ..search.ground_truth import GroundTruth, truth_of
 from ..search.original import original
 from ..search.promise import Promise
 from ..search.reduced import LINEAR_POINTS
+from ..search.shared_sides import SharedSides
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from .container import ContainerEncoder, beginning
-from .options import DEFAULT_TOLERANCE, LEVELS, SEARCHED, Options
+from .options import DEFAULT_TOLERANCE, LEVELS, Options
 from .placing import coordinates_payload
 from .plan_file import check_plan
 from .plan_meshes import with_meshes
@@ -122,6 +123,11 @@ class GridFile:
         # under a criterion the mesh keeps to another distance, or to none
         return self.options.precision.tolerance if self.options.layers.criterion is None else None
 
+    @cached_property
+    def sides(self) -> SharedSides | None:
+        """Both ends of periodic axes, which are described alike; None without such axes."""
+        return SharedSides.of_axes(self.header.shape, self.periodic) if self.periodic else None
+
     @property
     def full_level(self) -> int:
         """Level of the full grid."""
@@ -162,10 +168,11 @@ def grid_file(
     first = fields[0]
     shape, gone = first.signs.shape, first.gone
     periodic = () if placement is None else placement.periodic
-    if periodic and options.chooses_mesh:
+    if periodic and options.layers.keeps_open(shape):
         raise OptionError(
-            f"periodic axes and {options.chooses_mesh} cannot be combined: the mesh must be the same at both ends of "
-            "the axis", code="periodic", remedy=f"use exact, step=.., signs or a distance below {SEARCHED:g}",
+            "periodic axes and this plan cannot be combined: its last mesh could differ at the two ends of the axis",
+            code="periodic", remedy="end the plan on the full grid, on a mesh by criteria, or on a uniform one of a "
+            f"level that is a multiple of {len(shape)}",
         )
     options.check_data(first.integer)
     radices(options.precision.offsets)
@@ -457,17 +464,17 @@ class GridFrame:
             return self._planned(plan, number, lean)
         values: list[Entry] = [(LayerKind.VALUES, None)] if precision.exact or precision.step is not None else []
         fine = None if values or precision.signs else precision.offsets or DEFAULT_TOLERANCE
-        # crossings in the planes that close an axis must be the same, and smoothed ones lie in their parts
-        unmoved = not (file.periodic or precision.smooth)
-        free = o.entropy == Profile.MAIN and unmoved and self._slack_keeps_order(fine)
-        behind = [*values, *grid_offsets(fine, free)] if file.geometry is None else file.geometry[number]
+        # smoothed crossings lie in their parts
+        free = o.entropy == Profile.MAIN and not precision.smooth and self._slack_keeps_order(fine)
+        offsets = grid_offsets(fine, free and not file.periodic)
+        behind = [*values, *offsets] if file.geometry is None else file.geometry[number]
         searched = precision.searched if level is None else None
         if searched is precision.steps is o.layers.criterion is None and not o.keep_topology:
             level = self._bases[number] if self._bases else level
             return [*strategy.grid_plan(len(file.header.shape), file.full_level, level), *behind]
         truth = self._truth(number)
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, file.holes,
-                          leans=lean is not None)
+                          sides=file.sides, leans=lean is not None)
         if self._fenced:
             return self._beside_others(promise, number, lean)
         if precision.steps is not None:
@@ -508,8 +515,8 @@ class GridFrame:
         field, truth = self._fields[number], self._truth(number)
         level = -1 if lean is None else self._leant_on(lean).progress.level
         return with_meshes(plan, file.full_level, level, lambda: Promise(
-            field, lambda: self._fresh(number, lean), False, self._try, truth, file.holes, leans=lean is not None,
-            lean_level=level,
+            field, lambda: self._fresh(number, lean), False, self._try, truth, file.holes,
+            sides=file.sides, leans=lean is not None, lean_level=level,
         ))
 
     def _within(
@@ -524,7 +531,7 @@ class GridFrame:
             fine = fine if o.precision.tolerance else min(fine, FINE_SHARE * distance)
             told = math.prod(radices(fine)), 0
         geometry = values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
-        grid = [*strategy.whole_mesh(promise, o.keep_topology), *values, *grid_offsets(fine, free)]
+        grid = [*strategy.whole_mesh(promise, o.keep_topology), *values, *grid_offsets(fine, free, promise.fixed)]
         return strategy.within(promise, distance, o.keep_topology, geometry, told, grid)
 
     @property

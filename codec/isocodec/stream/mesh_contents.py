@@ -184,7 +184,7 @@ class MeshContents:
             for i in np.flatnonzero(~found.cut)[::-1]:
                 sign[vertex[i]] = sign[target[i]]
         spread_signs(self._domain.mesh, sign, np.zeros(len(sign), np.int64))
-        # without a curve, all vertices lie on the same side as the first
+        # vertices without a cell have none
         return np.asarray(sign == 1)
 
     def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:

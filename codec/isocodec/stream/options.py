@@ -17,9 +17,11 @@ from ..drawing.smoothing import NEAR
 from ..errors import OptionError
 from ..field.placement import PLACEMENT, read_placement
 from ..field.units import distance_of
+from ..grid.lattice.tables import cube_exponent
 from ..grid.layers.plan import Entry
 from ..search.tolerance import EXACT
 from .plan_file import CRITERIA, read_plan
+from .plan_meshes import ends_alike
 from .promises import STEP
 
 ProfileName: TypeAlias = Literal["main", "baseline"]
@@ -278,6 +280,15 @@ class Layers:
         """Whether nothing was chosen."""
         return self == Layers()
 
+    def keeps_open(self, shape: tuple[int, ...]) -> bool:
+        """Whether a plan leads to a mesh that may differ at the two ends of periodic axes.
+
+        ``shape`` includes the planes that close these.
+        """
+        plans = [*(self.plans or {}).values()] if self.plan is None else [self.plan]
+        n = len(shape)
+        return not ends_alike(plans, n, n * cube_exponent(shape))
+
     def plan_for(self, isovalue: float) -> Sequence[Entry] | None:
         """The plan of an isovalue, if plans are given."""
         if not self.planned:
@@ -369,16 +380,6 @@ class Options:
     def entropy(self) -> Profile:
         """The profile, as stored in headers."""
         return Profile[self.profile.upper()]
-
-    @property
-    def chooses_mesh(self) -> str:
-        """The option that leads to a mesh that is not uniform; empty if there is no such option."""
-        chosen = {
-            "layers": self.layers.planned or self.layers.criterion is not None,
-            f"precision {self.precision.text!r}": self.precision.steps is not None or bool(self.precision.searched),
-            "keep_topology": self.keep_topology,
-        }
-        return next((name for name, given in chosen.items() if given), "")
 
     def check_data(self, integer: bool) -> None:
         """Refuse exact values for floating-point data."""

@@ -5,7 +5,7 @@ Where a criterion is a distance, the mesh keeps to it with the geometry that fol
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from ..format.kinds import ADAPTIVE, LayerKind
 from ..grid.lattice.vertex_set import Chosen
@@ -82,6 +82,33 @@ def _reduced(
         curvature=None if criteria.curvature is None else original.curvature(), kappa=criteria.curvature or 0.0,
     )
     return reduction
+
+
+def ends_alike(plans: Iterable[object], n: int, full_level: int) -> bool:
+    """Whether the last mesh of each isovalue's plan is the same at both ends of periodic axes, as far as it is stated.
+
+    The full grid is, and a uniform mesh made up of squares or cubes; a mesh by criteria, since it has all crossed edges
+    there are at the ends; and the leaves of an earlier isovalue on the full grid.
+    """
+    found = [_ends_alike(plan, n, full_level) for plan in plans if isinstance(plan, Sequence)]
+    whole = all(full for _, full in found)
+    return all(whole if alike is None else alike for alike, _ in found)
+
+
+def _ends_alike(plan: Sequence[Entry], n: int, full_level: int) -> tuple[bool | None, bool]:
+    """Whether the last mesh of a plan does, None if it is that of an earlier isovalue; and whether it may be full."""
+    level, uniform, kept, leaves = 0, True, False, False
+    for entry, level in zip(plan, _uniform_levels(plan, full_level, full_level), strict=True):
+        kind = entry[0] if isinstance(entry, Sequence) and len(entry) else None
+        if _is_adaptive(entry):
+            kept |= _criteria(entry) is not None
+            uniform = False
+        elif kind == LayerKind.LEAF_BASE:
+            leaves = True
+        elif kind == LayerKind.RASTER or (kind == LayerKind.REFINE and level == full_level):
+            uniform, leaves = True, False
+    alike = kept or (uniform and level % n == 0)
+    return (None if leaves and not kept else alike), level == full_level
 
 
 def _uniform_levels(plan: Sequence[Entry], full_level: int, lean_level: int) -> list[int]:

@@ -26,11 +26,12 @@ from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.promise import Promise
+from ..search.shared_sides import SharedSides
 from ..search.strategy import NotKeptError, Plan, base_of
 from ..search.tile_faces import Faces
 from ..search.tile_mesh import tile_plan
 from ..search.tile_volume import cubes_for, pitch_of, volume_plan
-from ..search.tolerance import Slack, grid_offsets, radices
+from ..search.tolerance import grid_offsets, radices
 from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
 from .layout import COARSEST, Index, TileGrid
 from .structure import Head, Kind, Stage
@@ -156,24 +157,6 @@ class TileSegments:
     segments: tuple[tuple[bytes, ...], ...]
     faces: tuple[tuple[int, int], ...]
     counts: tuple[float, ...]
-
-
-class FaceSlack(Slack):
-    """Slack in a tile, with none in shared faces, where crossings must be the same from both sides."""
-
-    def __init__(self, tolerance: float, size: Sequence[int], shared: NDArray[np.bool_]) -> None:
-        super().__init__(tolerance)
-        last = np.array(size, np.int64) - 1
-        self._low = np.where(shared[:, 0], 0, -1)
-        self._high = np.where(shared[:, 1], last, -1)
-
-    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Slack of crossings, as for ``Slack``, but 0 in shared faces."""
-        return np.where(self.on_face(low, high), 0, super().__call__(low, high))
-
-    def on_face(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Find edges that lie in a shared face."""
-        return ((low == high) & ((low == self._low) | (low == self._high))).any(axis=1)
 
 
 def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments:
@@ -353,11 +336,8 @@ def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
             plan.append((LayerKind.VALUES, None))
         else:
             fine = precision.tolerance or DEFAULT_TOLERANCE
-            offsets = grid_offsets(fine, False)
-            if tiling.profile == Profile.MAIN and offsets:
-                slack = FaceSlack(fine, grid.size(index), grid.shared(index))
-                offsets[-1] = (*offsets[-1], 0, None, slack)
-            plan += offsets
+            sides = SharedSides(grid.size(index), grid.shared(index))
+            plan += grid_offsets(fine, tiling.profile == Profile.MAIN, sides.holds)
     return plan, ends
 
 
@@ -368,18 +348,15 @@ def _searched(
     """Search for a mesh that keeps a tolerance."""
     grid, tolerance = tiling.grid, tiling.searched
     assert tolerance is not None
-    shared = grid.shared(index)
-    slack = FaceSlack(tolerance, grid.size(index), shared)
+    sides, free = SharedSides(grid.size(index), grid.shared(index)), tiling.profile == Profile.MAIN
     coarse = grid.level(index, COARSEST)
     base = base_of(grid.n, coarse)
     whole: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, None)] if base < grid.level(index, 0) else [])]
-    offsets = grid_offsets(tolerance, False)
-    if tiling.profile == Profile.MAIN and offsets:
-        offsets[-1] = (*offsets[-1], 0, None, slack)
-    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), tiling.profile == Profile.MAIN,
-                      None, truth, holes, slack.on_face)
+    offsets = grid_offsets(tolerance, free, sides.holds)
+    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), free, None, truth, holes,
+                      sides.holds)
     if faces is None:
-        plan = tile_plan(promise, tolerance, coarse, shared, [*whole, *offsets])
+        plan = tile_plan(promise, tolerance, coarse, sides, [*whole, *offsets])
     else:
         level = grid.level(index, tiling.cubes)
         lead: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, level - base)] if base < level else [])]

@@ -17,7 +17,7 @@ import { Hierarchy } from "./hierarchy.js";
 import { Contour } from "./isovalue.js";
 import { knownMesh } from "./known.js";
 import { Levels } from "./levels.js";
-import { Opinions } from "./models.js";
+import { LAYERS, Opinions } from "./models.js";
 import { Offsets } from "./offsets.js";
 import { readPositions, SURFACE } from "./positions.js";
 import { Walk } from "./signs.js";
@@ -160,7 +160,10 @@ export class DomainFile implements Contents {
     if (kind === 4 && !contour.cut) contour.cut = this.cut(contour);
     coder.begin(r.at, r.stop - r.at, Infinity);
     const o = new Opinions(coder, contour.models);
-    if (kind === 0) contour.leaves = new Walk(contour, mesh).decode(o, (what) => r.error("10.3.1", what));
+    if (kind === 0) {
+      contour.leaves = new Walk(contour, mesh).decode(o, (what) => r.error("10.3.1", what));
+      contour.parts(() => o.coder.bit(LAYERS.at.FIRST), meter);
+    }
     else if (kind === 3) {
       const levels = contour.levels!;
       if (bare) levels.coarse(o);

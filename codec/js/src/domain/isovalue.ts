@@ -79,25 +79,43 @@ export class Contour implements Isovalue {
   }
 
   /** The signs of all vertices that one comes to (10.1.5(2)). */
-  private everywhere(): Int8Array {
-    const { mesh: { V, n, first, stars, cells } } = this, then = this.sign.slice();
+  everywhere(): Int8Array {
+    const { V } = this.mesh, then = this.sign.slice(), queue = new Int32Array(V);
     if (!this.whole) return then.fill(-1);
     if (this.cut) return then;
-    const queue = new Int32Array(V);
     let end = 0;
     for (let v = 0; v < V; v++) if (then[v]! >= 0) queue[end++] = v;
+    this.spread(then, queue, end);
+    return then;
+  }
+
+  /** Vertices of the first `end` of a queue pass their signs on to all that have none and that one comes to. */
+  private spread(signs: Int8Array, queue: Int32Array, end: number): void {
+    const { n, first, stars, cells } = this.mesh;
     for (let i = 0; i < end; i++) {
       const v = queue[i]!;
       for (let j = first[v]!; j < first[v + 1]!; j++) {
         for (let c = (n + 1) * stars[j]!; c < (n + 1) * (stars[j]! + 1); c++) {
           const u = cells[c]!;
-          if (then[u]! >= 0) continue;
-          then[u] = then[v]!;
+          if (signs[u]! >= 0) continue;
+          signs[u] = signs[v]!;
           queue[end++] = u;
         }
       }
     }
-    return then;
+  }
+
+  /** Signs of parts of the mesh without a known vertex (10.3.1(4)); `decode` gives that of one. */
+  parts(decode: () => number, meter: Meter): void {
+    meter.step(this.mesh.V + this.mesh.T);
+    const { mesh: { V, first }, given, sign } = this, signs = this.everywhere(), queue = new Int32Array(V);
+    for (let v = 0; v < V; v++) {
+      if (signs[v]! >= 0 || first[v] === first[v + 1]) continue;
+      const known = given ? given[v]! : -1;
+      sign[v] = signs[v] = known >= 0 ? known : decode();
+      queue[0] = v;
+      this.spread(signs, queue, 1);
+    }
   }
 
   /** `then(v, s)` of 10.1.5(3). */
