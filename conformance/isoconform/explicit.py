@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import isocodec
+from isocodec.drawing.explicit import crossed_edges
 from isocodec.errors import FormatError
 from isocodec.field.meshed import StoredName
 from isocodec.field.samples import Samples
 from isocodec.mesh.complex import complex_of
-from isocodec.drawing.explicit import crossed_edges
 from isocodec.mesh.cut import CellHistory
 from isocodec.search.mesh_cuts import KeptCut
 from isocodec.stream.cut_plan import Cut
@@ -233,39 +233,37 @@ def with_cuts(mesh: isocodec.Mesh, isovalue: float | tuple[float, ...], cuts: Cu
     return b"".join(found)
 
 
-def some_nodes(*shares: int, seed: int = 51) -> Cuts:
-    """Layers of a cut, each with one node of so many, and all that they need."""
+def nodes(history: CellHistory, *shares: int, seed: int = 51) -> list[NDArray[np.bool_]]:
+    """Cuts, each with one node of so many, and all that they need."""
+    count = len(history.vertex)
+    return [
+        history.closure(np.array(random_numbers(seed + i, count, 16)) % share == 0) for i, share in enumerate(shares)
+    ]
 
-    def wanted(history: CellHistory, field: Samples) -> list[NDArray[np.bool_]]:
-        nodes = len(history.vertex)
-        return [
-            history.closure(np.array(random_numbers(seed + i, nodes, 16)) % share == 0)
-            for i, share in enumerate(shares)
-        ]
 
-    return wanted
+def some_nodes(*shares: int) -> Cuts:
+    """Layers of cuts with some nodes."""
+    return lambda history, field: nodes(history, *shares)
 
 
 def with_offsets_between(history: CellHistory, field: Samples) -> Sequence[Cut]:
     """Layers of a cut, of which the first two have offsets, and the last one has other geometry."""
-    first, second, third = some_nodes(30, 9, 3)(history, field)
+    first, second, third = nodes(history, 30, 9, 3)
     real = history.cell[(history.cell < len(field.signs)).all(axis=1)]
     edges = crossed_edges(real, field.signs)
     curve = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
-    return [
-        *(KeptCut(inside, 700, edges, np.full(len(edges), 0.25), curve) for inside in (first, second)), third,
-    ]
+    return [*(KeptCut(inside, 700, edges, np.full(len(edges), 0.25), curve) for inside in (first, second)), third]
 
 
-def first_isovalue(history: CellHistory, field: Samples) -> Sequence[NDArray[np.bool_]]:
+def first_isovalue(history: CellHistory, field: Samples) -> Sequence[Cut]:
     """A cut for one isovalue alone."""
-    return some_nodes(4)(history, field) if field.isovalue == VALUE else []
+    return nodes(history, 4) if field.isovalue == VALUE else []
 
 
-def other_nodes(history: CellHistory, field: Samples) -> Sequence[NDArray[np.bool_]]:
+def other_nodes(history: CellHistory, field: Samples) -> Sequence[Cut]:
     """Other nodes for each frame, and for some none."""
     number = int(field.values.sum()) % 5
-    return some_nodes(7, 3, seed=51 + number)(history, field) if number else []
+    return nodes(history, 7, 3, seed=51 + number) if number else []
 
 
 def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:

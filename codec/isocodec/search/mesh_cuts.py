@@ -234,7 +234,7 @@ class MeshContour:
         return None
 
     def _near(self, wanted: NDArray[np.bool_], far: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-        """Nodes of the least cut with some nodes that has no cell that is too far; None if one of the mesh itself is."""
+        """The least cut with some nodes in which no cell is too far; None if one of the mesh itself is."""
         while True:
             inside = self.history.closure(wanted)
             there = self.history.there(inside)

@@ -131,7 +131,7 @@ class MeshFrames:
         self._off, self._same, self._shared = 0.0, True, False
         self._exceeded = self._count_exceeded() if stored in NEEDED else []
         self._shared_mesh = stored == "known"
-        if (wanted := wanted_of(options)) is not None and wanted.stepwise:
+        if (asked := wanted_of(options)) is not None and asked.stepwise:
             check_cuts(self.domain, options, mesh.progressive, self._shared_mesh)
         self._domain_chunk = self._known() if stored == "known" else self._in_file(mesh.error)
         self._step = self._offset_step()
