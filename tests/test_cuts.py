@@ -35,6 +35,8 @@ from test_hierarchy import MESHES, Cell, Replay
 from test_levels import middles
 
 Nodes = NDArray[np.bool_]
+LARGER = 100
+"""Complexes from this seed on have a hundred vertices and more, and several rounds."""
 
 
 def encoded(mesh: Mesh, values: NDArray, isovalue: Any, cuts: Callable[[CellHistory, Samples], list[Nodes]],
@@ -76,7 +78,7 @@ def field_of(mesh: Mesh, seed: int) -> NDArray:
 @pytest.mark.parametrize("seed", range(30))
 def test_every_layer_shows_the_curve_of_its_cut(kind: str, seed: int) -> None:
     """Cut anywhere, a file draws the last complete layer: the cells of a cut, from brute force, that are crossed."""
-    mesh = MESHES[kind](seed)
+    mesh = MESHES[kind](LARGER + seed)
     values, cuts, brute = field_of(mesh, seed), some(seed, 1 + seed % 3), replay(mesh)
     above = values > 0.1
     history = history_of(hierarchy_of(complex_of(*mesh)[0]))
@@ -118,7 +120,7 @@ def test_every_layer_shows_the_curve_of_its_cut(kind: str, seed: int) -> None:
 @pytest.mark.parametrize("kind", MESHES)
 def test_nodes_that_change_nothing_stay_out(kind: str) -> None:
     """Of all nodes those come that the curve needs: with none that crosses, nobody but the vertices that are left."""
-    mesh = MESHES[kind](5)
+    mesh = MESHES[kind](LARGER)
     data = encoded(mesh, np.zeros(len(mesh[0])), 0.5, lambda history, _: [np.ones(len(history.vertex), np.bool_)])
     decoder = isocodec.Decoder(mesh=mesh)
     decoder.feed(data)
@@ -134,7 +136,7 @@ def test_geometry_lies_on_the_edges_of_the_cut(kind: str, precision: Any) -> Non
     linear between their ends.
     """
     for seed in range(4):
-        mesh = MESHES[kind](seed + 20)
+        mesh = MESHES[kind](LARGER + seed)
         values = np.rint(40 * field_of(mesh, 3 * seed)).astype(int)
         full = encoded(mesh, values, 0.5, lambda h, _: [np.ones(len(h.vertex), np.bool_)], precision=precision)
         plain = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=False), 0.5, precision=precision)
@@ -150,16 +152,36 @@ def test_geometry_lies_on_the_edges_of_the_cut(kind: str, precision: Any) -> Non
         assert off.max(initial=0) <= (1e-9 if precision == "exact" else precision)
 
 
+@pytest.mark.parametrize("kind", MESHES)
+def test_cuts_of_a_mesh_in_the_file(kind: str) -> None:
+    """Its vertices and cells come in another order; the cut is one of the mesh as it comes."""
+    mesh = MESHES[kind](126)
+    values = field_of(mesh, 0)
+    encoder = encoder_of(isocodec.Mesh(*mesh, values, stored="whole", error=1e-3), 0.1, precision="signs")
+    encoder.frames.cuts = lambda history, _: [np.arange(len(history.vertex)) % 16 == 0]
+    file = isocodec.open(b"".join(encoder))
+    whole = isocodec.open(isocodec.encode(isocodec.Mesh(*mesh, values, stored="whole", error=1e-3), 0.1))
+    cut, known = (each.mesh(0.1, whole=True) for each in (file, whole))
+    assert {layer.kind for layer in file.info.layers} == {"cut"} and len(cut.cells) < len(known.cells)
+    used = np.unique(cut.cells)
+    assert np.array_equal(cut.above[used], whole.above(0.1)[used])
+    mixes = mixed([frozenset(cell) for cell in cut.cells.tolist()], cut.above, -1)
+    assert mixes and {frozenset(c) for c in file.mesh(0.1, whole=False).cells.tolist()} == mixes
+    drawn = {tuple(p) for p in file.contour(0.1).points.round(9)}
+    assert drawn == {tuple(np.round(p, 9)) for p in middles((known.points, cut.cells), cut.cells, cut.above)}
+
+
 def test_verify_compares_the_curve_alone() -> None:
     """Vertices that are not in a cut have no signs that could be wrong."""
-    mesh = MESHES["plane"](17)
-    values = field_of(mesh, 0)
+    mesh = MESHES["plane"](LARGER + 7)
+    values = field_of(mesh, 1)
     data = encoded(mesh, values, [0.1, 0.5], some(3, 1), precision=0.5)
     with pytest.raises(OptionError, match="coarser"):
         isocodec.open(data, mesh=mesh).above(0.1)
     given = isocodec.Mesh(*mesh, values)
     for far, kept in ((200.0, True), (1e-3, False)):
-        assert [(one.wrong, one.kept) for one in isocodec.open(data, mesh=mesh).verify(given, within=far)] == [(None, kept)] * 2
+        found = isocodec.open(data, mesh=mesh).verify(given, within=far)
+        assert [(one.wrong, one.kept) for one in found] == [(None, kept)] * 2
 
 
 @pytest.mark.parametrize("kind", MESHES)
@@ -167,7 +189,7 @@ def test_verify_compares_the_curve_alone() -> None:
 def test_isovalues_that_lean_on_a_cut(kind: str, progressive: bool | None) -> None:
     """Of vertices that are not there nothing is known: those behind have the curve that they have alone."""
     for seed in range(6):
-        mesh = MESHES[kind](seed + 40)
+        mesh = MESHES[kind](LARGER + seed)
         values = np.rint(20 * field_of(mesh, seed)).astype(int)
         isovalues = (0.5, 5.5, -4.5)
         brute = replay(mesh)
@@ -195,7 +217,7 @@ def test_isovalues_that_lean_on_a_cut(kind: str, progressive: bool | None) -> No
 @pytest.mark.parametrize("kind", MESHES)
 def test_series_of_cuts(kind: str) -> None:
     """Frames lean on the cut of the frame before, and on any kind of layers there."""
-    mesh = MESHES[kind](33)
+    mesh = MESHES[kind](LARGER + 3)
     frames = np.stack([np.sin(mesh[0] / (np.ptp(mesh[0]) / 6) + step / 9).sum(axis=1) for step in range(5)])
     brute = replay(mesh)
     numbers = count(1)
@@ -217,7 +239,7 @@ def test_series_of_cuts(kind: str) -> None:
 
 def test_what_a_cut_says_of_vertices_that_are_not_there() -> None:
     """They have no sign that one could ask for, and the mesh that of those that they collapsed into."""
-    mesh = MESHES["plane"](17)
+    mesh = MESHES["plane"](LARGER + 7)
     values = field_of(mesh, 0)
     file = isocodec.open(encoded(mesh, values, 0.1, some(3, 1), precision="signs"), mesh=mesh)
     decoder = isocodec.Decoder(mesh=mesh)
@@ -263,7 +285,7 @@ def began(mesh: Mesh) -> bytes:
 @given(st.sampled_from(sorted(MESHES)), st.lists(st.binary(min_size=1, max_size=60), min_size=1, max_size=4))
 def test_any_bytes_end(kind: str, layers: list[bytes]) -> None:
     """A layer of random bytes is decoded or refused, and leaves a cut that draws."""
-    mesh = MESHES[kind](51)
+    mesh = MESHES[kind](LARGER + 1)
     decoder = isocodec.Decoder(mesh=mesh)
     decoder.feed(began(mesh))
     brute = replay(mesh)
@@ -340,14 +362,14 @@ def test_plain_python_writes_the_same() -> None:
     script = (
         "import sys; sys.path[:0] = sys.argv[1:]\n"
         "import test_cuts as t\n"
-        "mesh = t.MESHES['space'](21)\n"
+        "mesh = t.MESHES['space'](100)\n"
         "print(t.encoded(mesh, t.field_of(mesh, 0), 0.1, t.some(1, 3), precision=0.3).hex())\n"
     )
     run = subprocess.run(
         [sys.executable, "-c", script, *sys.path], env={**os.environ, "ISOCODEC_KERNELS": "python"}, check=True,
         capture_output=True, text=True,
     )
-    mesh = MESHES["space"](21)
+    mesh = MESHES["space"](100)
     assert bytes.fromhex(run.stdout) == encoded(mesh, field_of(mesh, 0), 0.1, some(1, 3), precision=0.3)
 
 
