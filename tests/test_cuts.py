@@ -339,11 +339,11 @@ def test_memory_of_a_cut_is_counted() -> None:
 
 
 @pytest.mark.parametrize("wrong", [
-    ("signs", "cut"), ("cut", "signs"), ("cut", "levels"), ("levels", "cut"), ("cut", "values", "cut"),
+    ("signs", "cut"), ("cut", "signs"), ("cut", "levels"), ("levels", "cut"), ("cut", "values", "values"),
     ("values", "cut"),
 ])
 def test_layers_that_may_not_come(wrong: tuple[str, ...]) -> None:
-    """A cut beside signs or levels, or behind geometry."""
+    """A cut beside signs or levels, or behind geometry of none; geometry twice."""
     mesh = plane(3, 200)
     values = np.arange(len(mesh[0])) % 7
     alone = {

@@ -105,8 +105,10 @@ def test_steps(kind: str) -> None:
     steps = (8 * edge, 3 * edge, 0.5 * edge)
     data = isocodec.encode(Valued(*mesh, values), VALUE, precision=steps)
     original, file = whole_of(mesh, values, VALUE), isocodec.open(data, mesh=mesh)
-    # each cut, with its offsets if it has any, ends where the next one begins
-    begins = [layer.offset - 4 for layer in file.info.layers if layer.kind == "cut"]
+    # each cut, with its offsets if it has any, ends where the chunk of the next one begins
+    chunks = [chunk for chunk in file.info.chunks if chunk.type == "layers"]
+    kinds = [layer.kind for layer in file.info.layers]
+    begins = [chunk.offset for chunk, kind in zip(chunks, kinds, strict=True) if kind == "cut"]
     assert len(begins) == 3
     for step, end in zip(steps, [*begins[1:], len(data)], strict=True):
         contour = isocodec.open(data[:end], mesh=mesh).contour(partial=True)

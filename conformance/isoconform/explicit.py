@@ -266,12 +266,6 @@ def other_nodes(history: CellHistory, field: Samples) -> Sequence[Cut]:
     return nodes(history, 7, 3, seed=51 + number) if number else []
 
 
-def other_nodes(history: CellHistory, field: Samples) -> Sequence[NDArray[np.bool_]]:
-    """Other nodes for each frame, and for some none."""
-    number = int(field.values.sum()) % 5
-    return some_nodes(7, 3, seed=51 + number)(history, field) if number else []
-
-
 def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
     """Isovalues on cuts of a mesh."""
     values, salt = hills(mesh, 0, 5), np.array([int(n % 9 == 0) for n in random_numbers(31, len(mesh[0]), 16)])

@@ -365,7 +365,7 @@ class MeshFrames:
         if self.cuts is not None:
             return [list(self.cuts(self._history, field)) for field in fields]
         wanted = wanted_of(self.options) if self._shared_mesh else None
-        if wanted is None or self._hierarchy is None:
+        if wanted is None or self._hierarchy is None or (self._asked_levels and not wanted.stepwise):
             return [[] for _ in fields]
 
         def whole(field: Samples) -> int:
