@@ -29,7 +29,7 @@ PITCHES = (0.0, 0.5, 0.7, 1.0, 1.4)
 LAYER = 5
 """Bytes of a layer beside its run, about."""
 SHARE = 64
-"""Of the cells that would come back, those are brought back first that went last: so many of them as one part."""
+"""One part in so many of the cells that would come back is brought back at a time, the last that went first."""
 MOST_MENDED, PATIENCE = 512, 384
 """So many times cells are brought back; behind the second number, those of the mesh itself."""
 SOME = 1 << 20
@@ -42,8 +42,8 @@ Curve = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 @dataclass(frozen=True)
-class Pieces:
-    """Pieces of contour in cells.
+class CellPieces:
+    """CellPieces of contour in cells.
 
     Attributes
     ----------
@@ -133,21 +133,21 @@ class MeshContour:
         return edges[:, 0] * np.int64(len(self.points)) + edges[:, 1]
 
     def _table(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Pieces of all mixed cells: their edges (M, n) and cells (M,)."""
+        """CellPieces of all mixed cells: their edges (M, n) and cells (M,)."""
         cells = self.history.cell[self.mixed]
         pattern = self.above[cells] @ (1 << np.arange(cells.shape[1]))
         ends, owner = simplex_table(cells.shape[1] - 1).lookup(pattern, cells, np.zeros(len(cells), np.bool_))
         ends.sort(axis=2)
         return np.searchsorted(self._key(self.edges), self._key(ends.reshape(-1, 2))).reshape(ends.shape[:2]), owner
 
-    def _drawn(self, ratio: NDArray[np.float64], some: NDArray[np.bool_]) -> Pieces:
-        """Pieces in some of the mixed cells (a bool each), with the crossings of all edges at these ratios."""
+    def _drawn(self, ratio: NDArray[np.float64], some: NDArray[np.bool_]) -> CellPieces:
+        """CellPieces in some of the mixed cells (a bool each), with the crossings of all edges at these ratios."""
         rows, owner = self._rows
         rows, owner = rows[some[owner]], self.mixed[owner[some[owner]]]
         used, pieces = np.unique(rows, return_inverse=True)
         low, high = self.points[self.edges[used, 0]], self.points[self.edges[used, 1]]
         at = ratio[used][:, None]
-        return Pieces(low * (1 - at) + high * at, pieces.reshape(rows.shape), owner)
+        return CellPieces(low * (1 - at) + high * at, pieces.reshape(rows.shape), owner)
 
     def whole(self, step: int) -> Curve:
         """The contour of the whole mesh as it is decoded with these offsets."""
@@ -196,7 +196,7 @@ class MeshContour:
         return source[order], maker[order]
 
     def cut(self, step: int, also: NDArray[np.bool_]) -> KeptCut | None:
-        """Find a cut whose contour with these offsets keeps the distance both ways; None if there is none.
+        """Find a cut whose contour with these offsets keeps the distance both ways; None if that cannot be.
 
         Parameters
         ----------
@@ -260,7 +260,7 @@ class MeshContour:
         return last[-max(len(last) // SHARE, 1) :]
 
     def shortest(self, also: NDArray[np.bool_], begun: Callable[[], MeshIsovalue]) -> tuple[KeptCut | None, float]:
-        """The cut that takes the fewest bytes with its offsets, and how many; None and infinity if there is none."""
+        """Choose the cut that takes the fewest bytes with its offsets: it, and how many; or None, and infinity."""
         best, least = None, float("inf")
         for pitch in PITCHES:
             kept = self.cut(self._step(pitch), also)

@@ -72,9 +72,10 @@ def _parts(cell, star, above, v, apex, rim, parent, seen):
 @kernel
 def find_safe(
     cell: IntMatrix, first: IntVector, star: IntVector, vertex: IntVector, target: IntVector, above: BoolVector,
-    parent: IntVector, seen: IntVector, out: BoolVector,
+    room: IntMatrix, out: BoolVector,
 ) -> None:
-    """Mark the safe nodes; ``parent`` (V + 1,), all -1, and ``seen`` (V + 1,) are room."""
+    """Mark the safe nodes; ``room`` is (2, V + 1), all -1."""
+    parent, seen = room[0], room[1]
     apex = np.int64(len(above))
     for i in range(len(vertex)):
         v = vertex[i]
@@ -94,10 +95,10 @@ def find_safe(
 
 
 def safe_nodes(history: CellHistory, above: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which nodes may go, (N,), if vertices (V,) lie above or below: the contour's parts, rims and handles stay."""
+    """Find nodes that may go, (N,), if vertices (V,) lie above or below: the contour keeps parts, rims and handles."""
     out = np.zeros(len(history.vertex), np.bool_)
     room = np.full((2, len(above) + 1), -1)
     find_safe(
-        history.cell, history.star_first, history.star, history.vertex, history.target, above, room[0], room[1], out
+        history.cell, history.star_first, history.star, history.vertex, history.target, above, room, out
     )
     return out

@@ -27,8 +27,8 @@ Cut = KeptCut | NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What cuts shall keep.
+class CutPromise:
+    """Distances and topology that cuts keep.
 
     Attributes
     ----------
@@ -45,16 +45,16 @@ class Wanted:
     stepwise: bool
 
 
-def wanted_of(options: Options) -> Wanted | None:
-    """What options ask of cuts; None if that is nothing."""
+def cut_promise_of(options: Options) -> CutPromise | None:
+    """The promise that options ask of cuts; None if they ask for nothing."""
     precision = options.precision
     distances = precision.steps or (() if precision.tolerance is None else (precision.tolerance,))
     stepwise = options.keep_topology or precision.steps is not None
-    return Wanted(distances, options.keep_topology, stepwise) if stepwise or distances else None
+    return CutPromise(distances, options.keep_topology, stepwise) if stepwise or distances else None
 
 
 def check_cuts(domain: Complex, options: Options, progressive: bool | None, shared: bool) -> None:
-    """Refuse what only cuts promise, where there are none; ``shared``: encoder and decoder both have the mesh."""
+    """Refuse what only cuts promise on a mesh without them; ``shared``: encoder and decoder both have the mesh."""
     topology, steps = options.keep_topology, options.precision.steps or ()
     name, code = ("keep_topology", "keep_topology") if topology else (f"precision {options.precision.text!r}", "steps")
     if not shared:
@@ -78,10 +78,10 @@ class CutPlan:
     domain : Complex
     points : (V, d) float64
     history : CellHistory
-    wanted : Wanted
+    wanted : CutPromise
     """
 
-    def __init__(self, domain: Complex, points: NDArray[np.float64], history: CellHistory, wanted: Wanted) -> None:
+    def __init__(self, domain: Complex, points: NDArray[np.float64], history: CellHistory, wanted: CutPromise) -> None:
         self._domain, self._points, self._history, self._wanted = domain, points, history, wanted
         self._every = np.ones(len(history.vertex), np.bool_)
 

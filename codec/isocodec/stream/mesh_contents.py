@@ -170,11 +170,11 @@ class MeshContents:
         found = self.strand(number, before=before)
         if found is not None and found.cut is not None and not found.cut.all():
             raise OptionError("the mesh of the contour is coarser than that of the file", code="above",
-                              remedy="use the signs of its own vertices: mesh()")
+                              remedy="take the signs of the vertices that it has: mesh()")
         return self._above(number, before=before)
 
     def _above(self, number: int, *, before: bool = False) -> NDArray[np.bool_]:
-        """As `above`; a vertex that has not come back into a cut has the sign of the one that it collapsed into."""
+        """Signs of vertices, (V,); one that has not come back into a cut has that of the vertex it collapsed into."""
         found = self.strand(number, before=before)
         if found is None or found.edges is None or self._domain is None:
             raise TruncatedError("the file ends before its signs are complete", code="truncated")

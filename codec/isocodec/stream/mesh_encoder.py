@@ -43,7 +43,7 @@ from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
 from ..search.mesh_cuts import KeptCut
 from ..tin.rank import by_rank
 from .container import ContainerEncoder, beginning
-from .cut_plan import Cut, CutPlan, check_cuts, crossing_places, wanted_of
+from .cut_plan import Cut, CutPlan, check_cuts, crossing_places, cut_promise_of
 from .mesh_contents import coordinates_of
 from .options import LEVELS, Options
 from .promises import PROMISE
@@ -131,7 +131,7 @@ class MeshFrames:
         self._off, self._same, self._shared = 0.0, True, False
         self._exceeded = self._count_exceeded() if stored in NEEDED else []
         self._shared_mesh = stored == "known"
-        if (asked := wanted_of(options)) is not None and asked.stepwise:
+        if (asked := cut_promise_of(options)) is not None and asked.stepwise:
             check_cuts(self.domain, options, mesh.progressive, self._shared_mesh)
         self._domain_chunk = self._known() if stored == "known" else self._in_file(mesh.error)
         self._step = self._offset_step()
@@ -364,7 +364,7 @@ class MeshFrames:
         """Choose cuts of the mesh for each isovalue of a frame; none where signs of the whole mesh take fewer bytes."""
         if self.cuts is not None:
             return [list(self.cuts(self._history, field)) for field in fields]
-        wanted = wanted_of(self.options) if self._shared_mesh else None
+        wanted = cut_promise_of(self.options) if self._shared_mesh else None
         if wanted is None or self._hierarchy is None or (self._asked_levels and not wanted.stepwise):
             return [[] for _ in fields]
 
