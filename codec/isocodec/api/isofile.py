@@ -261,8 +261,8 @@ class IsoFile:
         -------
         NDArray
             Bool, in the shape of the field: ``field > isovalue``, compared exactly; undefined where samples are missing
-            (see `valid`). On a mesh (V,), one value for each vertex of `mesh`; where a file has a cut of the mesh, those
-            that are not in it have the one of the vertex that takes their place.
+            (see `valid`). On a mesh (V,), one value for each vertex of `mesh`; where a file has a cut of the mesh,
+            vertices that are not in it have the one of the vertex that takes their place.
 
         Raises
         ------
