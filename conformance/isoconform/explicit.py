@@ -78,10 +78,10 @@ def ring(around: int = 7, across: int = 4) -> Mesh:
     return np.array(points, np.int64), np.array(cells, np.int64)
 
 
-def larger_ring() -> Mesh:
+def larger_ring(times: int = 2) -> Mesh:
     """A ring of more triangles with a hole, so that the surface has a border; bent, and dented."""
     points, cells = ring()
-    for _ in range(2):
+    for _ in range(times):
         points, cells = _halved(2 * points, cells)
     dents = np.array(random_numbers(41, points.size, 16)).reshape(points.shape) % 9
     return points + dents, cells[: -len(cells) // 8]
@@ -188,8 +188,9 @@ def whole() -> Iterator[Draft]:
         "plane": plane(150, 400, 0), "space": tetrahedra(7), "surface": larger_ring(),
     }.items():
         yield from _many_rounds(kind, mesh)
-    for kind, mesh in {"plane": plane(150, 400, 9), "space": tetrahedra(6), "surface": larger_ring()}.items():
+    for kind, mesh in {"plane": plane(110, 400, 9), "space": tetrahedra(5), "surface": larger_ring(1)}.items():
         yield from _cuts(kind, mesh)
+    for kind, mesh in {"plane": plane(150, 400, 9), "space": tetrahedra(6)}.items():
         yield _random_runs(kind, mesh)
     mesh = far_apart()
     yield _draft(
