@@ -120,8 +120,8 @@ def test_manifest_covers_the_format():
         assert {layer.unit for v in whole for layer in v.layers} >= {0, 1, 3}
         lines = Counter(line.split()[0] for v in whole for line in dump_file(HOME / v.file).text.splitlines())
         assert set(lines) - {"s"} == {
-            "shape", "level", "m", "v", "e", "isovalue", "mask", "frame", "domain", "p", "t", "surface", "tiles",
-            "tile",
+            "shape", "level", "m", "v", "e", "isovalue", "mask", "frame", "domain", "nodes", "p", "t", "surface",
+            "tiles", "tile",
         } - ({"surface"} if n == 3 else set())
 
 
