@@ -124,6 +124,7 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         for precision, progressive in (("exact", None), (1.0, None), ("signs", mesh[0].shape[1] == 2)):
             given = isocodec.Mesh(*mesh, values, progressive=progressive)
             isocodec.open(isocodec.encode(given, [20.5, 30.5], precision=precision), mesh=mesh).contours()
+        isocodec.encode(isocodec.Mesh(*mesh, values), 20.5, precision=2.0, keep_topology=True)
         isocodec.decode(isocodec.encode(isocodec.Mesh(*mesh, values, stored="coded"), 20.5))
         isocodec.encode(isocodec.Mesh(*mesh, np.array([values, values + 3])), 20.5, precision="exact")
     isocodec.decode(isocodec.encode(isocodec.Mesh(plane(1, 30)[0], None, np.arange(30)), 14.5))

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import isocodec
-from brute import INTERPRETED
+from brute import HEAVY, INTERPRETED
 from explicit_meshes import Mesh, components, euler, plane, space, torus
 from isocodec import Mesh as Valued
 from isocodec.errors import OptionError
@@ -128,7 +128,7 @@ def shape_of(contour: isocodec.Contour) -> tuple[int, int, int]:
 def test_topology_is_kept(kind: str, precision: str) -> None:
     """In every layer, on meshes with borders and noise of the size of a cell."""
     makers = {"plane": lambda s: plane(s, 120, 0.93), "surface": surface, "space": lambda s: space(s, 80, 0.95)}
-    for seed in range(20):
+    for seed in range(300 if HEAVY else 20):
         mesh = makers[kind](seed)
         rng = np.random.default_rng(seed)
         values = hills(mesh[0], seed) + rng.normal(size=len(mesh[0])) * (0.5 if seed % 3 else 3)

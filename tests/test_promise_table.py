@@ -179,7 +179,7 @@ def test_edits_of_tiles(edit: dict[str, Any], promise: str | None, tmp_path: Pat
 
 def test_shorter_meshes_and_surfaces_promise_nothing() -> None:
     where, cells, heights = points()
-    file = isocodec.open(isocodec.encode(isocodec.Mesh(where, cells, heights), VALUE, precision=0.05))
+    file = isocodec.open(isocodec.encode(isocodec.Mesh(where, cells, heights, progressive=True), VALUE, precision=0.05))
     assert file.promise == "within 0.05 in the unit of its points"
     short = isocodec.open(file.edited(layers=1), mesh=(where, cells))
     assert short.promise is None and short.contour().cells.size
