@@ -1,5 +1,5 @@
 // The page, with all that most files need in it, and beside it what is loaded when a file needs it: build/viewer/index.html;
-// main.js and main.bin, the main profile and its tables; kernels.js and kernels.wasm, compiled kernels, where they have been
+// main.js and main.bin, the main profile and its tables; domain.js, meshes and surfaces; kernels.js and kernels.wasm, compiled kernels, where they have been
 // built; tiles.js, a worker for files in tiles.
 import { copyFileSync, existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -19,8 +19,8 @@ const text = async (entry, more) => {
   return (await minify(made.outputFiles[0].text, { module: true, ecma: 2022, compress: { passes: 3 } })).code;
 };
 /** Modules are imported from where the page says that they lie: a worker without a file has no place of its own. */
-const MODULES = { "./main/profile.js": "main", "./kernels.js": "kernels" };
-const beside = { name: "beside", setup: ({ onResolve }) => onResolve({ filter: /^\.\/(main\/profile|kernels)\.js$/ },
+const MODULES = { "./main/profile.js": "main", "./domain/contents.js": "domain", "./kernels.js": "kernels" };
+const beside = { name: "beside", setup: ({ onResolve }) => onResolve({ filter: /^\.\/(main\/profile|domain\/contents|kernels)\.js$/ },
   ({ path }) => ({ path: `${MODULES[path]}.js`, external: true })) };
 const short = { mangleProps: internalNames() };
 const inline = await text(`${root}codec/js/src/worker.ts`, { ...short, plugins: [beside] });
@@ -29,6 +29,7 @@ const worker = Object.values(MODULES).reduce((code, name) => {
   return code.replace(`import("${name}.js")`, `import(self.${name})`);
 }, inline);
 const main = await text(`${root}codec/js/src/main/profile.ts`, short);
+const domain = await text(`${root}codec/js/src/domain/contents.ts`, short);
 const kernels = await text(`${root}codec/js/src/kernels.ts`, short);
 const tiles = await text(`${here}tiles.ts`, {});
 const viewer = await text(`${here}viewer.ts`, { define: { WORKER: JSON.stringify(worker) } });
@@ -36,6 +37,7 @@ const page = readFileSync(`${here}index.html`, "utf8").replace("/*viewer*/", () 
 mkdirSync(`${root}build/viewer`, { recursive: true });
 writeFileSync(`${root}build/viewer/index.html`, page);
 writeFileSync(`${root}build/viewer/main.js`, main);
+writeFileSync(`${root}build/viewer/domain.js`, domain);
 writeFileSync(`${root}build/viewer/kernels.js`, kernels);
 writeFileSync(`${root}build/viewer/tiles.js`, tiles);
 copyFileSync(`${root}spec/isospec/main.bin`, `${root}build/viewer/main.bin`);

@@ -50,7 +50,7 @@ interface File {
 
 const start = (...text: string[]): Worker => new Worker(URL.createObjectURL(new Blob(text, { type: "text/javascript" })), { type: "module" });
 const beside = (name: string): string => new URL(name, location.href).href;
-const worker = start(...["main", "kernels"].map((name) => `self.${name}=${JSON.stringify(beside(`${name}.js`))};`), WORKER);
+const worker = start(...["main", "domain", "kernels"].map((name) => `self.${name}=${JSON.stringify(beside(`${name}.js`))};`), WORKER);
 const tell = (request: Request, transfer: Transferable[] = []): void => worker.postMessage(request, transfer);
 const scene = new Scene(canvas, (x, y) => {
   by("where").textContent = file?.n === 2 ? `x ${x.toFixed(2)}  y ${y.toFixed(2)}` : "";

@@ -59,9 +59,9 @@ export class Meter {
     throw new IsoError("limit", "11.2", this.bytes, `the file needs more than the limit of ${what}`);
   }
 
-  /** What is being decoded contradicts the specification. */
-  wrong(clause: string, what: string): IsoError {
-    return new IsoError("malformed", clause, this.bytes, what);
+  /** What is being decoded contradicts the specification, or is wrong in another way. */
+  wrong(clause: string, what: string, kind: IsoError["kind"] = "malformed"): IsoError {
+    return new IsoError(kind, clause, this.bytes, what);
   }
 
   /** One that nothing stops. */

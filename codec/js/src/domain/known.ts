@@ -1,5 +1,5 @@
 /** Meshes that both sides have, told by a hash (10.1.2(1)). */
-import { IsoError, type Meter } from "../errors.js";
+import type { IsoError, Meter } from "../errors.js";
 import type { KnownMesh } from "../events.js";
 import { Complex, neighboursOf } from "./complex.js";
 import { sha256 } from "./sha256.js";
@@ -13,7 +13,7 @@ function position(x: number, e: number): number {
 /** The mesh of a file with so many vertices and cells, whose hash begins with `hash`. */
 export function knownMesh(mesh: KnownMesh | undefined, d: number, n: number, e: number, V: number, T: number,
                           hash: Uint8Array, meter: Meter): Complex {
-  const wrong = (what: string): IsoError => new IsoError("mesh", "10.1.2", meter.bytes, what);
+  const wrong = (what: string): IsoError => meter.wrong("10.1.2", what, "mesh");
   if (!mesh) throw wrong("the file needs a mesh that is not in it");
   const { coordinates, cells } = mesh;
   if (mesh.d !== d || mesh.n !== n || coordinates.length !== d * V || cells.length !== (n + 1) * T)
@@ -32,6 +32,6 @@ export function knownMesh(mesh: KnownMesh | undefined, d: number, n: number, e: 
   }
   const own = sha256(new Uint8Array(view.buffer));
   if (!hash.every((byte, i) => byte === own[i])) throw wrong("the mesh given is not that of the file");
-  if (!positions.every((x) => Math.abs(x) < 2 ** 52)) throw new IsoError("limit", "11.2", meter.bytes, "positions beyond 2**52");
+  if (!positions.every((x) => Math.abs(x) < 2 ** 52)) throw meter.wrong("11.2", "positions beyond 2**52", "limit");
   return new Complex(d, n, V, T, positions, numbers, neighboursOf(n, T, numbers, meter), meter);
 }
