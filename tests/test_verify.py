@@ -193,7 +193,11 @@ def test_against_a_mesh_in_a_file(tmp_path: Path, name: str) -> None:
     path, tolerance = tmp_path / "mesh.iso", 0.25 * float(np.ptp(points, axis=0).max())
     ok("encode", tmp_path / name, "-o", path, "--values", "depth", "--isovalue", isovalue, "--precision", tolerance)
     record = json.loads(ok("verify", path, tmp_path / name, "--key", "depth", "--json"))
-    assert record["kept"] and record["isovalues"][0]["wrong"] == 0
+    # on a cut of the mesh there are no signs of all vertices
+    assert record["kept"] and record["isovalues"][0]["wrong"] is None
+    ok("encode", tmp_path / name, "-o", path, "--values", "depth", "--isovalue", isovalue)
+    record = json.loads(ok("verify", path, tmp_path / name, "--key", "depth", "--json"))
+    assert record["isovalues"][0]["wrong"] == 0
     assert run("verify", path, tmp_path / name, "--key", "other").exit_code == 9
     np.savez(tmp_path / "moved.npz", points=points[:, ::-1] + 1, cells=cells, depth=depth)
     assert "mesh" in fails(3, "verify", path, tmp_path / "moved.npz", "--key", "depth")
