@@ -365,3 +365,15 @@ def test_sides_of_parts_that_no_curve_enters(make, levels, stored, side):
             elif not crossed:
                 # one cell at least, whatever its side
                 assert len(there.cells) == 1 and (there.above == above[0]).all()
+
+
+@pytest.mark.parametrize("infinite", [np.inf, -np.inf])
+@pytest.mark.parametrize("vertex", range(3))
+def test_beside_an_infinite_value_the_crossing_is_at_the_finite_one(infinite, vertex):
+    """As on grids: as beside an ever larger one."""
+    mesh = np.array([[0.0, 0], [8, 0], [0, 8]]), np.array([[0, 1, 2]])
+    finite = -np.sign(infinite)
+    values = np.where(np.arange(3) == vertex, infinite, finite)
+    points = decode(encode(Mesh(*mesh, values), 0.0), mesh=mesh).points
+    ends = mesh[0][np.arange(3) != vertex]
+    assert np.abs(points[:, None] - ends[None]).max(axis=2).min(axis=1).max() < 0.5

@@ -146,6 +146,14 @@ class Samples:
         where[np.isinf(f_low) & np.isfinite(f_high)] = 1.0
         return where
 
+    def along(self, edges: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Crossings of edges between vertices of a mesh, whose values these are, by their numbers (E, 2).
+
+        As fractions (E,) of the way from the first, in the middle where that is not known.
+        """
+        where = self.between(edges[:, :1], edges[:, 1:2])
+        return np.asarray(np.clip(np.nan_to_num(where, nan=0.5), 0.0, 1.0))
+
 
 _UNSURE = 2.0**-50
 """Quotients this near to a whole number, relative to their size, may have been rounded to it, or past it."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..kernel import CUT, DONE, inlined, inner, kernel, record
 from ..kernel.types import BoolVector, IntMatrix, IntVector, Registers
+from .complex import holds
 from .shape import tetrahedron_quality, triangle_quality, turned
 
 SURFACE_TURN = 70
@@ -87,15 +88,6 @@ class Collapsing(NamedTuple):
     first: IntVector
     face: IntMatrix
     reg: CollapseRegisters
-
-
-@inlined
-def _holds(w, t, v):
-    """Whether a cell has a vertex."""
-    for j in range(w.cell.shape[1]):  # noqa: SIM110 - compiled
-        if w.cell[t, j] == v:
-            return True
-    return False
 
 
 @inlined
@@ -239,7 +231,7 @@ def _patch_quality(w, v, u, best, least):
     worst = NEVER
     for i in range(w.degree[v]):
         t = w.star[i]
-        if _holds(w, t, u):
+        if holds(w.cell, t, u):
             continue
         w.reg.work += 1
         if t >= w.reg.real:
@@ -260,7 +252,7 @@ def _shares_apex(w, v, u):
     """Whether some cell has ``v``, ``u`` and the apex."""
     apex = len(w.position)
     for i in range(w.degree[v]):  # noqa: SIM110 - compiled
-        if _holds(w, w.star[i], u) and _holds(w, w.star[i], apex):
+        if holds(w.cell, w.star[i], u) and holds(w.cell, w.star[i], apex):
             return True
     return False
 
@@ -271,7 +263,7 @@ def _has(w, v, a, b, c):
     for i in range(w.degree[v]):
         w.reg.work += 1
         t = w.star[i]
-        if _holds(w, t, a) and _holds(w, t, b) and _holds(w, t, c):
+        if holds(w.cell, t, a) and holds(w.cell, t, b) and holds(w.cell, t, c):
             return True
     return False
 
@@ -306,7 +298,7 @@ def _links_meet(w, v, u):
     mark = w.reg.clock
     for i in range(w.degree[v]):
         t = w.star[i]
-        if _holds(w, t, u):
+        if holds(w.cell, t, u):
             for j in range(corners):
                 w.edge[w.cell[t, j]] = mark
     before = np.int64(-1)
@@ -319,7 +311,7 @@ def _links_meet(w, v, u):
             _unlink(w, u, before, place)
         else:
             before = place
-            if not _holds(w, t, v):
+            if not holds(w.cell, t, v):
                 shared = np.int64(0)
                 for j in range(corners):
                     x = w.cell[t, j]
@@ -358,7 +350,7 @@ def _collapse(w, v, u):
     count = w.degree[v]
     for i in range(count):
         t = w.star[i]
-        goes = _holds(w, t, u)
+        goes = holds(w.cell, t, u)
         column = np.int64(0)
         for j in range(corners):
             x = w.cell[t, j]

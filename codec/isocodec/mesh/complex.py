@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..deferred import dataclass
 from ..errors import InputError
-from ..kernel import kernel, record
+from ..kernel import inlined, kernel, record
 from ..kernel.types import BoolVector, IntMatrix, IntVector
 
 EXTENT_BITS = {2: 20, 3: 20}
@@ -20,6 +20,15 @@ MOST_POSITION = 1 << 40
 """Coordinates stay below this."""
 NAMED = 5
 """Simplices that an error names at most."""
+
+
+@inlined
+def holds(cell, t, v):
+    """Whether a cell has a vertex."""
+    for j in range(cell.shape[1]):  # noqa: SIM110 - compiled
+        if cell[t, j] == v:
+            return True
+    return False
 
 
 @record

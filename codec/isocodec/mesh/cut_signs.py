@@ -10,6 +10,7 @@ from ..entropy.range_coder import Coder, code
 from ..kernel import DONE, inner, kernel, record
 from ..kernel.types import BoolVector, IntMatrix, IntVector
 from .before import UNKNOWN
+from .complex import holds
 from .levels import OPEN, code_list, comes_back, flip
 from .models import MIXED_FACES, SPLIT, UNASKED
 from .ring_fit import RingEstimates
@@ -73,10 +74,7 @@ def _crossed(c, sign, i):
         t = c.patch[k]
         if c.maker[t] >= 0 and not c.inside[c.maker[t]]:
             continue
-        real = True
-        for j in range(c.cell.shape[1]):
-            real = real and c.cell[t, j] != apex
-        if real and _sides(c.cell, t, apex, sign) == 3:
+        if not holds(c.cell, t, apex) and _sides(c.cell, t, apex, sign) == 3:
             return True
     return False
 
@@ -87,10 +85,7 @@ def _question(c, sign, i):
     mixed = np.int64(0)
     apex = len(sign)
     for k in range(c.star_first[i], c.star_first[i + 1]):
-        real = True
-        for j in range(c.around.shape[1]):
-            real = real and c.around[k, j] != apex
-        if real and _sides(c.around, k, c.vertex[i], sign) == 3:
+        if not holds(c.around, k, apex) and _sides(c.around, k, c.vertex[i], sign) == 3:
             mixed += 1
     return 2 * min(mixed >> 1, np.int64(MIXED_FACES - 1)) + np.int64(_missing(c, i) >= 0)
 

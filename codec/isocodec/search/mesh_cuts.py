@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from itertools import combinations, count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..drawing.explicit import crossed_edges
 from ..drawing.simplices import simplex_table
+from ..field.samples import Samples
 from ..format.domain import MOST_STEP
 from ..mesh.complex import CellArrays, Complex
 from ..mesh.cut import CellHistory
@@ -30,8 +32,8 @@ LAYER = 5
 """Bytes of a layer beside its run, about."""
 SHARE = 64
 """One part in so many of the cells that would come back is brought back at a time, the last that went first."""
-MOST_MENDED, PATIENCE = 512, 384
-"""So many times cells are brought back; behind the second number, those of the mesh itself."""
+MOST_MENDED = 512
+"""So many times cells are brought back; then all of the mesh is."""
 SOME = 1 << 20
 """Places that are looked at at a time."""
 SURE = 1 - 1e-6
@@ -43,7 +45,7 @@ Curve = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 @dataclass(frozen=True)
 class CellPieces:
-    """CellPieces of contour in cells.
+    """Pieces of contour in cells.
 
     Attributes
     ----------
@@ -73,7 +75,7 @@ class KeptCut:
     ratio : (E,) float64
         Where they are crossed, as decoded.
     curve : Curve
-        As decoded.
+        As decoded, in units of the distance.
     """
 
     inside: NDArray[np.bool_]
@@ -98,33 +100,31 @@ class MeshContour:
     history : CellHistory
     points : (V, d) float64
         Coordinates of the vertices.
-    above : (V,) bool
-    edges : (C, 2) int64
-        Crossed edges of the mesh, the lower vertex first.
-    ratio : (C,) float64
-        Where the contour crosses them, from 0 at the lower vertex to 1 at the other.
+    field : Samples
+        Values of the vertices.
     distance : float
         In the unit of the coordinates, greater than 0.
     """
 
     def __init__(
-        self, domain: Complex, history: CellHistory, points: NDArray[np.float64], above: NDArray[np.bool_],
-        edges: NDArray[np.int64], ratio: NDArray[np.float64], distance: float,
+        self, domain: Complex, history: CellHistory, points: NDArray[np.float64], field: Samples, distance: float
     ) -> None:
-        self.domain, self.history, self.above, self.distance = domain, history, above, distance
+        self.domain, self.history, self.distance = domain, history, distance
+        self.above = above = field.signs
         # distances are proven in units of the one that is kept
         self.points = (points - points.min(axis=0)) / distance
         apex = len(points)
         real = np.flatnonzero((history.cell < apex).all(axis=1))
-        count = above[history.cell[real]].sum(axis=1)
-        self.mixed = real[(count > 0) & (count < history.cell.shape[1])]
-        self._number = np.full(len(history.cell), -1)
-        self._number[self.mixed] = np.arange(len(self.mixed))
+        ups = above[history.cell[real]].sum(axis=1)
+        self.mixed = real[(ups > 0) & (ups < history.cell.shape[1])]
         self.edges = crossed_edges(history.cell[self.mixed], above)
-        at = np.searchsorted(self._key(self.edges), self._key(edges))
+        self._whole = history.breaker[self.mixed] < 0
+        own = crossed_edges(history.cell[self.mixed[self._whole]], above)
+        # of edges of the mesh itself it is known where they are crossed
+        self._own = np.searchsorted(self._key(self.edges), self._key(own))
         exact = np.full(len(self.edges), 0.5)
-        exact[at] = ratio
-        self._exact, self._whole = exact, history.breaker[self.mixed] < 0
+        exact[self._own] = field.along(own)
+        self._exact = exact
         self._rows = self._table()
         self.original = self._drawn(exact, self._whole)
         self.target = Target(self.original.points, self.original.pieces, SURE)
@@ -133,7 +133,7 @@ class MeshContour:
         return edges[:, 0] * np.int64(len(self.points)) + edges[:, 1]
 
     def _table(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """CellPieces of all mixed cells: their edges (M, n) and cells (M,)."""
+        """Pieces of all mixed cells: their edges (M, n) and cells (M,)."""
         cells = self.history.cell[self.mixed]
         pattern = self.above[cells] @ (1 << np.arange(cells.shape[1]))
         ends, owner = simplex_table(cells.shape[1] - 1).lookup(pattern, cells, np.zeros(len(cells), np.bool_))
@@ -141,7 +141,7 @@ class MeshContour:
         return np.searchsorted(self._key(self.edges), self._key(ends.reshape(-1, 2))).reshape(ends.shape[:2]), owner
 
     def _drawn(self, ratio: NDArray[np.float64], some: NDArray[np.bool_]) -> CellPieces:
-        """CellPieces in some of the mixed cells (a bool each), with the crossings of all edges at these ratios."""
+        """Pieces in some of the mixed cells (a bool each), with the crossings of all edges at these ratios."""
         rows, owner = self._rows
         rows, owner = rows[some[owner]], self.mixed[owner[some[owner]]]
         used, pieces = np.unique(rows, return_inverse=True)
@@ -150,35 +150,38 @@ class MeshContour:
         return CellPieces(low * (1 - at) + high * at, pieces.reshape(rows.shape), owner)
 
     def whole(self, step: int) -> Curve:
-        """The contour of the whole mesh as it is decoded with these offsets."""
-        parts = parts_of(self.domain.mesh, self.edges, step)
-        drawn = self._drawn((np.minimum(self._exact * parts, parts - 1).astype(np.int64) + 0.5) / parts, self._whole)
-        return drawn.points * self.distance, drawn.pieces
+        """The contour of the whole mesh as it is decoded with these offsets, in units of the distance."""
+        drawn = self._drawn(_middles(self._exact, parts_of(self.domain.mesh, self.edges, step)), self._whole)
+        return drawn.points, drawn.pieces
 
     def places(self, step: int) -> NDArray[np.float64]:
-        """Middles of those parts of edges, as a layer of offsets has them, that are nearest to the contour; (E,).
+        """Middles of those parts of edges, as a layer of offsets has them, in or next to which the contour lies; (E,).
 
-        ``step`` as in `parts_of`; without offsets, 0, the middles of edges.
+        Edges of the mesh itself are crossed in one; of others it is the one that is nearest to the contour. ``step`` as
+        in `parts_of`; without offsets, 0, the middles of edges.
         """
-        found = np.full(len(self.edges), 0.5)
         if not step:
-            return found
+            return np.full(len(self.edges), 0.5)
         parts = parts_of(self.domain.mesh, self.edges, step)
-        ends = np.cumsum(parts)
+        found = _middles(self._exact, parts)
+        others = np.setdiff1d(np.arange(len(parts)), self._own)
+        ends = np.cumsum(parts[others])
         start = 0
-        while start < len(parts):
+        while start < len(others):
             end = max(int(np.searchsorted(ends, ends[start] + SOME)), start + 1)
-            edge = np.repeat(np.arange(start, end), parts[start:end])
-            first = (ends - parts)[edge]
-            number = np.arange(len(edge)) + (ends - parts)[start] - first
-            ratio = (2 * number + 1) / (2 * parts[edge])
-            low, high = self.points[self.edges[edge, 0]], self.points[self.edges[edge, 1]]
-            far = self._far(low * (1 - ratio[:, None]) + high * ratio[:, None])
-            order = np.lexsort((far, edge))
-            best = order[np.searchsorted(edge[order], np.arange(start, end))]
-            found[start:end] = ratio[best]
+            some = others[start:end]
+            found[some] = self._nearest_middles(some, parts[some])
             start = end
         return found
+
+    def _nearest_middles(self, edges: NDArray[np.int64], parts: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Middles of parts of some edges that are nearest to the contour, (L,); ``parts`` (L,) of each."""
+        first = np.cumsum(parts) - parts
+        edge = np.repeat(np.arange(len(edges)), parts)
+        ratio = (np.arange(len(edge)) - first[edge] + 0.5) / parts[edge]
+        low, high = self.points[self.edges[edges[edge], 0]], self.points[self.edges[edges[edge], 1]]
+        far = self._far(low * (1 - ratio[:, None]) + high * ratio[:, None])
+        return np.asarray(ratio[np.lexsort((far, edge))[first]])
 
     def _far(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distances of places from the contour, infinite beyond the limit."""
@@ -212,7 +215,7 @@ class MeshContour:
         far[every.owner[self.target.exceeded(every.points, every.pieces).cells]] = True
         source, wanted = history.source[self.original.owner], also.copy()
         todo: NDArray[np.int64] | None = None
-        for turn in range(MOST_MENDED):
+        for turn in count():
             inside = self._near(wanted, far)
             if inside is None:
                 return None
@@ -225,12 +228,12 @@ class MeshContour:
                 # what is new may have drawn the curve away from other places
                 missed = drawn.exceeded(self.original.points, self.original.pieces).cells
             if not len(missed):
-                return KeptCut(inside, step, self.edges, ratio, (every.points * self.distance, every.pieces[now]))
-            more = self._back(np.unique(source[missed]), inside, turn >= PATIENCE)
-            if not len(more):
+                return KeptCut(inside, step, self.edges, ratio, (every.points, every.pieces[now]))
+            if inside.all():
                 return None
+            more = self._back(np.unique(source[missed]), inside)
             todo, wanted = missed, inside
-            wanted[more] = True
+            wanted[more if len(more) and turn < MOST_MENDED else slice(None)] = True
         return None
 
     def _near(self, wanted: NDArray[np.bool_], far: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
@@ -246,17 +249,12 @@ class MeshContour:
             wanted = inside
             wanted[breaker] = True
 
-    def _back(self, cells: NDArray[np.int64], inside: NDArray[np.bool_], whole: bool) -> NDArray[np.int64]:
-        """Nodes that bring back mixed cells that cells of the mesh became: the last that went, or these themselves."""
+    def _back(self, cells: NDArray[np.int64], inside: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Nodes that bring back mixed cells that cells of the mesh became: those of all that went last."""
         source, maker = self._going
         some = np.isin(source, cells) & ~inside[maker]
         source, maker = source[some], maker[some]
-        if not len(maker):
-            return maker
-        differs = source[1:] != source[:-1]
-        if whole:
-            return np.unique(maker[np.insert(differs, 0, True)])
-        last = np.unique(maker[np.append(differs, True)])
+        last = np.unique(maker[source != np.append(source[1:], -1)])
         return last[-max(len(last) // SHARE, 1) :]
 
     def shortest(self, also: NDArray[np.bool_], begun: Callable[[], MeshIsovalue]) -> tuple[KeptCut | None, float]:
@@ -296,21 +294,22 @@ class MeshContour:
 
 
 def without_crossings(found: Sequence[KeptCut | None], whole: Sequence[Curve]) -> list[KeptCut | None]:
-    """Leave out cuts whose curves cross those of other isovalues, on their cuts or on the whole mesh."""
+    """Leave out cuts whose curves cross or touch those of other isovalues, on their cuts or on the whole mesh."""
     kept = list(found)
     while True:
         curves = [other if one is None else one.curve for one, other in zip(kept, whole, strict=True)]
-        close = {k for i in range(len(curves)) for j in range(i) if _meet(curves[i], curves[j]) for k in (i, j)}
+        targets = [Target(*curve, TOUCH) for curve in curves]
+        close: set[int] = set()
+        for i, j in combinations(range(len(curves)), 2):
+            touching = any((targets[a].nearest(curves[b][0])[0] >= 0).any() for a, b in ((i, j), (j, i)))
+            if touching or len(targets[i].crossed(*curves[j]).cells):
+                close |= {i, j}
         if not any(kept[i] is not None for i in close):
             return kept
         for i in close:
             kept[i] = None
 
 
-def _meet(one: Curve, other: Curve) -> bool:
-    """Whether two curves cross or touch."""
-    first, second = Target(*one, TOUCH), Target(*other, TOUCH)
-    return bool(
-        len(first.crossed(*other).cells) or (first.nearest(other[0])[0] >= 0).any()
-        or (second.nearest(one[0])[0] >= 0).any()
-    )
+def _middles(ratio: NDArray[np.float64], parts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Middles of the parts of edges, (E,), in which ratios lie."""
+    return (np.minimum(ratio * parts, parts - 1).astype(np.int64) + 0.5) / parts

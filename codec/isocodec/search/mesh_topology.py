@@ -13,60 +13,53 @@ from numpy.typing import NDArray
 
 from ..kernel import inlined, inner, kernel
 from ..kernel.types import BoolVector, IntMatrix, IntVector
+from ..mesh.complex import holds
 from ..mesh.cut import CellHistory
 
 
 @inlined
 def _root(parent, v):
+    """The vertex that a part is known by."""
     while parent[v] != v:
         v = parent[v]
     return v
 
 
+@inlined
+def _more(parts, above, count):
+    """So many parts more of a sign."""
+    return (parts[0], parts[1] + count) if above else (parts[0] + count, parts[1])
+
+
 @inner
 def _parts(cell, star, above, v, apex, rim, parent, seen):
-    """Parts of each sign, (below, above), of the link of v without the apex, or of its border; ``seen`` is room."""
+    """Parts of each sign, (below, above), of the link of v without the apex, or of its rim; ``seen`` is room."""
     corners = cell.shape[1]
     count = np.int64(0)
-    below = np.int64(0)
-    over = np.int64(0)
+    parts = (np.int64(0), np.int64(0))
     for k in star:
-        at_rim = False
-        for i in range(corners):
-            at_rim = at_rim or cell[k, i] == apex
-        if rim and not at_rim:
+        if rim and not holds(cell, k, apex):
             continue
         for i in range(corners):
-            u = cell[k, i]
-            if u not in (v, apex) and parent[u] < 0:
-                parent[u] = u
-                seen[count] = u
+            a = cell[k, i]
+            if a in (v, apex):
+                continue
+            if parent[a] < 0:
+                parent[a] = a
+                seen[count] = a
                 count += 1
-                if above[u]:
-                    over += 1
-                else:
-                    below += 1
-    for k in star:
-        at_rim = False
-        for i in range(corners):
-            at_rim = at_rim or cell[k, i] == apex
-        if rim and not at_rim:
-            continue
-        for i in range(corners):
+                parts = _more(parts, above[a], 1)
             for j in range(i):
-                a, b = cell[k, i], cell[k, j]
-                if a in (v, apex) or b in (v, apex) or above[a] != above[b]:
+                b = cell[k, j]
+                if b in (v, apex) or above[a] != above[b]:
                     continue
-                a, b = _root(parent, a), _root(parent, b)
-                if a != b:
-                    parent[a] = b
-                    if above[b]:
-                        over -= 1
-                    else:
-                        below -= 1
+                one, other = _root(parent, a), _root(parent, b)
+                if one != other:
+                    parent[one] = other
+                    parts = _more(parts, above[b], -1)
     for i in range(count):
         parent[seen[i]] = -1
-    return below, over
+    return parts
 
 
 @kernel
@@ -87,8 +80,7 @@ def find_safe(
         out[i] = below == 1 and over == 1
         border = False
         for k in around:
-            for j in range(cell.shape[1]):
-                border = border or cell[k, j] == apex
+            border = border or holds(cell, k, apex)
         if out[i] and border:
             below, over = _parts(cell, around, above, v, apex, True, parent, seen)
             out[i] = below == 1 and over == 1
@@ -98,7 +90,5 @@ def safe_nodes(history: CellHistory, above: NDArray[np.bool_]) -> NDArray[np.boo
     """Find nodes that may go, (N,), if vertices (V,) lie above or below: the contour keeps parts, rims and handles."""
     out = np.zeros(len(history.vertex), np.bool_)
     room = np.full((2, len(above) + 1), -1)
-    find_safe(
-        history.cell, history.star_first, history.star, history.vertex, history.target, above, room, out
-    )
+    find_safe(history.cell, history.star_first, history.star, history.vertex, history.target, above, room, out)
     return out

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..deferred import dataclass
-from ..drawing.explicit import crossed_edges
 from ..errors import OptionError
 from ..field.samples import Samples
 from ..mesh.complex import Complex
@@ -78,11 +77,11 @@ class CutPlan:
     domain : Complex
     points : (V, d) float64
     history : CellHistory
-    wanted : CutPromise
+    promise : CutPromise
     """
 
-    def __init__(self, domain: Complex, points: NDArray[np.float64], history: CellHistory, wanted: CutPromise) -> None:
-        self._domain, self._points, self._history, self._wanted = domain, points, history, wanted
+    def __init__(self, domain: Complex, points: NDArray[np.float64], history: CellHistory, promise: CutPromise) -> None:
+        self._domain, self._points, self._history, self._promise = domain, points, history, promise
         self._every = np.ones(len(history.vertex), np.bool_)
 
     def cuts(self, fields: Sequence[Samples], whole: Callable[[Samples], int], step: int) -> list[list[Cut]]:
@@ -104,52 +103,39 @@ class CutPlan:
         """
         found = [self._nested(field, whole) for field in fields]
         flat = self._domain.n == self._domain.mesh.position.shape[1] == 2
-        if len(fields) > 1 and flat and self._wanted.distances:
-            curves = [self._contour(field, self._wanted.distances[-1]).whole(max(step, 1)) for field in fields]
+        if len(fields) > 1 and flat and self._promise.distances:
+            curves = [self._contour(field, self._promise.distances[-1]).whole(max(step, 1)) for field in fields]
             last = without_crossings([_kept(each) for each in found], curves)
             for number, one in enumerate(last):
                 if one is None and _kept(found[number]) is not None:
-                    found[number] = [*found[number][:-1], self._every] if self._wanted.stepwise else []
+                    found[number] = [*found[number][:-1], self._every] if self._promise.stepwise else []
         return found
 
     def _nested(self, field: Samples, whole: Callable[[Samples], int]) -> list[Cut]:
         """Choose the cuts of an isovalue, one for each distance."""
-        wanted, inside, found = self._wanted, ~self._every, list[Cut]()
-        if wanted.topology:
+        promise, inside, found = self._promise, ~self._every, list[Cut]()
+        if promise.topology:
             inside = ~safe_nodes(self._history, field.signs)
-        if not wanted.distances:
+        if not promise.distances:
             return [inside, self._every]
-        for distance in wanted.distances[:-1]:
+        for distance in promise.distances[:-1]:
             one = self._contour(field, distance).coarsest(inside)
-            found.append(self._every if one is None else one)
-            inside = self._every if one is None else one.inside
+            if one is None:
+                raise OptionError(f"a step of {distance:g} is finer than positions of the mesh are known", code="steps",
+                                  remedy="leave that one out")
+            found.append(one)
+            inside = one.inside
         begun = partial(MeshIsovalue, self._domain, field.isovalue)
-        kept, size = self._contour(field, wanted.distances[-1]).shortest(inside, begun)
-        if wanted.stepwise:
+        kept, size = self._contour(field, promise.distances[-1]).shortest(inside, begun)
+        if promise.stepwise:
             return [*found, self._every if kept is None else kept]
         return [kept] if kept is not None and size < whole(field) else []
 
     def _contour(self, field: Samples, distance: float) -> MeshContour:
-        """The contour of the whole mesh, as it is given, for cuts within a distance of it."""
-        cells = self._domain.mesh.cell
-        mixed = (field.signs[cells] != field.signs[cells[:, :1]]).any(axis=1)
-        edges = crossed_edges(cells[mixed], field.signs)
-        return MeshContour(
-            self._domain, self._history, self._points, field.signs, edges, crossing_places(field, edges), distance
-        )
+        """The contour of the whole mesh, for cuts within a distance of it."""
+        return MeshContour(self._domain, self._history, self._points, field, distance)
 
 
 def _kept(cuts: Sequence[Cut]) -> KeptCut | None:
     """The last cut, if its points are not those of the whole mesh."""
     return cuts[-1] if cuts and isinstance(cuts[-1], KeptCut) else None
-
-
-def crossing_places(field: Samples, edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Compute crossings of edges by linear interpolation, from 0 at the lower vertex to 1 at the upper one."""
-    low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
-    with np.errstate(all="ignore"):
-        # as for fields: no overflow, and all bits of tiny numbers
-        exponent = np.frexp(np.maximum(np.abs(low), np.abs(high)))[1]
-        at, start, end = (np.ldexp(x, -exponent) for x in (field.isovalue, low, high))
-        where = np.nan_to_num((at - start) / (end - start), nan=0.5)
-    return np.asarray(np.clip(where, 0.0, 1.0))

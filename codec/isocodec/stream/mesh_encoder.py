@@ -43,7 +43,7 @@ from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
 from ..search.mesh_cuts import KeptCut
 from ..tin.rank import by_rank
 from .container import ContainerEncoder, beginning
-from .cut_plan import Cut, CutPlan, check_cuts, crossing_places, cut_promise_of
+from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
 from .mesh_contents import coordinates_of
 from .options import LEVELS, Options
 from .promises import PROMISE
@@ -213,9 +213,12 @@ class MeshFrames:
                 lean = series.lean(lean.number, frame)
             begun = partial(MeshIsovalue, self.domain, value, self.options.precision.step, earlier, then)
             if cuts[number]:
-                yield from self._on_cuts(begun(), fields[number], cuts[number])
+                strands.append(begun())
+                yield from self._on_cuts(strands[-1], fields[number], cuts[number])
             else:
-                yield from self._shorter(begun, fields[number])
+                strand, chunks = self._shorter(begun, fields[number])
+                strands.append(strand)
+                yield from chunks
 
     def _fields(self, values: NDArray[Any]) -> list[Samples]:
         """Prepare the values of a frame at the vertices of the mesh, for each isovalue."""
@@ -364,22 +367,18 @@ class MeshFrames:
         """Choose cuts of the mesh for each isovalue of a frame; none where signs of the whole mesh take fewer bytes."""
         if self.cuts is not None:
             return [list(self.cuts(self._history, field)) for field in fields]
-        wanted = cut_promise_of(self.options) if self._shared_mesh else None
-        if wanted is None or self._hierarchy is None or (self._asked_levels and not wanted.stepwise):
+        promise = cut_promise_of(self.options) if self._shared_mesh else None
+        if promise is None or self._hierarchy is None or (self._asked_levels and not promise.stepwise):
             return [[] for _ in fields]
 
         def whole(field: Samples) -> int:
-            strands, self._strands = self._strands, []
-            size = sum(map(len, self._shorter(partial(MeshIsovalue, self.domain, field.isovalue), field)))
-            self._strands = strands
-            return size
+            return sum(map(len, self._shorter(partial(MeshIsovalue, self.domain, field.isovalue), field)[1]))
 
-        return CutPlan(self.domain, self._points, self._history, wanted).cuts(fields, whole, self._step)
+        return CutPlan(self.domain, self._points, self._history, promise).cuts(fields, whole, self._step)
 
     def _on_cuts(self, strand: MeshIsovalue, field: Samples, cuts: Sequence[Cut]) -> Iterator[bytes]:
         """Yield the chunks of an isovalue on cuts of the mesh, each with its geometry; the last one as it is asked for.
         """
-        self._strands.append(strand)
         for number, cut in enumerate(cuts, 1):
             inside = cut.inside if isinstance(cut, KeptCut) else cut
             yield self._signs(strand, field, MeshLayerHead(MeshLayer.CUT), inside)
@@ -391,8 +390,8 @@ class MeshFrames:
             elif number == len(cuts) and not isinstance(cut, KeptCut):
                 yield from self._layer_of_places(strand, field)
 
-    def _shorter(self, begun: Callable[[], MeshIsovalue], field: Samples) -> list[bytes]:
-        """Code an isovalue level by level, or along a walk where that is much shorter; return its chunks."""
+    def _shorter(self, begun: Callable[[], MeshIsovalue], field: Samples) -> tuple[MeshIsovalue, list[bytes]]:
+        """Code an isovalue level by level, or along a walk where that is much shorter; return it, and its chunks."""
         strand = begun()
         if self._hierarchy is None:
             found = [self._signs(strand, field, MeshLayerHead(MeshLayer.SIGNS)), *self._layer_of_places(strand, field)]
@@ -404,8 +403,7 @@ class MeshFrames:
                 walk = self._signs(other, field, MeshLayerHead(MeshLayer.SIGNS))
                 if SHORTER * (sum(map(len, signs)) - len(walk)) > sum(map(len, found)):
                     strand, found = other, [walk, *self._layer_of_places(other, field)]
-        self._strands.append(strand)
-        return found
+        return strand, found
 
     def _signs(
         self, strand: MeshIsovalue, field: Samples, head: MeshLayerHead, wanted: NDArray[np.bool_] | None = None
@@ -443,7 +441,7 @@ class MeshFrames:
     def _offsets(self, strand: MeshIsovalue, field: Samples) -> NDArray[np.int64]:
         """Find the part of each crossed edge in which the curve lies."""
         assert strand.edges is not None
-        where = crossing_places(field, strand.edges)
+        where = field.along(strand.edges[:, :2])
         if self._rounded is not None:
             above = field.values.astype(np.float64) - field.isovalue
             where = refitted(self.domain, self._points, self._rounded, strand.edges[:, :2], above, where)
