@@ -23,7 +23,7 @@ from ...kernel.types import Int32Vector, IntMatrix, IntVector, Registers, UInt8V
 from ..lattice.access import vertex
 from ..lattice.store import get
 from ..tube.leaf_list import push
-from ..tube.state import SAMPLE, State, crowded, learn
+from ..tube.state import SAMPLE, State, crowded, crowded_by, learn
 
 BLOCK_SHIFT = 5
 BLOCK = 1 << BLOCK_SHIFT
@@ -145,12 +145,12 @@ def raster_coder(coder: Coder) -> Coder:
 
 
 @inlined
-def _even(st, rs, i, j, sign):
-    """Whether all samples in the row above a block have a sign."""
-    for c in range(j, min(j + BLOCK, st.grid.last1 + 1)):
-        if i > 0 and np.int64(rs.columns[REACH + c]) & 1 != sign:
-            return np.int64(0)
-    return np.int64(1)
+def _even(rs, j, end, sign):
+    """Whether the last samples of all columns from j to before ``end`` have a sign."""
+    other = np.uint8(0)
+    for c in range(REACH + j, REACH + end):
+        other |= rs.columns[np.uint64(c)] ^ np.uint8(sign)
+    return np.int64(1 - (other & 1))
 
 
 @inlined
@@ -171,7 +171,8 @@ def _ask(st, cd, rs, i, j):
         sign = np.int64(rs.columns[REACH + max(j - 1, 0)]) & 1
     b = j >> BLOCK_SHIFT
     left = np.int64(1) if j == 0 else np.int64(rs.blocks[b - 1] & 1)
-    ctx = left + 2 * np.int64(rs.blocks[b] & 1) + 4 * _even(st, rs, i, j, sign)
+    even = np.int64(1) if i == 0 else _even(rs, j, min(j + BLOCK, st.grid.last1 + 1), sign)
+    ctx = left + 2 * np.int64(rs.blocks[b] & 1) + 4 * even
     bit = np.int64(0)
     if cd.reg.mode == ENCODE:
         bit = _uniform(st, i, j, sign)
@@ -311,29 +312,60 @@ def _sign(st, cd, rs, i, j):
     return bit
 
 
+@inlined
+def _repeats(rs, i, j, end):
+    """Whether samples of a block that has one sign follow such that no simplex that they are corners of is mixed."""
+    block = np.int64(rs.blocks[np.uint64(j >> BLOCK_SHIFT)])
+    if rs.walk.known or i == 0 or block & 1 == 0:
+        return False
+    sign = block >> 1
+    before = np.int64(rs.columns[np.uint64(REACH + max(j - 1, 0))])
+    return (j == 0 or before & 3 == 3 * sign) and _even(rs, j, end, sign) == 1
+
+
+@inlined
+def _go_on(st, cd, rs):
+    """Code the next samples of a row: those of one block, or only one of them if arrays are nearly full."""
+    walk = rs.walk
+    i, j = walk.row, walk.column
+    end = min(j | BLOCK - 1, st.grid.last1) + 1
+    if crowded_by(st, 2 * BLOCK + 2, 2 * BLOCK):
+        if crowded(st):
+            return np.int64(GROW)
+        end = j + 1
+    if (i | j) & (BLOCK - 1) == 0 and walk.asked == 0:
+        bit = _ask(st, cd, rs, i, j)
+        if bit < 0:
+            return bit
+        st.tally[SAMPLE] += 1
+        walk.asked = 1
+    if _repeats(rs, i, j, end):
+        for c in range(REACH + j, REACH + end):
+            rs.columns[np.uint64(c)] = (rs.columns[np.uint64(c)] << 1) | (rs.columns[np.uint64(c)] & 1)
+        j = end
+    while j < end:
+        sign = _sign(st, cd, rs, i, j)
+        if sign < 0:
+            return sign
+        _put(st, rs, i, j, sign)
+        walk.asked = 0
+        j += 1
+        walk.column = j
+    walk.asked = 0
+    walk.column = end
+    return np.int64(DONE)
+
+
 @kernel
 def raster(st: State, cd: Coder, rs: SampleRows) -> int:
     """Code the signs of all samples from the next one on."""
     walk = rs.walk
-    last0, last1 = st.grid.last0, st.grid.last1
     _list_squares(st, rs)
-    while walk.row <= last0:
-        while walk.column <= last1:
-            if crowded(st):
-                return GROW
-            i, j = walk.row, walk.column
-            if (i | j) & (BLOCK - 1) == 0 and walk.asked == 0:
-                bit = _ask(st, cd, rs, i, j)
-                if bit < 0:
-                    return bit
-                st.tally[SAMPLE] += 1
-                walk.asked = 1
-            sign = _sign(st, cd, rs, i, j)
-            if sign < 0:
-                return sign
-            _put(st, rs, i, j, sign)
-            walk.asked = 0
-            walk.column = j + 1
+    while walk.row <= st.grid.last0:
+        while walk.column <= st.grid.last1:
+            status = _go_on(st, cd, rs)
+            if status != DONE:
+                return status
         walk.column = 0
         walk.row += 1
         st.counters.row = walk.row

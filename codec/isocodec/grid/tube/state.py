@@ -315,12 +315,18 @@ def learn_at(st, page, cell, x, y, z, sign):
 @inlined
 def crowded(st):
     """Whether some array may overflow in one more step."""
+    return crowded_by(st, STEP_VERTICES, STEP_LEAVES)
+
+
+@inlined
+def crowded_by(st, vertices, leaves):
+    """Whether some array may overflow by so many vertices, on the pages of a step, and so many simplices."""
     counters = st.counters
     return (
-        counters.vertices + STEP_VERTICES > len(st.vertex)
-        or counters.leaves + STEP_LEAVES > len(st.leaf)
-        or counters.next + STEP_LEAVES > len(st.below)
-        or counters.mixed + STEP_LEAVES > counters.most_mixed
+        counters.vertices + vertices > len(st.vertex)
+        or counters.leaves + leaves > len(st.leaf)
+        or counters.next + leaves > len(st.below)
+        or counters.mixed + leaves > counters.most_mixed
         or full(st.known, STEP_VERTICES)
         or full(st.mesh, STEP_VERTICES)
         or full(st.crowd, STEP_CELLS)
