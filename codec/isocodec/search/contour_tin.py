@@ -185,7 +185,8 @@ def near_contours(
     names = given.x.astype(np.int64) * field.shape[1] + given.y
     rank = np.empty(field.size, np.int64)
     rank[names] = np.arange(len(names))
-    search = _Search(_Band(field, levels, contours, distance, reach), scale, wanted, distance, rank)
+    grain = 1 << max(int(distance).bit_length() - 1, 0)
+    search = _Search(_Band(field, levels, contours, distance, reach, grain), scale, wanted, distance, rank)
     found = search.smallest(search.mended())
     if found is None:
         return _of_all(given, wanted, distance)
@@ -217,9 +218,14 @@ def _beside(contours: Sequence[Contour], shape: tuple[int, ...]) -> tuple[NDArra
 class _Band:
     """Samples that a surface may have: along contours, a few far away, and the corners.
 
+    Where the distance allows for it these are every second or fourth sample along each axis, and so on: positions then
+    take fewer bits. Where no contour can be brought near with those, any sample is used.
+
     Attributes
     ----------
     shape : tuple of int
+    grain : int
+        Samples from one of those to the next, a power of two; the last row and column are among them.
     points : (N, 2) int64
     side : (N,) int64
         Number of isovalues below each.
@@ -229,18 +235,23 @@ class _Band:
 
     def __init__(
         self, field: NDArray[np.float64], levels: Sequence[float], contours: Sequence[Contour], distance: float,
-        reach: float,
+        reach: float, grain: int,
     ) -> None:
-        self.shape = field.shape
+        self.shape, self.grain = field.shape, grain
         spacing = max(int(distance), 1)
         sides = np.searchsorted(np.array(levels), field)
         near = np.stack([_distances(each, field.shape, 2.0, 1) for each in contours], axis=-1)
         wide = np.stack([_distances(each, field.shape, reach, spacing) for each in contours], axis=-1)
         far = np.minimum(np.where(near < 2.0, near, reach), wide)
         use: NDArray[np.bool_] = np.asarray((near < 1.0).any(axis=-1) | (wide < reach).any(axis=-1))
-        last = np.array(field.shape) - 1
-        lattice = [np.unique(np.append(np.arange(0, end, _FAR), end)) for end in last]
-        use[np.ix_(*lattice)] = True
+        coarse, fine = (
+            np.ix_(*[np.unique(np.append(np.arange(0, end, step), end - 1)) for end in field.shape])
+            for step in (max(_FAR, grain), grain)
+        )
+        use[coarse] = True
+        there = np.zeros(field.shape, np.bool_)
+        there[fine] = True
+        use &= there
         self.points = np.argwhere(use)
         self.side, self.far = sides[use].astype(np.int64), far[use]
         self.all_sides, self.all_far = sides, far
@@ -380,8 +391,9 @@ class _Search:
         draw, count = self._random, len(found.points)
         begin, beside = _neighbours(found.cells, count)
         border = ((found.points == 0) | (found.points == self._last)).any(axis=1).tolist()
-        way, (most_x, most_y) = draw.random(), self._last.tolist()
-        shift, lift = draw.integers(-2, 3, (count, 2)).tolist(), draw.integers(-1, 2, count).tolist()
+        # first contours are brought near with any samples
+        way, (most_x, most_y), grain = draw.random(), self._last.tolist(), 1 if len(bad) else self._band.grain
+        shift, lift = (grain * draw.integers(-2, 3, (count, 2))).tolist(), draw.integers(-1, 2, count).tolist()
         noise = draw.normal(size=(count, 3)).tolist()
         share, pick = draw.random(count).tolist(), draw.random(count).tolist()
         points, numbers, largest = found.points.tolist(), found.numbers.tolist(), self._scale.largest
@@ -398,7 +410,7 @@ class _Search:
             if way >= _JOIN:
                 place, number = (x, y), numbers[i] + lift[i]
                 if not border[i]:
-                    place = x + shift[i][0], y + shift[i][1]
+                    place = grain * round(x / grain) + shift[i][0], grain * round(y / grain) + shift[i][1]
             elif way >= _REMOVE:
                 inner = [k for k in around if not (border[k] or still[k])]
                 if not inner:
@@ -409,8 +421,8 @@ class _Search:
                     continue
                 around = around + more
                 u, v = points[other]
-                place = (round(u + share[i] * (x - u) + 0.7 * noise[i][0]),
-                         round(v + share[i] * (y - v) + 0.7 * noise[i][1]))
+                place = (grain * round((u + share[i] * (x - u)) / grain + 0.7 * noise[i][0]),
+                         grain * round((v + share[i] * (y - v)) / grain + 0.7 * noise[i][1]))
                 number = round((numbers[i] + numbers[other]) / 2 + noise[i][2])
             if place is not None:
                 free = place not in names or list(place) in (points[i], points[other])
@@ -424,6 +436,13 @@ class _Search:
             out.add((i, other), place, number, low, high)
             for k in (i, *around):
                 taken[k] = True
+        self._insert(out, bad, names)
+        out.begin()
+        return out
+
+    def _insert(self, out: _Changes, bad: NDArray[np.float64], names: set[tuple[int, int]]) -> None:
+        """Add points near places where contours are too far away; ``names`` are those that have points."""
+        draw, (most_x, most_y) = self._random, self._last.tolist()
         reach = int(2 * self._distance) + 2
         places = np.unique(np.rint(bad).astype(np.int64), axis=0)
         for x, y in places[draw.random(len(places)) < _INSERTED].tolist():
@@ -432,10 +451,8 @@ class _Search:
             number = self._number_at(place) + int(draw.integers(-1, 2))
             if place not in names:
                 names.add(place)
-                out.add((), place, min(max(number, 0), largest), (place[0] - reach, place[1] - reach),
+                out.add((), place, min(max(number, 0), self._scale.largest), (place[0] - reach, place[1] - reach),
                         (place[0] + reach, place[1] + reach))
-        out.begin()
-        return out
 
     def _number_at(self, place: tuple[int, int]) -> int:
         """The number of the height that a sample has by its distance from contours."""
