@@ -18,6 +18,7 @@ from scipy.spatial import Delaunay, cKDTree
 import isocodec
 from brute import examples
 from isocodec import Encoder, Mesh
+from isocodec.errors import InputError
 from isocodec.mesh.coded_points import delaunay_complex, triangulated
 from isocodec.mesh.complex import neighbours
 from isocodec.mesh.nudging import broken_share, conditions_of, in_circle, nudged
@@ -227,6 +228,26 @@ def test_moved_points_have_the_triangles(seed: int, unit: float) -> None:
     order = by_rank(*moved.T)
     found = order[delaunay_complex(moved[order], 1.0).mesh.cell]
     assert set(map(tuple, np.sort(found, axis=1).tolist())) == set(map(tuple, np.sort(cells, axis=1).tolist()))
+
+
+def test_triangles_that_are_too_thin() -> None:
+    points = np.random.default_rng(0).random((200, 2)) * [1000, 0.003]
+    with pytest.raises(InputError, match="too thin") as error:
+        isocodec.encode(Mesh(points, None, points[:, 0], stored="whole"), 500.0)
+    assert "scale" in str(error.value.remedy)
+    file = isocodec.open(isocodec.encode(Mesh(points * [1, 1e6], None, points[:, 0], stored="whole"), 500.0))
+    assert np.allclose(file.contour().points[:, 0], 500, atol=20)
+
+
+def test_points_in_clusters() -> None:
+    """Where points come together on the first lattices, finer ones follow."""
+    rng = np.random.default_rng(4)
+    points = np.concatenate([0.01 * rng.normal(size=(60, 2)) + at for at in rng.random((8, 2)) * 50])
+    values = values_at(points, rng)
+    for stored in ("whole", "delaunay"):
+        mesh = Mesh(points, None, values, stored=stored)
+        file = isocodec.open(isocodec.encode(mesh, ISOVALUE, precision=0.001))
+        assert file.verify(mesh)[0].kept and file.info.domain and file.info.domain.kind.name == "DELAUNAY"
 
 
 def test_few_moves_are_enough() -> None:

@@ -25,7 +25,8 @@ TRIALS = 10
 MOST_BROKEN = 0.06
 """Share of broken conditions above which points are not moved: a finer lattice comes next."""
 HARDLY = 0.9
-"""Factor by which that share shrinks at least from one lattice to the next, if finer ones are of use."""
+"""Factor by which that share shrinks at least from one lattice to the next, once points are apart, if finer ones are of
+use."""
 Crossed = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
 """Finds which cells (T, 3) of given points a contour crosses; all of them, if the file stores all points."""
 
@@ -95,7 +96,7 @@ class WantedTriangles(NamedTuple):
     def kept_by(self, places: Quantised) -> bool:
         """Check that contours cross the same triangles of points in these places, and no others."""
         order = by_rank(*places.position.T)
-        if not np.diff(places.position[order], axis=0).any(axis=1).all():
+        if not _apart(places.position):
             return False
         domain = delaunay_complex(np.ascontiguousarray(places.position[order]), places.unit)
         return np.array_equal(self._crossed_of(self.kept[order][domain.mesh.cell]), self._crossed_of(self.cells))
@@ -104,6 +105,11 @@ class WantedTriangles(NamedTuple):
         """Crossed ones of some cells, whatever order they and their vertices have."""
         found = np.sort(cells[self.crossed(cells)], axis=1)
         return found[np.lexsort(found.T)]
+
+
+def _apart(position: NDArray[np.int64]) -> bool:
+    """Whether positions (W, 2) are distinct."""
+    return len(np.unique(position, axis=0)) == len(position)
 
 
 def placements(wanted: WantedTriangles, error: float, reach: float) -> Iterator[Placed | None]:
@@ -131,7 +137,7 @@ def placements(wanted: WantedTriangles, error: float, reach: float) -> Iterator[
         if broken <= MOST_BROKEN:
             found = _placed(wanted, places, off, reach, conditions if broken else None)
         yield found
-        if MOST_BROKEN < broken > HARDLY * before:
+        if MOST_BROKEN < broken > HARDLY * before and _apart(places.position):
             return
         before = broken
         lattice /= CLOSER ** (1 + trial // 2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
@@ -292,10 +293,17 @@ class MeshFrames:
         trials = placements(wanted, self._off, REACH * self._off if self._shared else self._off)
         placed = next(trials)
         if placed is None:
-            given, points = self.domain, self._points
-            payload = self._of_cells()
+            given, points, payload = self.domain, self._points, b""
+            with suppress(InputError):
+                payload = self._of_cells()
             placed = next(filter(None, trials), None)
-            if placed is None or len(placed.run) >= len(payload):
+            if placed is None and not payload:
+                raise InputError(
+                    "some triangles of the points are too thin for positions in a file", code="mesh-error",
+                    remedy="scale the coordinates, so that points spread alike along both axes, or leave out points "
+                           "that nearly coincide",
+                )
+            if placed is None or len(placed.run) >= len(payload) > 0:
                 return payload
             self.domain, self._points = given, points
         self.domain, self._source, self._off = placed.domain, placed.source, placed.off
