@@ -186,10 +186,10 @@ def check_verify(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
     wrong = file.verify(field_of(kind), within=1e-12) if kind in ("mesh", "surface") else []
     assert all(not one.kept for one in wrong)
     if kind == "mesh":  # distances are in the unit of the points
-        large = isocodec.open(isocodec.encode(Mesh(10 * POINTS, None, VALUES), RADII, precision=3.0))
+        large = isocodec.open(isocodec.encode(Mesh(8 * POINTS, None, VALUES), RADII, precision=2.4))
         small = isocodec.open(isocodec.encode(Mesh(POINTS, None, VALUES), RADII, precision=0.3))
-        (one, _), (other, _) = small.verify(field_of(kind)), large.verify(Mesh(10 * POINTS, None, VALUES))
-        assert (other.there, other.back) == pytest.approx((10 * one.there, 10 * one.back), rel=0.1) and one.there > 0
+        (one, _), (other, _) = small.verify(field_of(kind)), large.verify(Mesh(8 * POINTS, None, VALUES))
+        assert (other.there, other.back) == pytest.approx((8 * one.there, 8 * one.back), rel=0.01) and one.there > 0
 
 
 def check_notebook(file: IsoFile, data: bytes, kind: str, path: Path) -> None:

@@ -115,6 +115,35 @@ def test_steps(kind: str) -> None:
         assert max(farthest(contour, original), farthest(original, contour)) <= step * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("topology", [False, True])
+@pytest.mark.parametrize("kind", MESHES)
+def test_steps_that_end_in_exact_values(kind: str, topology: bool) -> None:
+    """Layers before the last keep their distance; then points are bit for bit those of exact values alone."""
+    mesh = MESHES[kind](5)
+    values, edge = np.rint(1000 * hills(mesh[0], 5)).astype(np.int32), edge_of(mesh)
+    isovalues, steps = [1000 * VALUE + 0.5, 1000 * VALUE + 40.5], (8 * edge, 3 * edge)
+    given = Valued(*mesh, values)
+    data = isocodec.encode(given, isovalues, precision=[*steps, "exact"], keep_topology=topology)
+    file = isocodec.open(data, mesh=mesh)
+    exact = isocodec.open(isocodec.encode(given, isovalues, precision="exact"), mesh=mesh)
+    for found, wanted in zip(file.contours(), exact.contours(), strict=True):
+        assert len(found.cells) and found.cells.shape == wanted.cells.shape
+        assert np.array_equal(np.unique(found.points, axis=0), np.unique(wanted.points, axis=0))
+    assert file.promise is not None and file.promise.endswith("all values exactly")
+    for one in file.verify(given):
+        assert one.kept and one.promised == 0
+    chunks = [chunk for chunk in file.info.chunks if chunk.type == "layers"]
+    kinds = [layer.kind for layer in file.info.layers]
+    begins = [chunk.offset for chunk, layer in zip(chunks, kinds, strict=True) if layer == "cut"]
+    assert kinds.count("cut") == 6 and kinds.count("values") == 2
+    original = whole_of(mesh, values, isovalues[0])
+    for step, end in zip(steps, begins[1:3], strict=True):
+        contour = isocodec.open(data[:end], mesh=mesh).contour(partial=True)
+        assert max(farthest(contour, original), farthest(original, contour)) <= step * (1 + 1e-6)
+    with pytest.raises(OptionError, match="holds floats"):
+        isocodec.encode(Valued(*mesh, hills(mesh[0], 5)), VALUE, precision=[*steps, "exact"])
+
+
 def shape_of(contour: isocodec.Contour) -> tuple[int, int, int]:
     """Components, Euler characteristic, and ends or edges at the border."""
     cells = contour.cells
@@ -168,7 +197,7 @@ REFUSED = {
     "whole mesh, topology": ({"stored": "whole"}, {"keep_topology": True}, "both sides"),
     "along the curve, steps": ({"progressive": False}, {"precision": (4.0, 1.0)}, "progressive"),
     "along the curve, topology": ({"progressive": False}, {"keep_topology": True}, "progressive"),
-    "exact at last": ({}, {"precision": (4.0, "exact")}, "exact values"),
+    "coded mesh, exact at last": ({"stored": "coded"}, {"precision": (4.0, "exact")}, "both sides"),
     "growing steps": ({}, {"precision": (1.0, 4.0)}, "decrease"),
 }
 

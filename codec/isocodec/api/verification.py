@@ -23,7 +23,7 @@ from ..field.samples import Samples, check_field, interval_value, without_holes
 from ..field.stretch import in_unit
 from ..field.units import converted, distance_of, unit_of
 from ..stream.inspect import FileInfo, inspect
-from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, of_samples, of_tiles
+from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, noted_exact, of_samples, of_tiles
 from .files import TileFile, Viewed, WholeFile
 
 if TYPE_CHECKING:
@@ -305,7 +305,7 @@ def _of_points(
 ) -> _Promise:
     """The promise of a file on a mesh: of its note, or of all signs or values; or that of a caller."""
     parts, _ = noted(info.metadata)
-    samples = of_samples(info)
+    samples = EXACT if noted_exact(info.metadata) else of_samples(info)
     if within is None and (samples is not None or not parts):
         last = [layer.kind for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number)][-1:]
         step = info.scale if samples not in (None, EXACT, SIGNS) and last == ["values"] else None
@@ -340,7 +340,7 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
 
         there = valued(points, values)
         points, values = (points, values) if there is None else (points[there], values[there])
-        points, cells, values = triangulated(points, values)
+        points, cells, values = triangulated(points, values)[:3]
     if values.shape != (len(points),):
         raise InputError(f"{values.shape} values for {len(points)} points", code="values")
     return points, np.asarray(cells, np.int64), values

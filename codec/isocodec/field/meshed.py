@@ -39,10 +39,12 @@ class Mesh:
         cells and ``delaunay`` without; and ``whole`` for points whose frames are added to an `Encoder` one by one.
     error : float or None
         For a mesh that the file stores, the largest distance between stored and given vertices, reduced where cells
-        would fold. The default is 0.05 of the median edge length; scattered points that contours need are then rounded
-        so much less that contours cross the same triangles, where that can be reached, and not at all if all points
-        are multiples of a power of two of about that size. Contour points lie where the edges of the stored mesh
-        meet the contour of the original mesh, and so may be much nearer to that contour.
+        would fold. The default is 0.05 of the median edge length, or 1/8 of a distance that is asked for, if that is
+        less. Scattered points keep the triangles that contours cross, or all of them if all points are stored: where
+        rounding changes some, points are moved, within the error, or within twice the default one; if that is not
+        enough, they are rounded more finely, or the file stores the triangles, too. They are not moved at all if all
+        are multiples of a power of two of about that size. Contour points lie where the edges of the stored mesh meet
+        the contour of the original mesh, where that is as near to the place on the original edge as the error.
     progressive : bool or None
         Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show the whole curve;
         or, if False, along the curve. The default is level by level if encoder and decoder have the mesh, except for

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,20 +14,50 @@ from ..tin.coded_tin import STEPS
 from ..tin.delaunay import delaunay, triangles
 from ..tin.models import new_coder
 from ..tin.point_tree import code_positions
-from ..tin.points import points_of
+from ..tin.points import Points, points_of
 from ..tin.rank import by_rank
-from .complex import Complex, assembled, neighbours
+from .complex import Complex, assembled, determinants, neighbours
+from .quantised import EXTENT
 
 BYTES_PER_POINT = 400
 """Memory that decoding takes for a point, about."""
+FLAT, FLAT_BITS = 2, 22
+"""Triangles of rounded points are flat up to so many units, or that part of the longer side, ``2**-FLAT_BITS``."""
 _ROOM = 32
 """Symbols of a run for each point at most, and some more."""
 
 
-def triangulated(
-    points: ArrayLike, values: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[Any]]:
-    """Scattered points of the plane as distinct ones, (V, 2), their Delaunay triangles, and their values.
+class Triangulated(NamedTuple):
+    """Distinct points of the plane with their Delaunay triangles and values.
+
+    Attributes
+    ----------
+    points : (V, 2) float64
+    cells : (T, 3) int64
+        Anticlockwise triangles.
+    values : (V,) or (F, V) array
+    position : (V, 2) int64
+        The points as the triangles were found from them, to 24 bits at least.
+    unit : float
+        Of positions.
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    values: NDArray[Any]
+    position: NDArray[np.int64]
+    unit: float
+
+    @property
+    def domain(self) -> Complex:
+        """The complex of the triangles."""
+        return assembled(self.position, self.cells, self.unit, neighbours(self.cells))
+
+
+def triangulated(points: ArrayLike, values: ArrayLike) -> Triangulated:
+    """Triangulate scattered points of the plane.
+
+    Triangles at the border that are as flat as rounding is are left out, where points lie in a line but for rounding.
 
     Parameters
     ----------
@@ -50,7 +80,14 @@ def triangulated(
     if not np.isfinite(found).all():
         raise InputError("some coordinates are not finite", code="points", remedy="leave those points out")
     found, numbers = _distinct(found, numbers)
-    return found, _cells_of(found), numbers
+    fine = _fine(found)
+    cells = fine.source[triangles(delaunay(fine.x, fine.y)[0])]
+    position = np.empty((len(found), 2), np.int64)
+    position[fine.source] = np.stack([fine.x, fine.y], axis=1)
+    span = int(position.max())
+    if span >= EXTENT or not np.array_equal(fine.positions, found[fine.source]):
+        cells = _without_slivers(position, cells, max(FLAT, span >> FLAT_BITS))
+    return Triangulated(found, cells, numbers, position, fine.unit)
 
 
 def _distinct(
@@ -73,15 +110,28 @@ def _distinct(
     return found, mean if values.ndim == 2 else mean[0]
 
 
-def _cells_of(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Delaunay triangles of distinct points as they are given, (T, 3), to 24 bits at least."""
+def _fine(points: NDArray[np.float64]) -> Points:
+    """Distinct points as they are given, to 24 bits at least."""
     found = points_of(points, np.zeros(len(points)))
     if found.merged:
         raise InputError(
             f"{found.merged} points lie too near to others to be stored apart from them", code="coincident",
             remedy="merge them first",
         )
-    return found.source[triangles(delaunay(found.x, found.y)[0])]
+    return found
+
+
+def _without_slivers(position: NDArray[np.int64], cells: NDArray[np.int64], flat: int) -> NDArray[np.int64]:
+    """Leave out triangles at the border that are at most so high."""
+    while True:
+        corners = position[cells]
+        sides = corners[:, [1, 2, 0]] - corners
+        longest = np.sqrt((sides.astype(np.float64) ** 2).sum(axis=2)).max(axis=1)
+        thin = np.abs(determinants(position, cells)).astype(np.float64) <= flat * longest
+        outside = thin & (neighbours(cells) < 0).any(axis=1) if thin.any() else thin
+        if not outside.any() or outside.all():
+            return cells
+        cells = cells[~outside]
 
 
 def delaunay_complex(position: NDArray[np.int64], unit: float, account: Account | None = None) -> Complex:

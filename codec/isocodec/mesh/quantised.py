@@ -15,10 +15,6 @@ EXTENT = 1 << 24
 """Positions along an axis at most."""
 MOST_ORIGIN = 2.0**40
 """Positions begin below this."""
-FINER = 2**0.25
-"""Factor by which an error shrinks until points are apart."""
-MOVED = 0.25
-"""Crossings move by that share of an edge at most."""
 SLACK = 1e-9
 """Points of cells may lie so far beyond their faces."""
 MULTIPLES = 16
@@ -38,6 +34,14 @@ class Quantised(NamedTuple):
     def unit(self) -> float:
         """Unit of positions."""
         return math.ldexp(self.multiple, self.exponent)
+
+    def widened(self, steps: int) -> Quantised:
+        """Return the places in a box with room at each side, as far as positions go."""
+        room = max(min(steps, (EXTENT - max(self.extent)) // 2), 0)
+        return self._replace(
+            position=self.position + room, origin=tuple(each - room for each in self.origin),
+            extent=tuple(each + 2 * room for each in self.extent),
+        )
 
 
 def quantised(
@@ -61,7 +65,13 @@ def quantised(
     found = rounded(points, error)
     while _folds(points, found.position, cells):
         error /= 2
-        found = rounded(points, error)
+        try:
+            found = rounded(points, error)
+        except InputError:
+            exact = _shared(points, None)
+            if exact is None or _folds(points, exact.position, cells):
+                raise
+            found = exact
     return found, assembled(found.position, cells, found.unit, neighbours(cells))
 
 
@@ -86,16 +96,17 @@ def _counted(scaled: NDArray[np.float64], multiple: int, exponent: int) -> Quant
     if extent.max() > EXTENT or np.abs(origin).max() >= MOST_ORIGIN:
         raise InputError(
             "the mesh is too large for so small an error of its points", code="mesh-error",
-            remedy="allow a larger error, or make the mesh known to both sides",
+            remedy="allow a larger error, or a larger distance of the contour; a mesh with cells can be known to both "
+                   "sides",
         )
     position = (scaled - origin).astype(np.int64)
     return Quantised(position, multiple, exponent, tuple(map(int, origin.tolist())), tuple(map(int, extent.tolist())))
 
 
-def rounded_apart(
+def rounded_points(
     points: NDArray[np.float64], error: float, kept: NDArray[np.int64], exact: bool = True
 ) -> tuple[Quantised, float]:
-    """Round some of the distinct points of the plane, more finely where they would come together or lie on a line.
+    """Round some points of the plane; they may come together.
 
     Parameters
     ----------
@@ -103,7 +114,7 @@ def rounded_apart(
     error : float
         As of `rounded`.
     kept : (W,) int64
-        The points to round, which do not all lie on a line.
+        The points to round.
     exact : bool
         Whether not to move points at all if all of them are multiples of a unit that is hardly finer.
 
@@ -114,28 +125,24 @@ def rounded_apart(
     float
         How far points may have been moved.
     """
-    found, moved = _shared(points, error) if exact else None, 0.0
+    found = _shared(points, error) if exact else None
+    if found is not None:
+        return found._replace(position=found.position[kept]), 0.0
     corners = np.stack([points.min(axis=0), points.max(axis=0)])
-    while True:
-        if found is None:
-            found, moved = rounded(np.concatenate([points[kept], corners]), error), error
-            found = found._replace(position=found.position[:-2])
-        else:
-            found = found._replace(position=found.position[kept])
-        place = found.position[np.lexsort(found.position.T)]
-        together = (place[1:] == place[:-1]).all(axis=1).any()
-        if not together and np.linalg.matrix_rank(place - place[:1]) == points.shape[1]:
-            return found, moved
-        found = None
-        error /= FINER
+    found = rounded(np.concatenate([points[kept], corners]), error)
+    return found._replace(position=found.position[:-2]), error
 
 
-def _shared(points: NDArray[np.float64], error: float) -> Quantised | None:
+def _shared(points: NDArray[np.float64], error: float | None) -> Quantised | None:
     """Positions in the largest power of two that holds all coordinates exactly, if that is not too fine.
 
-    It may be half of the unit that ``error`` asks for: exact positions are worth a bit more.
+    It may be half of the unit that ``error`` asks for: exact positions are worth a bit more. Without an error, it may
+    be as fine as positions can be.
     """
-    exponent = math.frexp(2 * error / math.sqrt(points.shape[1]))[1] - 1
+    if error is None:
+        exponent = math.frexp(float(np.ptp(points, axis=0).max()))[1] - EXTENT.bit_length() + 1
+    else:
+        exponent = math.frexp(2 * error / math.sqrt(points.shape[1]))[1] - 1
     with np.errstate(over="ignore"):
         scaled = np.ldexp(points, -exponent)
     if not (np.abs(scaled).max() < MOST_ORIGIN and np.array_equal(scaled, np.rint(scaled))):
@@ -143,6 +150,8 @@ def _shared(points: NDArray[np.float64], error: float) -> Quantised | None:
     whole = scaled.astype(np.int64)
     bits = int(np.bitwise_or.reduce(whole, axis=None))
     shift = (bits & -bits).bit_length() - 1
+    if error is None and np.ptp(whole >> shift, axis=0).max() >= EXTENT:
+        return None
     return _counted(np.ldexp(scaled, -shift), 1, exponent + shift)
 
 
@@ -157,9 +166,12 @@ def _folds(points: NDArray[np.float64], position: NDArray[np.int64], cells: NDAr
 
 def refitted(
     domain: Complex, points: NDArray[np.float64], rounded: NDArray[np.float64], edges: NDArray[np.int64],
-    above: NDArray[np.float64], where: NDArray[np.float64],
+    above: NDArray[np.float64], where: NDArray[np.float64], off: float,
 ) -> NDArray[np.float64]:
     """Crossings of edges between rounded points with the contour of the mesh as it was.
+
+    A crossing that would come farther from where the edge was crossed stays at its share of the edge: the contour
+    between both places would be lost, where it turns.
 
     Parameters
     ----------
@@ -172,6 +184,8 @@ def refitted(
         How far values lie above the isovalue.
     where : (E,) float64
         Where the edges were crossed, from 0 to 1.
+    off : float
+        Crossings lie as near to where they were.
 
     Returns
     -------
@@ -192,9 +206,12 @@ def refitted(
     begin, end = rounded[edges[owner, 0]], rounded[edges[owner, 1]]
     with np.errstate(all="ignore"):
         at = -(above[first] + (slope * (begin - points[first])).sum(axis=1)) / (slope * (end - begin)).sum(axis=1)
-    met = (at >= 0) & (at <= 1) & (np.abs(at - where[owner]) <= MOVED)
+    met = (at >= 0) & (at <= 1)
     owner, number, first, at = owner[met], number[met], first[met], at[met]
     place_of = begin[met] + at[:, None] * (end - begin)[met]
+    crossed = points[edges[:, 0]] + where[:, None] * (points[edges[:, 1]] - points[edges[:, 0]])
+    met = np.sqrt(((place_of - crossed[owner]) ** 2).sum(axis=1)) <= off
+    owner, number, first, at, place_of = owner[met], number[met], first[met], at[met], place_of[met]
     share = np.einsum("ti,tij->tj", place_of - points[first], inverse[number])
     inside = (share >= -SLACK).all(axis=1) & (share.sum(axis=1) <= 1 + SLACK)
     owner, at = owner[inside], at[inside]

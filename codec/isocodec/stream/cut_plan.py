@@ -31,17 +31,22 @@ class CutPromise:
 
     Attributes
     ----------
-    distances : sequence of float
-        In the unit of the points, one for each cut, decreasing.
+    distances : tuple of float
+        In the unit of the points, one for each cut, decreasing; 0 for exact values, at the end.
     topology : bool
         Whether each cut has the contour's components, rims and handles.
     stepwise : bool
         Whether each layer promises something, so that signs of the whole mesh are no alternative.
     """
 
-    distances: Sequence[float]
+    distances: tuple[float, ...]
     topology: bool
     stepwise: bool
+
+    @property
+    def exact(self) -> bool:
+        """Whether the last cut is the whole mesh, with values."""
+        return self.distances[-1:] == (EXACT,)
 
 
 def cut_promise_of(options: Options) -> CutPromise | None:
@@ -63,8 +68,6 @@ def check_cuts(domain: Complex, options: Options, progressive: bool | None, shar
         raise OptionError(f"{name} needs progressive signs", code=code, remedy="leave progressive out")
     if not has_hierarchy(domain):
         raise OptionError(f"{name}: the mesh is too large for its unit", code=code, remedy="leave it out")
-    if EXACT in steps:
-        raise OptionError("a mesh has no step of exact values", code=code, remedy="end with a distance")
     if any(not later < step for step, later in pairwise(steps)):
         raise OptionError("the distances must decrease", code=code, remedy="for example 4, 1, 0.25")
 
@@ -103,7 +106,7 @@ class CutPlan:
         """
         found = [self._nested(field, whole) for field in fields]
         flat = self._domain.n == self._domain.mesh.position.shape[1] == 2
-        if len(fields) > 1 and flat and self._promise.distances:
+        if len(fields) > 1 and flat and self._promise.distances and not self._promise.exact:
             curves = [self._contour(field, self._promise.distances[-1]).whole(max(step, 1)) for field in fields]
             last = without_crossings([_kept(each) for each in found], curves)
             for number, one in enumerate(last):
@@ -125,6 +128,8 @@ class CutPlan:
                                   remedy="leave that one out")
             found.append(one)
             inside = one.inside
+        if promise.exact:
+            return [*found, self._every]
         begun = partial(MeshIsovalue, self._domain, field.isovalue)
         kept, size = self._contour(field, promise.distances[-1]).shortest(inside, begun)
         if promise.stepwise:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
@@ -22,7 +23,6 @@ from ..field.stretch import in_unit
 from ..field.units import distance_of
 from ..format.chunks import write_chunk, write_further
 from ..format.domain import (
-    MOST_OF_BYTE,
     MOST_STEP,
     DomainHead,
     MeshLayerHead,
@@ -32,16 +32,17 @@ from ..format.domain import (
 )
 from ..format.frames import as_last, write_frame, write_interval
 from ..format.header import Header
-from ..mesh.coded_points import delaunay_complex, encoded_points, triangulated
-from ..mesh.complex import EXTENT_BITS, Complex, complex_of, neighbours
+from ..mesh.coded_points import triangulated
+from ..mesh.complex import Complex, complex_of
 from ..mesh.cut import CellHistory, history_of
 from ..mesh.hierarchy import Hierarchy, has_hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import encoded_mesh
+from ..mesh.point_lattice import WantedTriangles, placements
 from ..mesh.positions import STEPS, active_vertices, parts_of
-from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
+from ..mesh.quantised import Quantised, quantised, refitted
 from ..search.mesh_cuts import KeptCut
-from ..tin.rank import by_rank
+from ..search.tolerance import EXACT
 from .container import ContainerEncoder, beginning
 from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
 from .mesh_contents import coordinates_of
@@ -57,10 +58,8 @@ MESH_SHARE = 0.05
 """Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
 TOLERANCE_SHARE = 0.125
 """Share of a tolerance that they may take, if one is given: it holds for mesh and points of contours together."""
-CLOSER = 3**0.5
-CLOSER_TRIED = 11
-"""So many times scattered points are rounded, by that factor more finely each time, until contours cross the same
-triangles as of the points themselves."""
+REACH = 2
+"""Scattered points may be moved so many times as far as they are rounded, where their triangles would change."""
 SHORTER = 50
 """Signs come along a walk, unless levels are asked for, where that saves more than such a part of an isovalue."""
 CELL_KINDS, POINT_KINDS = ("known", "coded", "whole"), ("delaunay", "whole")
@@ -117,9 +116,10 @@ class MeshFrames:
                 warnings.warn(f"{gone:,} points without a value (NaN) are left out", stacklevel=6)
                 points, values = points[self._there], np.asarray(values)[..., self._there]
             self._scattered = points
-            points, cells, values = triangulated(points, values)
-            cells = without_slivers(points, cells)
-        self.domain, self._points = complex_of(points, cells)
+            joined = triangulated(points, values)
+            self.domain, self._points, values = joined.domain, joined.points, joined.values
+        else:
+            self.domain, self._points = complex_of(points, cells)
         self._cells = self.domain.mesh.cell
         self._size = len(self.domain.mesh.position), len(self._cells)
         self._source = np.arange(self._size[0])
@@ -128,7 +128,7 @@ class MeshFrames:
             self.options.check_data(self._fields(each)[0].integer)
         self._edge = self._median_edge()
         self._rounded: NDArray[np.float64] | None = None
-        self._off, self._same, self._shared = 0.0, True, False
+        self._off, self._shared = 0.0, False
         self._exceeded = self._count_exceeded() if stored in NEEDED else []
         self._shared_mesh = stored == "known"
         if (asked := cut_promise_of(options)) is not None and asked.stepwise:
@@ -141,7 +141,7 @@ class MeshFrames:
         step = options.precision.step
         self.header = Header((), self._fields(first[0])[0].isovalue, step, Profile.MAIN, cells=self.domain.n)
         self._metadata = {**mesh.metadata, **options.metadata}
-        if options.precision.tolerance is not None and self._same:
+        if options.precision.tolerance is not None:
             self._metadata[PROMISE] = self._promise(options.precision.tolerance)
         if options.precision.steps is not None:
             self._metadata[PROMISE] = self._asked or options.precision.text
@@ -167,7 +167,7 @@ class MeshFrames:
         """
         if self._scattered is not None:
             values = np.asarray(values) if self._there is None else np.asarray(values)[..., self._there]
-            values = triangulated(self._scattered, values)[2]
+            values = triangulated(self._scattered, values).values
         return self.merged_chunks(np.asarray(values))
 
     def merged_chunks(self, values: NDArray[Any]) -> list[bytes]:
@@ -253,11 +253,7 @@ class MeshFrames:
         if self.options.precision.tolerance is not None:
             usual = min(usual, TOLERANCE_SHARE * self.options.precision.tolerance)
         self._off, self._shared = error or usual, error is None
-        if self._scattered is None:
-            return self._of_cells()
-        # trials with all points take long, and are of use only for a promise
-        once = error is not None or not (self._exceeded or self.options.precision.tolerance)
-        return self._of_points(1 if once else CLOSER_TRIED)
+        return self._of_cells() if self._scattered is None else self._of_points()
 
     def _count_exceeded(self) -> list[NDArray[np.uint16]]:
         """Count for each frame how many isovalues the value of each vertex exceeds, (V,)."""
@@ -285,55 +281,34 @@ class MeshFrames:
         self._rounded = coordinates_of(self.domain, read_domain(head + run, self.domain.n, 0)[0])
         return head + run
 
-    def _of_points(self, trials: int) -> bytes:
+    def _of_points(self) -> bytes:
         """Write the payload for scattered points: all of them, or the vertices of the triangles that the file needs.
 
-        The points are rounded so finely that contours cross the same triangles as before, if that is reached within a
-        number of trials; otherwise as in the first one. Origin and extent are those of all points, so that ties are
-        decided as among all of them (annex G.5).
+        Their triangulation has the cells that contours cross among the given points, and no others that they cross. If
+        the first lattice does not give that, the cells themselves are stored where this takes fewer bytes.
         """
-        given, cells = self._points, self.domain.mesh.cell
-        crossed = self._crossed(cells)
-        wanted = _vertex_sets(cells[crossed])
-        kept = np.unique(cells[_one_at_least(crossed)]) if self._exceeded else np.arange(len(given))
-        found: list[tuple[Quantised, float]] = []
-        error = self._off
-        for _ in range(trials):
-            try:
-                found.append(rounded_apart(given, error, kept))
-            except InputError:
-                if found:
-                    break
-                raise
-            places = found[-1][0]
-            order = by_rank(*places.position.T)
-            if self._crossed_alike(kept[order], delaunay_complex(places.position[order], places.unit), wanted):
-                found[0] = found[-1]
-                break
-            error /= CLOSER
-        places, error = found[0]
-        payload, self.domain, order = self._with_points(places)
-        while len(self.domain.mesh.position) + len(self.domain.mesh.cell) > MOST_OF_BYTE * len(payload):
-            # points that fill a lattice take so few bytes that readers would not believe their number
-            self._off /= CLOSER
-            places, error = rounded_apart(given, self._off, kept, exact=False)
-            payload, self.domain, order = self._with_points(places)
-        self._off, self._source = error, kept[order]
-        self._points = given[self._source]
-        self._same = self._crossed_alike(self._source, self.domain, wanted)
-        return payload
-
-    def _crossed_alike(
-        self, source: NDArray[np.int64], domain: Complex, wanted: Collection[tuple[int, ...]]
-    ) -> bool:
-        """Check that contours cross these cells of a complex of given points, and no others."""
-        cells = source[domain.mesh.cell]
-        return _vertex_sets(cells[self._crossed(cells)]) == wanted
-
-    def _with_points(self, places: Quantised) -> tuple[bytes, Complex, NDArray[np.int64]]:
-        """Write the payload for points in these places; also the complex and the order of the points in it."""
-        run, domain, order = encoded_points(places.position, places.extent, places.unit)
-        return self._head(DomainKind.DELAUNAY, places, domain) + run, domain, order
+        cells = self.domain.mesh.cell
+        kept = np.unique(cells[_one_at_least(self._crossed(cells))]) if self._exceeded else np.arange(len(self._points))
+        wanted = WantedTriangles(self._points, self.domain.mesh.position, cells, kept, self._crossed)
+        trials = placements(wanted, self._off, REACH * self._off if self._shared else self._off)
+        placed = next(trials)
+        if placed is None:
+            given, points, payload = self.domain, self._points, b""
+            with suppress(InputError):
+                payload = self._of_cells()
+            placed = next(filter(None, trials), None)
+            if placed is None and not payload:
+                raise InputError(
+                    "some triangles of the points are too thin for positions in a file", code="mesh-error",
+                    remedy="scale the coordinates, so that points spread alike along both axes, or leave out points "
+                           "that nearly coincide",
+                )
+            if placed is None or len(placed.run) >= len(payload) > 0:
+                return payload
+            self.domain, self._points = given, points
+        self.domain, self._source, self._off = placed.domain, placed.source, placed.off
+        self._points, self._rounded = self._points[self._source], None
+        return self._head(DomainKind.DELAUNAY, placed.places, self.domain) + placed.run
 
     def _head(self, kind: DomainKind, places: Quantised, domain: Complex) -> bytes:
         """Write the head of the domain chunk of a mesh with positions in the file's units."""
@@ -351,6 +326,8 @@ class MeshFrames:
         tolerance = precision.tolerance or EDGE_SHARE * self._edge
         if precision.steps is not None:
             tolerance = precision.steps[-1]
+            if tolerance == EXACT:
+                return 0
         if precision.tolerance is not None and self._shared:
             tolerance -= self._off
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
@@ -444,7 +421,8 @@ class MeshFrames:
         where = field.along(strand.edges[:, :2])
         if self._rounded is not None:
             above = field.values.astype(np.float64) - field.isovalue
-            where = refitted(self.domain, self._points, self._rounded, strand.edges[:, :2], above, where)
+            edges = strand.edges[:, :2]
+            where = refitted(self.domain, self._points, self._rounded, edges, above, where, self._off)
         parts = parts_of(self.domain.mesh, strand.edges, self._step)
         return np.clip(np.floor(where * parts), 0, parts - 1).astype(np.int64)
 
@@ -515,11 +493,6 @@ def _one_at_least(crossed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return crossed
 
 
-def _vertex_sets(cells: NDArray[np.int64]) -> set[tuple[int, ...]]:
-    """The vertices of each cell, whatever their order."""
-    return set(map(tuple, np.sort(cells, axis=1).tolist()))
-
-
 def level_heads(hierarchy: Hierarchy) -> list[MeshLayerHead]:
     """Heads of the layers that code signs level by level, each finer than the one before by about the same factor."""
     sizes = np.array([len(each.vertex) for each in hierarchy.rounds], np.int64)
@@ -557,20 +530,6 @@ def _in_unit(options: Options, mesh: Mesh) -> Options:
         return in_unit(text, points, notes.get(COORDINATE_UNIT), notes.get(CRS))
 
     return replace(options, precision=options.precision.in_cells(number))
-
-def without_slivers(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Leave out triangles at the border that are too flat for positions of a mesh, where points lie in a line but for
-    rounding."""
-    unit = float(np.ptp(points, axis=0).max()) * 2.0 ** (1 - EXTENT_BITS[2])
-    while True:
-        corners = points[cells]
-        sides = corners[:, [1, 2, 0]] - corners
-        area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-        flat = area <= 2 * unit * np.sqrt((sides**2).sum(axis=2)).max(axis=1)
-        outside = flat & (neighbours(cells) < 0).any(axis=1) if flat.any() else flat
-        if not outside.any() or outside.all():
-            return cells
-        cells = cells[~outside]
 
 
 def _frames_of(values: ArrayLike) -> NDArray[Any]:

@@ -42,6 +42,11 @@ def noted(metadata: dict[str, str]) -> tuple[list[str], list[float]]:
         return [], []
 
 
+def noted_exact(metadata: Mapping[str, str]) -> bool:
+    """Whether the note of a file states distances and, after them, exact values."""
+    return metadata.get(PROMISE, "").endswith(",exact")
+
+
 def asked(info: FileInfo, within: float | None, frame: int = 0, number: int = 0) -> str:
     """Find the text that asked for a distance in cells that a file promises, if that was in the world, or not in whole
     thousandths, to which a chunk rounds up; else nothing.
@@ -108,7 +113,8 @@ def promise_of(info: FileInfo) -> str | None:
         what = "values within " if info.kind == "surface" else "within "
         unit = info.metadata.get(UNIT if info.kind == "surface" else COORDINATE_UNIT) or ""
         missing = "" if info.kind == "surface" else "in the unit of its points"
-        return what + last if distance_of(last)[1] else f"{what}{last} {unit or missing}".rstrip()
+        then = f", then {EXACT}" if noted_exact(info.metadata) else ""
+        return (what + last if distance_of(last)[1] else f"{what}{last} {unit or missing}".rstrip()) + then
     samples = of_samples(info)
     strands: dict[tuple[int, int], list[float | None]] = {}
     for layer in info.layers:
