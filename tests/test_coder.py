@@ -1,6 +1,8 @@
-"""The range coder: runs that can be checked by hand, an exact coder in big integers, cuts and ends; the parabola."""
+"""The range coder: runs that can be checked by hand, an exact coder in big integers, cuts and ends; parabolas."""
 
 from __future__ import annotations
+
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -23,7 +25,7 @@ from isocodec.entropy.range_coder import (
     start,
 )
 from isocodec.grid.models.contexts import CONTEXTS, models
-from isocodec.grid.models.parabola import MOST, ONWARD, STIFFNESS, nearer, through_the_gate
+from isocodec.grid.models.parabola import FREE, MOST, ONWARD, STIFFNESS, beside_the_gate, nearer, through_the_gate
 
 HALF = ONE // 2
 ADAPTIVE = rates()
@@ -358,7 +360,7 @@ def test_cut_ends_a_run_anew(symbols, probabilities, data):
         assert len(short) <= len(run)
 
 
-# --- the parabola ---------------------------------------------------------------------------------------------------
+# --- the parabolas --------------------------------------------------------------------------------------------------
 
 
 def test_extrapolation_from_twenty_points():
@@ -382,10 +384,64 @@ def test_onward_is_least_squares_through_the_gate(points):
     assert np.dot(weights, y) / denominator == pytest.approx(b + c, abs=1e-6)
 
 
+@pytest.mark.parametrize("points", range(2, MOST + 1))
+def test_free_is_the_published_parabola(points):
+    """C2-arith, F-80: the least sum of squares over the last 20 points, the gate's among them, by ``numpy.polyfit``."""
+    denominator, weights = beside_the_gate(points)
+    assert list(FREE[points, : points + 1]) == [denominator, *weights]
+    fitted = min(points + 1, MOST)
+    y = np.append(np.random.default_rng(points).normal(size=points), 0)
+    onward = np.polyval(np.polyfit(np.arange(fitted), y[-fitted:], 2), fitted)
+    assert np.dot(weights, y[:-1]) / denominator == pytest.approx(onward, abs=1e-6)
+
+
+def solved(rows, right):
+    """Solution of a square system in fractions, by elimination."""
+    rows = [[*map(Fraction, row), Fraction(value)] for row, value in zip(rows, right, strict=True)]
+    for i in range(len(rows)):
+        pivot = next(j for j in range(i, len(rows)) if rows[j][i])
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        rows[i] = [value / rows[i][i] for value in rows[i]]
+        for j in range(len(rows)):
+            if j != i:
+                rows[j] = [a - rows[j][i] * b for a, b in zip(rows[j], rows[i], strict=True)]
+    return [row[-1] for row in rows]
+
+
+def onward(points, powers, bending):
+    """The value at 1 of the sum of some powers of t that comes nearest to (t, f) by least squares, in fractions.
+
+    ``bending`` times the square of the coefficient of t**2 is added to the sum of squares.
+    """
+    rows = [[sum(t ** (p + q) for t, _ in points) + bending * (p == q == 2) for q in powers] for p in powers]
+    return sum(solved(rows, [sum(t**p * f for t, f in points) for p in powers]))
+
+
+def by_definition(trail, g, a, b):
+    """Case and agreement of 7.3.1 from its definition, in fractions."""
+    last = trail[-MOST:]
+    if not last:
+        return 0, 0
+    stiff, free = [], []
+    for axis in (0, 1):
+        f = [(i - len(last), p[axis] - g[axis]) for i, p in enumerate(last)]
+        stiff.append(g[axis] + onward(f, (1, 2), STIFFNESS))
+        if len(last) > 1:
+            free.append(g[axis] + onward([*f, (0, 0)][-MOST:], (0, 1, 2), 0))
+
+    def margin(p):
+        return sum((p[i] - a[i]) ** 2 - (p[i] - b[i]) ** 2 for i in (0, 1))
+
+    span = sum((a[i] - b[i]) ** 2 for i in (0, 1))
+    size = 1 + (2 * abs(margin(stiff)) >= span) + (abs(margin(stiff)) >= span)
+    agree = int(len(last) > 1 and (margin(free) > 0) == (margin(stiff) > 0))
+    return (size if margin(stiff) > 0 else -size), agree
+
+
 @examples(200)
 @given(st.data())
 def test_nearer_point(data):
-    """C2-arith: the sign says which of two points the extrapolated one is nearer to, wherever the ring starts."""
+    """C2-arith: case and agreement, which are exact, wherever the ring starts."""
     count = data.draw(st.integers(0, 50))
     coordinate = st.integers(-40, 40)
     trail = [(data.draw(coordinate), data.draw(coordinate)) for _ in range(count)]
@@ -393,14 +449,4 @@ def test_nearer_point(data):
     ring = np.zeros(2 * MOST, np.int64)
     for i, p in enumerate(trail):
         ring[2 * (i % MOST) : 2 + 2 * (i % MOST)] = p
-    case = nearer(ring, count, 1, g, a, b)
-    if not count:
-        assert case == 0
-        return
-    last = np.array(trail[-MOST:], float)
-    denominator, weights = through_the_gate(len(last))
-    p = g + np.array(weights) @ (last - g) / denominator
-    margin = ((p - a) ** 2).sum() - ((p - b) ** 2).sum()
-    assert 1 <= abs(case) <= 3
-    if abs(margin) > 1e-6:
-        assert (case > 0) == (margin > 0)
+    assert nearer(ring, count, 1, g, a, b) == by_definition(trail, *(tuple(map(int, p)) for p in (g, a, b)))

@@ -42,7 +42,7 @@ def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
     # one gate after the other lies in the tube, on edges whose ends differ
     path = path_of(symbols)
     assert len(path) > 50 and np.abs(np.diff(path, axis=0)).max() <= 1
-    right = sum(s["bit"] for s in symbols if s["context"].startswith("CURVE") and s["vertices"])
+    right = sum(s["right"] for s in symbols if s["context"].startswith("CURVE") and s["vertices"])
     assert right == isocodec.open(data).statistics().layers[0].right
 
 

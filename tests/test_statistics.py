@@ -41,12 +41,12 @@ def test_counts_are_those_of_the_field(field: np.ndarray, isovalue: float, profi
     symbols = [layer.symbols or {} for layer in info.layers]
     signs = [each.get("base_sign", 0) + each.get("refinement_sign", 0) for each in symbols]
     assert [layer.signs for layer in found.layers] == signs and whole.signs == sum(signs) > 0
-    assert all(0 <= layer.right <= layer.signs for layer in found.layers)
+    assert all(0 <= layer.right <= layer.predicted <= layer.signs for layer in found.layers)
 
 
 def right(field: np.ndarray, **options) -> float:
     layers = isocodec.open(isocodec.encode(field, 0.5, precision="signs", **options)).statistics().layers
-    return sum(layer.right for layer in layers) / sum(layer.signs for layer in layers)
+    return sum(layer.right for layer in layers) / sum(layer.predicted for layer in layers)
 
 
 def test_a_straight_line_is_predicted_and_noise_is_not() -> None:

@@ -29,7 +29,8 @@ from .plain import interpreted
 CONTEXTS = (
     ("ORIGIN", "ORIGIN", "origin", (3,)), ("COMPONENT", "COMPONENT", "component", ()),
     ("ROOT", "ROOT", "location", ()), ("PATH", "PATH", "location", (2,)), ("FIRST", "FIRST", "base sign", (3, 2, 4)),
-    ("BASE_CURVE", "CURVE", "base sign", (3, 4, 4)), ("BASE_SURFACE", "SURFACE", "base sign", (3, 3, 4, 4, 2, 2)),
+    ("BASE_CURVE", "CURVE", "base sign", (3, 4, 2, 2, 3, 2)),
+    ("BASE_SURFACE", "SURFACE", "base sign", (3, 3, 4, 4, 2, 2)),
     ("SIGNIFICANT", "TREE", "significance", (25, 3)), ("SIGNIFICANT_LEAF", "LEAF", "significance", (4, 5, 3)),
     ("SIGN", "SIGN", "refinement sign", (2, 7, 80)), ("VALUE", "VALUE", "value bit", (52, 2, 3)),
     ("OFFSET", "OFFSET", "offset bit", (2, 8, 3, 3)), ("LEVEL", "LEVEL", "level", (3, 2, 4)),

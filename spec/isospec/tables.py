@@ -42,7 +42,7 @@ NET_ROWS = {
 }
 """Rows of each network (clause 7.10)."""
 ROWS = {n: sum(rows) for n, rows in NET_ROWS.items()}
-STARTS = 5128
+STARTS = 5368
 """Contexts of the main profile."""
 
 

@@ -37,7 +37,7 @@ def predictions(folder: Path, out: Path) -> None:
         pixels = crossed_pixels(item.values > item.isovalue)
         # localisation apart
         rates.append(layer.signs / pixels)
-        right.append(layer.right / layer.signs)
+        right.append(layer.right / layer.predicted)
         names.append(item.title)
         print(f"predictions, {item.title}: {rates[-1]:.2f} symbols a pixel of {pixels:,}, {right[-1]:.3f} right, "
               f"{8 * len(data) / pixels:.2f} bits a pixel with localisation once coded")

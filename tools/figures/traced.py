@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from isocodec.entropy.range_coder import ONE
 from isocodec.grid.lattice.access import vertex
 from isocodec.grid.lattice.grid import edge_of, phase_of, position
 from isocodec.grid.models.mesh_questions import COARSER, FINER, OF_LEAF
@@ -96,7 +97,8 @@ def corners_of(state: Any, leaf: int) -> list[list[int]]:
 def traced(data: bytes) -> list[dict[str, Any]]:
     """Each symbol: its layer (from 1), element, context and bit, the points before it, the vertices known after it.
 
-    Vertices come with their signs; symbols on the mesh with their published name and what they are about.
+    Vertices come with their signs; symbols on the mesh with their published name and what they are about. ``right`` is
+    whether the bit is the likelier one in its context.
     """
     tracer = WalkTracer(data)
     out = []
@@ -106,6 +108,7 @@ def traced(data: bytes) -> list[dict[str, Any]]:
         out.append(
             {
                 "layer": symbol.number, "element": symbol.element, "context": symbol.context, "bit": symbol.bit,
+                "right": (2 * symbol.probability >= ONE) == symbol.bit,
                 "points": points, "word": tracer.words.get(number, ""), "places": tracer.places.get(number, []),
                 "vertices": [[*json.loads(f"[{place[1:-1]}]"), above == "above"] for place, above in vertices],
             }

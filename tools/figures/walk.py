@@ -47,7 +47,7 @@ def draw_signs(axes: Any, symbols: list[dict[str, Any]], numbers: bool) -> None:
             continue
         first = symbol["context"].startswith("FIRST")
         for row, column, above in symbol["vertices"]:
-            edge = "0.3" if numbers else RIGHT if symbol["bit"] else WRONG
+            edge = "0.3" if numbers else RIGHT if symbol["right"] else WRONG
             if first or symbol["element"] == "origin":
                 edge = "black"
             axes.plot(
@@ -93,15 +93,16 @@ def draw_prediction(axes: Any, symbols: list[dict[str, Any]], number: int) -> No
     for row, column, above in (vertex for before in symbols[:number] for vertex in before["vertices"]):
         axes.plot(column, row, "o", markersize=6, color=ABOVE if above else BELOW, markeredgecolor="0.3", zorder=4)
     ((row, column, above),) = symbol["vertices"]
-    colour = RIGHT if symbol["bit"] else WRONG
+    colour = RIGHT if symbol["right"] else WRONG
     axes.plot(column, row, "o", markersize=9, color=ABOVE if above else BELOW, markeredgecolor=colour,
               markeredgewidth=2, zorder=6)
-    said = above if symbol["bit"] else not above
+    said = above if symbol["right"] else not above
     gate = symbols[number + 1]["points"][-1]
     axes.plot(gate[1], gate[0], "D", color="white", markeredgecolor=INK, markersize=5, zorder=6)
     words = ["below", "above"]
     axes.set_title(
-        f"predicted {words[said]}, is {words[above]}: {'right' if symbol['bit'] else 'wrong'}", fontsize=8, color=colour
+        f"predicted {words[said]}, is {words[above]}: {'right' if symbol['right'] else 'wrong'}", fontsize=8,
+        color=colour,
     )
 
 
@@ -116,8 +117,9 @@ def walk(folder: Path, out: Path) -> None:
     predicted = [i for i, symbol in enumerate(symbols) if symbol["context"].startswith("CURVE") and symbol["vertices"]]
     shown = [i for i in predicted[:-1] if len(symbols[i]["points"]) >= LEAST]
     # a right prediction, and a wrong one of the clearest case
-    good = next(i for i in shown if symbols[i]["bit"])
-    bad = next((i for i in shown if not symbols[i]["bit"] and symbols[i]["context"].endswith("3)")), shown[-1])
+    good = next(i for i in shown if symbols[i]["right"])
+    wrong = [i for i in shown if not symbols[i]["right"]]
+    bad = next((i for i in wrong if symbols[i]["context"].startswith("CURVE(0, 3")), shown[-1])
     figure, axes = panels(2, 2, (SIDE, SIDE), side=4.6)
     for axis in axes:
         draw_mesh(axis, decoder.grid.mesh())
@@ -126,7 +128,7 @@ def walk(folder: Path, out: Path) -> None:
     axes[0].set_title("signs in the order of the walk (origin first, then the first triangle)", fontsize=8)
     draw_signs(axes[1], symbols, numbers=False)
     draw_gates(axes[1], path_of(symbols))
-    right = sum(symbols[i]["bit"] for i in predicted)
+    right = sum(symbols[i]["right"] for i in predicted)
     axes[1].set_title(f"gates; {right} of {len(predicted)} signs as predicted (green), others red", fontsize=8)
     draw_prediction(axes[2], symbols, good)
     draw_prediction(axes[3], symbols, bad)

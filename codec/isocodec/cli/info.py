@@ -131,13 +131,15 @@ def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
     """Print two tables: signs predicted correctly, by layer; bits for each pixel, vertex and face, by isovalue."""
     rows = [
         [str(number), str(layer.kind), str(layer.level), f"{layer.bits:,}", f"{layer.signs:,}",
-         f"{layer.right / layer.signs:.1%}"]
-        for number, layer in enumerate(statistics.layers, start=1) if layer.signs
+         f"{layer.predicted:,}", f"{layer.right / layer.predicted:.1%}"]
+        for number, layer in enumerate(statistics.layers, start=1) if layer.predicted
     ]
-    signs, right = (sum(getattr(layer, name) for layer in statistics.layers) for name in ("signs", "right"))
-    if signs:
-        rows.append(["", "all", "", "", f"{signs:,}", f"{right / signs:.1%}"])
-    columns = _columns("layer", "kind", "level", "bits", "signs", "right")
+    signs, predicted, right = (
+        sum(getattr(layer, name) for layer in statistics.layers) for name in ("signs", "predicted", "right")
+    )
+    if predicted:
+        rows.append(["", "all", "", "", f"{signs:,}", f"{predicted:,}", f"{right / predicted:.1%}"])
+    columns = _columns("layer", "kind", "level", "bits", "signs", "predicted", "right")
     print("\n" + table(columns, rows, "Signs that were predicted correctly"))
 
     pixel, face = ("crossed voxel", "face") if dimension == 3 else ("crossed pixel", "segment")

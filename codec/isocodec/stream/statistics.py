@@ -33,9 +33,11 @@ class LayerStatistics:
     bits : int
         Entropy-coded bits, without the container.
     signs : int
-        Number of coded signs, each of which was predicted, by the parabola or by the majority of neighbours.
+        Number of coded signs.
+    predicted : int
+        Number of those that were predicted, by parabolas or by neighbours: all but the first of a base's components.
     right : int
-        Number of signs that were predicted correctly.
+        Number of signs that were predicted correctly; of bases, that were the likelier ones in their contexts.
     """
 
     kind: str
@@ -43,6 +45,7 @@ class LayerStatistics:
     isovalue: int
     bits: int
     signs: int
+    predicted: int
     right: int
 
 
@@ -114,21 +117,21 @@ def statistics(
     decoder = Decoder(limits, mesh=mesh)
     decoder.feed(data)
     layers: list[LayerStatistics] = []
-    before = 0
+    before = (0, 0)
     for event in decoder:
         number = decoder.present[1]
         if isinstance(event, LayerComplete):
-            right = decoder.grid.predictions[1]
+            made, right = decoder.grid.predictions
             layers.append(LayerStatistics(
                 str(event.layer.kind), event.layer.level, number, 8 * event.bytes,
-                sum(event.symbols.get(name, 0) for name in SIGNS), right - before,
+                sum(event.symbols.get(name, 0) for name in SIGNS), made - before[0], right - before[1],
             ))
-            before = right
+            before = made, right
         elif isinstance(event, MeshLayerComplete):
-            layers.append(LayerStatistics(event.kind, -1, number, 8 * event.bytes, 0, 0))
+            layers.append(LayerStatistics(event.kind, -1, number, 8 * event.bytes, 0, 0, 0))
         elif isinstance(event, DomainRead) and decoder.contents is not None and decoder.contents.kind == "surface":
             info = inspect(data)
-            layers.append(LayerStatistics("points", -1, 0, 8 * (info.bytes - info.overhead_bytes), 0, 0))
+            layers.append(LayerStatistics("points", -1, 0, 8 * (info.bytes - info.overhead_bytes), 0, 0, 0))
     contents = decoder.contents
     if contents is None or contents.kind not in ("grid", "mesh"):
         return FileStatistics(layers, [])

@@ -341,6 +341,12 @@ export class Base {
     return 0;
   }
 
+  /** Of a point of the plane: 0 if it is not known, 1 if it has the sign, else 2. */
+  private like(x: number, y: number, sign: number): number {
+    const flags = this.t.see(x, y, 0);
+    return flags & KNOWN ? ((flags & SIGN ? 1 : 0) === sign ? 1 : 2) : 0;
+  }
+
   private *traverse(): Pass {
     const { t, stack, trail } = this, { n, coder, grid } = t;
     this.first = t.leaves.length / 4;
@@ -374,7 +380,12 @@ export class Base {
         const result = trail.choose(c, gx, gy, vx + ix, vy + iy, vx + jx, vy + jy);
         predicted = result < 0 ? 1 - signI : signI;
         kase = 4 * Math.abs(result) + this.history;
-        context = CURVE + kase;
+        // the gate's end on the predicted edge, and the one with the predicted sign
+        const [tx, ty, ex, ey] = result < 0 ? [ix, iy, jx, jy] : [jx, jy, ix, iy];
+        const across = this.like(ex + tx - vx, ey + ty - vy, predicted) === 1 ? 1 : 0;
+        const beyond = this.like(2 * ex - tx, 2 * ey - ty, predicted);
+        const back = this.like(2 * ex - vx, 2 * ey - vy, predicted) === 1 ? 1 : 0;
+        context = CURVE + (((2 * Math.abs(result) + trail.agree) * 2 + across) * 3 + beyond) * 2 + back;
       } else {
         let above = 0;
         for (let j = 0; j < 4; j++) {
@@ -407,7 +418,7 @@ export class Base {
       } else {
         sign = t.follows(earlier, vx, vy, vz);
         if (sign < 0) {
-          if (earlier >= 0) context += ((earlier & 1) === predicted ? 2 : 1) * (n === 2 ? 16 : 192);
+          if (earlier >= 0) context += ((earlier & 1) === predicted ? 2 : 1) * (n === 2 ? 96 : 192);
           const at = [vx, vy, vz] as const;
           while ((bit = t.main ? t.main.sign(level, cls, x, y, z, o, predicted, kase, earlier, context, at) : coder.bit(context)) < 0)
             yield;

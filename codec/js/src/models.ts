@@ -1,9 +1,9 @@
 /** Models and their beginnings (clauses 6.5, 7.1, 7.10(2)). */
 
 /** First numbers of the contexts of each name (7.10(2)). */
-export const ORIGIN = 0, COMPONENT = 3, ROOT = 4, PATH = 5, FIRST = 7, CURVE = 31, SURFACE = 79, TREE = 655, LEAF = 730,
-  SIGN = 790, VALUE = 1910, OFFSET = 2222, LEVEL = 2366, LEVEL_PATH = 2390, SPLIT = 2454, CONTINUE = 2646, SEED = 2647,
-  OFFSET_LEAN = 2663, TURNED = 2791, VALUE_NEAR = 2792, OFFSET_NEAR = 3304, CLASS = 3560, CONTEXTS = 5128;
+export const ORIGIN = 0, COMPONENT = 3, ROOT = 4, PATH = 5, FIRST = 7, CURVE = 31, SURFACE = 319, TREE = 895, LEAF = 970,
+  SIGN = 1030, VALUE = 2150, OFFSET = 2462, LEVEL = 2606, LEVEL_PATH = 2630, SPLIT = 2694, CONTINUE = 2886, SEED = 2887,
+  OFFSET_LEAN = 2903, TURNED = 3031, VALUE_NEAR = 3032, OFFSET_NEAR = 3544, CLASS = 3800, CONTEXTS = 5368;
 
 /** Probabilities and counters by context. */
 export interface Contexts {
@@ -11,12 +11,18 @@ export interface Contexts {
   seen: Uint8Array;
 }
 
+/** How CURVE begins, in 4096ths (7.1(5)). */
+const CURVES = [
+  7, 11, 9, 10, 11, 10, 7, 11, 9, 10, 11, 10, 6, 8, 7, 10, 10, 5, 10, 12, 7, 12, 8, 7,
+  10, 12, 11, 7, 10, 8, 12, 12, 8, 12, 9, 7, 10, 15, 8, 8, 10, 8, 14, 15, 6, 10, 11, 5,
+];
+
 /** How contexts begin (7.1): the first one, how many, `p`, `seen`; later rows replace what earlier ones say. */
 const BEGINNINGS: readonly (readonly [number, number, number, number])[] = [
   [0, CONTEXTS, 32768, 1],
   [COMPONENT, 1, 52429, 1],
   [PATH, 2, 32768, 4],
-  [CURVE, 48, 52429, 8],
+  ...Array.from({ length: 144 }, (_, i) => [CURVE + 2 * i, 2, 4096 * CURVES[i % 48]!, 6] as const),
   [SURFACE, 576, 52429, 4],
   [LEAF, 60, 13107, 2],
   [SIGN, 560, 13107, 4],

@@ -29,6 +29,10 @@ _STEPS_2, _STEPS_3 = _STEPS[2], _STEPS[3]
 _BASE_2, _BASE_3 = BASE_ROW[2], BASE_ROW[3]
 
 
+_CASES = 16
+"""Rows of the main profile about a prediction's quality."""
+
+
 class Behind(NamedTuple):
     """Prediction of the sign behind a gate.
 
@@ -37,7 +41,7 @@ class Behind(NamedTuple):
     guess : int
         The sign that is likely.
     case : int
-        Number of the prediction's context among those of curves or surfaces.
+        How good the prediction is, as the main profile sees it: curves have 16 cases, surfaces those of their contexts.
     context : int
         The one to use.
     other : int
@@ -54,7 +58,7 @@ class Behind(NamedTuple):
 def see_behind(st, cd, simplex, opp, guess, case, other):
     """List what the main profile sees around the vertex behind a gate (spec clause 7.17).
 
-    ``case`` is the number of its context; what that holds beside the prediction's quality has separate rows.
+    What ``case`` holds beside the prediction's quality has separate rows.
     """
     n = dimension(st.grid.tables)
     level, cls, b0, b1, b2 = simplex
@@ -64,7 +68,7 @@ def see_behind(st, cd, simplex, opp, guess, case, other):
     edge = edge_of(st.grid, level)
     frame = r * (n + 1) + opp
     clear(cd)
-    see(cd, first + case % ctx.CURVE)
+    see(cd, first + case % _CASES)
     if other >= 0:
         see(cd, first + 16 + (other == guess))
     first += 18 + 2 * count * frame
@@ -172,20 +176,38 @@ def edge_sum(st, level, cls, b0, b1, i, j):
 
 
 @inlined
+def _seen(st, x, y, sign):
+    """Whether the vertex at unclamped (x, y) is not known (0), has that sign (1), or the other one (2)."""
+    e = entry(st, x, y, np.int64(0))
+    if e == 0:
+        return 0
+    return 1 if e & 1 == sign else 2
+
+
+@inlined
 def curve_context(st, level, cls, b0, b1, opp):
-    """Sign that the parabola predicts, and the stated case (spec clause 7.3)."""
+    """Sign that the stiff parabola predicts, its context, and what the main profile sees of it (spec clause 7.3)."""
     i = 1 if opp == 0 else 0
     j = 3 - opp - i
     g = edge_sum(st, level, cls, b0, b1, i, j)
     a = edge_sum(st, level, cls, b0, b1, opp, i)
     b = edge_sum(st, level, cls, b0, b1, opp, j)
     unit = st.grid.exponent - level // 2
-    case = nearer(st.trail, st.base.points, unit, g, a, b)
+    case, agree = nearer(st.trail, st.base.points, unit, g, a, b)
     # the curve leaves through the edge between the new vertex and the gate's vertex of the other sign
-    through = i if case < 0 else j
+    through, end = (i, j) if case < 0 else (j, i)
     zero = np.int64(0)
-    guess = 1 - (corner_entry(st, edge_of(st.grid, level), level % 2, cls, b0, b1, zero, through) & 1)
-    return guess, ctx.BASE_CURVE + 4 * abs(case) + st.base.history
+    edge = edge_of(st.grid, level)
+    guess = 1 - (corner_entry(st, edge, level % 2, cls, b0, b1, zero, through) & 1)
+    # known vertices that the curve has to leave on their sides, seen from the gate's vertex that has the sign guessed
+    e0, e1, _ = position(edge, b0, b1, zero, vertex(st.grid.tables, level % 2, cls, end))
+    t0, t1, _ = position(edge, b0, b1, zero, vertex(st.grid.tables, level % 2, cls, through))
+    v0, v1, _ = position(edge, b0, b1, zero, vertex(st.grid.tables, level % 2, cls, opp))
+    across = _seen(st, e0 + t0 - v0, e1 + t1 - v1, guess) == 1
+    beyond = _seen(st, 2 * e0 - t0, 2 * e1 - t1, guess)
+    back = _seen(st, 2 * e0 - v0, 2 * e1 - v1, guess) == 1
+    context = (((2 * abs(case) + agree) * 2 + across) * 3 + beyond) * 2 + back
+    return guess, ctx.BASE_CURVE + context, 4 * abs(case) + st.base.history
 
 
 @inlined

@@ -17,12 +17,22 @@ PLANES = 52
 DEPTHS = 25
 LEVELS = 64
 NEARNESS = 5
-CURVE = 4 * 4
+CURVE = 4 * 2 * 2 * 3 * 2
 SURFACE = 3 * 4 * 4 * 4
 BANKS = 7
 """Banks of contexts of refinement signs: one without an earlier isovalue, six by its sign and the corners' there."""
 NEAR = 8
 """Classes of how far a guessed value or crossing lies from the middle of what is left, to either side."""
+CURVE_STARTS = (
+    (7, 11, 9, 10, 11, 10), (7, 11, 9, 10, 11, 10),
+    (6, 8, 7, 10, 10, 5), (10, 12, 7, 12, 8, 7),
+    (10, 12, 11, 7, 10, 8), (12, 12, 8, 12, 9, 7),
+    (10, 15, 8, 8, 10, 8), (14, 15, 6, 10, 11, 5),
+)
+"""Probabilities, of 16, that the stiff parabola is right at the start.
+
+A row for each of its cases without and with the free one's consent; by the vertices beside and beyond (clause 7.1).
+"""
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
 _LAYOUT = Layout({
     "ORIGIN": (3, 0.5, 1),
@@ -30,7 +40,7 @@ _LAYOUT = Layout({
     "ROOT": (1, 0.5, 1),
     "PATH": (2, 0.5, 4),
     "FIRST": (3 * 8, 0.5, 1),
-    "BASE_CURVE": (3 * CURVE, 0.8, 8),
+    "BASE_CURVE": (3 * CURVE, 0.5, 6),
     "BASE_SURFACE": (3 * SURFACE, 0.8, 4),
     "SIGNIFICANT": (DEPTHS * 3, 0.5, 1),
     "SIGNIFICANT_LEAF": (4 * NEARNESS * 3, 0.2, 2),
@@ -82,6 +92,8 @@ def near_class(far):
 def models() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Probability of a 1 and number of symbols seen, for all contexts, before the first symbol of a file."""
     prob, seen = _LAYOUT.begun()
+    # whatever the third vertex and the bank are
+    prob[BASE_CURVE : BASE_CURVE + 3 * CURVE] = np.tile(np.repeat(np.ravel(CURVE_STARTS) * (ONE >> 4), 2), 3)
     _gaussian(prob)
     return prob, seen
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...entropy.range_coder import ENCODE, adapt
+from ...entropy.range_coder import ENCODE, ONE, adapt
 from ...kernel import inlined, inner
 from ..lattice.access import child, cube, dimension, neighbour, vertex
 from ..lattice.grid import cycle_of, edge_of, phase_of, position
@@ -67,27 +67,28 @@ def traverse(st, cd, mark):
         if left_from == walk.branch and left_from != st.counters.leaves - 1:
             turn_back(st)
             walk.branch = -1
-        guess, context = curve_context(st, level, cls, b0, b1, opp)
+        guess, context, case = curve_context(st, level, cls, b0, b1, opp)
     else:
         guess, context = surface_context(st, level, cls, b0, b1, b2, opp)
-    case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
+        case = context - ctx.BASE_SURFACE
     if e == 0:
         sign, other = implied_corner(st, level, cls, b0, b1, b2, opp)
         if sign < 0:
             if other >= 0:
                 bank = (ctx.SURFACE if n == 3 else ctx.CURVE) * (1 + (other == guess))
-                case += bank
                 context += bank
             right_guess = np.int64(0)
             if encoding:
                 right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
+            # what the context has seen decides which of both signs is the prediction
+            likely = np.int64(cd.prob[np.uint64(context)] >= ONE // 2)
             expected = Behind(guess, case, context, other)
             bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, expected, right_guess)
             if bit < 0:
                 return bit
             st.tally[BASE_SIGN] += 1
             st.tally[PREDICTED] += 1
-            st.tally[PREDICTED_RIGHT] += bit
+            st.tally[PREDICTED_RIGHT] += bit == likely
             walk.history = (walk.history & 1) << 1 | bit
             sign = guess if bit else 1 - guess
         learn_corner(st, level, cls, b0, b1, b2, opp, sign)

@@ -124,7 +124,7 @@ class Counters(Registers):
 class BaseWalk(Registers):
     """Progress of a base: its phase, the present simplex, the gates, the points of the curve, the leaf behind.
 
-    ``before`` are the last answers on the mesh, ``history`` whether the last two predictions were right.
+    ``before`` are the last answers on the mesh, ``history`` whether the last two guesses were right.
     """
 
     phase: int
