@@ -88,7 +88,7 @@ def thin(
         criterion: if not given, whole values are kept, and others rounded to a 65,535th of their range.
     layers : int
         Most layers in the file. Each adds points to those before, chosen so that any beginning of the file gives a good
-        surface; eight or more make the steps small. This costs some bytes: about a seventh.
+        surface; eight or more make the steps small. This costs about a sixth more bytes than one layer.
     metadata : mapping of str to str, optional
         Notes for the file, in addition to those of the field.
     progress : callable, optional
