@@ -321,3 +321,9 @@ def test_points_on_the_hull_alone_make_one_layer():
     tin = isocodec.thin(isocodec.Mesh(points, None, np.arange(60.0)), to=60, layers=6)
     assert tin.coded[1].ends == (60,)
     assert len(isocodec.open(isocodec.encode(tin)).surface().points) == 60
+
+
+@pytest.mark.parametrize("options", [{"to": 9}, {"error": 0.0}, {"size": 90}, {"criterion": "l2", "to": 6}])
+def test_layers_of_constant_values(options: dict):
+    field = np.full((9, 9), 7.25)
+    assert (isocodec.open(isocodec.encode(isocodec.thin(field, layers=5, **options))).surface().raster() == 7.25).all()

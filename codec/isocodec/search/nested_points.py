@@ -136,7 +136,8 @@ def _fit_all(
     count = len(value)
     vertices, points, weights, errors = [], [], [], []
     for number, each in enumerate(sets):
-        scale = math.sqrt(each.counts / max(each.squared, 1e-6 * step**2))
+        # some surfaces miss nothing, and steps may be so small that their squares are 0
+        scale = math.sqrt(each.counts / max(each.squared, 1e-6 * step**2, 1e-300))
         vertices.append(np.repeat(np.arange(count), np.diff(each.shares.first)))
         points.append(each.shares.point + number * count)
         weights.append(scale * each.shares.weight)
