@@ -294,3 +294,82 @@ def test_contours_of_points_are_not_kept_by_thinning(tmp_path, distance: str):
     line = fails(2, "encode", tmp_path / "points.csv", "-o", tmp_path / "a.iso", "--values", "z", "--isovalue", 50.5,
                  "--tolerance", distance)
     assert f"--precision {distance}" in line
+
+
+def triangulated(points: np.ndarray) -> set[tuple[int, ...]]:
+    """The Delaunay triangles of points without ties, by another library."""
+    from scipy.spatial import Delaunay
+
+    return {tuple(sorted(cell)) for cell in Delaunay(points).simplices.tolist()}
+
+
+@pytest.mark.parametrize("way", ["API", "command"])
+@pytest.mark.parametrize("layers", [1, 4])
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_points_of_any_criterion_can_be_coded(tmp_path, criterion: str, layers: int, way: str):
+    """The file has the points that are left and what they had, and another library's triangles of these."""
+    rng = np.random.default_rng(8)
+    points = rng.integers(0, 10**6, (300, 2)).astype(float)
+    values = np.rint(100 * np.sin(points[:, 0] / 2e5) + (points[:, 1] > 4e5) * 50)
+    kept = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70).kept
+    out = tmp_path / "tin.iso"
+    if way == "API":
+        tin = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70, layers=layers)
+        assert np.array_equal(tin.kept, kept) and len(tin.order) == 230
+        out.write_bytes(isocodec.encode(tin))
+    else:
+        np.savetxt(tmp_path / "points.csv", np.c_[points, values], delimiter=",", header="x,y,z", comments="")
+        ok("thin", tmp_path / "points.csv", "-o", out, "--scattered", "--criterion", criterion, "--points", 70,
+           "--layers", layers)
+    ok("decode", out, "-o", tmp_path / "tin.npz")
+    with np.load(tmp_path / "tin.npz") as read:
+        found, heights, cells = read["points"][:, :2], read["values"], read["cells"]
+    wanted = np.c_[points[kept], values[kept]]
+    have = np.c_[found, heights]
+    assert np.array_equal(have[np.lexsort(have.T)], wanted[np.lexsort(wanted.T)])
+    assert {tuple(sorted(cell)) for cell in cells.tolist()} == triangulated(found)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_points_of_any_criterion_in_the_terrain(tmp_path, criterion: str):
+    """Samples of a grid, where many points lie on circles: each of the file's triangles has an empty one."""
+    y, x = np.mgrid[:20, :26]
+    field = np.rint(50 * np.exp(-((y - 9.0) ** 2 + (x - 14.0) ** 2) / 40)) + (x > 8) * 20
+    np.save(tmp_path / "dem.npy", field)
+    ok("thin", tmp_path / "dem.npy", "-o", tmp_path / "dem.iso", "--criterion", criterion, "--error", 4, "--layers", 3)
+    tin = isocodec.open(tmp_path / "dem.iso").surface()
+    wanted = isocodec.thin(field, criterion=criterion, error=4)
+    at = np.ravel_multi_index(tin.points.astype(int).T, field.shape)
+    assert np.array_equal(np.sort(at), wanted.kept) and np.array_equal(tin.values, field.ravel()[at])
+    assert np.abs(tin.raster() - field).max() <= 4 + 1e-9
+    p = tin.points.astype(int)
+    area = 0
+    for a, b, c in tin.triangles.tolist():
+        (ax, ay), (bx, by), (cx, cy) = (p[i] for i in (a, b, c))
+        turn = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        assert turn > 0
+        area += turn
+        u, v, w = ((p[i] - p).astype(object) for i in (a, b, c))
+        lifted = [(q * q).sum(axis=1) for q in (u, v, w)]
+        within = (
+            lifted[0] * (v[:, 0] * w[:, 1] - v[:, 1] * w[:, 0]) + lifted[1] * (w[:, 0] * u[:, 1] - w[:, 1] * u[:, 0])
+            + lifted[2] * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        )
+        assert (within <= 0).all()
+    assert area == 2 * 19 * 25
+
+
+def test_values_in_steps_of_points_of_a_criterion(tmp_path):
+    points, values = terrain()
+    given = isocodec.Mesh(points, None, values + 0.3)
+    tin = isocodec.thin(given, criterion="AT2", to=60, step=0.5)
+    file = isocodec.open(isocodec.encode(tin)).surface()
+    assert np.array_equal(file.values, tin.values)
+    plain = isocodec.thin(given, criterion="AT2", to=60)
+    assert 0 < np.abs(tin.values - plain.values).max() <= 0.25 or np.array_equal(tin.values, plain.values)
+    for options in ({"size": 500}, {"layers": 0}, {"layers": 65}, {"step": 0.0}, {"contours": [3]}):
+        with pytest.raises(OptionError):
+            isocodec.thin(given, criterion="AT2", **({"to": 60} | options))
+    np.save(tmp_path / "f.npy", np.hypot(*np.mgrid[:9, :9]))
+    line = fails(2, "thin", tmp_path / "f.npy", "-o", tmp_path / "a.iso", "--criterion", "l2", "--size", 300)
+    assert "--size does not apply with --criterion" in line

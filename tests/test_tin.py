@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from isocodec.format.header import Header, write_header
 from isocodec.format.surface import TinHead, read_tin, write_tin
 from isospec.container import ChunkType, Profile
 
+DEMO = Path(__file__).parents[1] / "demo" / "data"
 Y, X = np.mgrid[:40, :52]
 HILL = np.rint(100 * np.exp(-((Y - 20.0) ** 2 + (X - 30.0) ** 2) / 200)) + (X > 12) * 20
 """A hill beside a cliff."""
@@ -273,3 +275,55 @@ def test_work_is_bounded():
     with pytest.raises(LimitError) as caught:
         isocodec.open(end(data), limits=isocodec.Limits(work=1 << 16)).surface()
     assert caught.value.code == "limit-work"
+
+
+def psnr(field: np.ndarray, found: np.ndarray) -> float:
+    return float(10 * np.log10(np.ptp(field) ** 2 / ((found - field) ** 2).mean()))
+
+
+@pytest.mark.parametrize("name", ["camera.npz", "jacksboro_fault_dem.npz"])
+def test_beginnings_of_layers_are_good_surfaces(name: str):
+    """Three tenths, six and nine of a file, against files made for these sizes; and what the whole pays for it."""
+    with np.load(DEMO / name) as read:
+        field = read["values"][40:168, 120:248].astype(float)
+    data = isocodec.encode(isocodec.thin(field, size=1500, layers=8))
+    for share, most in ((0.3, 2.6), (0.6, 2.1), (0.9, 1.7), (1, 1.6)):
+        size = int(share * len(data))
+        alone = isocodec.open(isocodec.encode(isocodec.thin(field, size=size))).surface().raster()
+        begun = isocodec.open(data).surface(max_bytes=size).raster()
+        assert psnr(field, alone) - psnr(field, begun) <= most
+
+
+@pytest.mark.parametrize("layers", [2, 3, 5, 12, 64])
+def test_layers_add_points(layers: int):
+    """Each to those before; the first have values that suit all of them, where these are free."""
+    points, values = scattered()
+    mesh = isocodec.Mesh(points, None, values)
+    for given, options in ((HILL, {"to": 150}), (HILL, {"error": 1.0}), (mesh, {"to": 80})):
+        tin = isocodec.thin(given, layers=layers, **options)
+        data = isocodec.encode(tin)
+        file = isocodec.open(data)
+        whole = file.surface()
+        assert np.array_equal(whole.points, tin.points) and np.array_equal(whole.values, tin.values)
+        ends = tin.coded[1].ends
+        assert 1 < len(ends) <= layers and ends[-1] == len(whole.points) and sorted(set(ends)) == [*ends]
+        before: set[tuple[float, ...]] = set()
+        for count in range(1, len(ends) + 1):
+            some = isocodec.open(file.edited(layers=count)).surface()
+            now = set(map(tuple, np.c_[some.points, some.values].tolist()))
+            assert len(some.points) == ends[count - 1] and before < now
+            before = now
+
+
+def test_points_on_the_hull_alone_make_one_layer():
+    angle = np.arange(60) * np.pi / 30
+    points = np.rint(1e6 * np.c_[np.cos(angle), np.sin(angle)])
+    tin = isocodec.thin(isocodec.Mesh(points, None, np.arange(60.0)), to=60, layers=6)
+    assert tin.coded[1].ends == (60,)
+    assert len(isocodec.open(isocodec.encode(tin)).surface().points) == 60
+
+
+@pytest.mark.parametrize("options", [{"to": 9}, {"error": 0.0}, {"size": 90}, {"criterion": "l2", "to": 6}])
+def test_layers_of_constant_values(options: dict):
+    field = np.full((9, 9), 7.25)
+    assert (isocodec.open(isocodec.encode(isocodec.thin(field, layers=5, **options))).surface().raster() == 7.25).all()

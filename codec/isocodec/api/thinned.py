@@ -18,7 +18,7 @@ from ..field.samples import missing_of
 from ..field.units import converted, unit_of
 from ..format.surface import MOST_LAYERS, values_of
 from ..search.contour_tin import near_contours
-from ..search.tin_fit import ChosenPoints, best, smallest, within
+from ..search.tin_fit import ChosenPoints, best, evenly, smallest, within
 from ..stream.given import field_of, in_cells
 from ..stream.options import Options, Precision
 from ..stream.promises import AT, PROMISE
@@ -26,6 +26,7 @@ from ..stream.surface_encoder import SurfaceEncoder, surface_of
 from ..tin.criteria import NAMES
 from ..tin.delaunay import delaunay, triangles
 from ..tin.points import Points, points_of
+from ..tin.rank import by_rank
 from ..tin.thinning import thin_to, thinning
 from ..tin.tin import Removals, Tin, tin_of
 
@@ -54,9 +55,9 @@ def thin(
 ) -> Tin:
     """Keep the most significant points of a terrain, a picture or scattered points, and triangulate them.
 
-    With a ``criterion``, points are removed one by one, always the least significant one, as published. Without a
-    criterion, the points and the rounding of their values are chosen so that the file that `encode` makes from the
-    surface is small.
+    With a ``criterion``, points are removed one by one, always the least significant one, as published; `encode` makes
+    a file of those that are left. Without a criterion, the points and the rounding of their values are chosen so that
+    the file is small.
 
     Parameters
     ----------
@@ -73,7 +74,8 @@ def thin(
         How many points are left; without a criterion, these and their values are chosen so that the sum of squared
         errors is small. Corners of the convex hull always stay.
     error : float or str, optional
-        Largest distance of the surface from any value, in the unit of the values; or with a unit, "2m".
+        Largest distance of the surface from any value, in the unit of the values; or with a unit, "2m". With a
+        criterion, this is before a file rounds values that are not whole.
     size : int, optional
         Largest size of the file, in bytes; points and values are chosen as for ``to``.
     contours : sequence of float, optional
@@ -82,10 +84,11 @@ def thin(
         With ``contours``: largest distance, in samples, between their contours and those of the field, both ways; or in
         the world with a unit, "10m".
     step : float, optional
-        Step to which values are rounded, with ``to`` or ``size``; if not given, one that suits the error.
+        Step to which values are rounded, with ``to`` or ``size``; if not given, one that suits the error. With a
+        criterion: if not given, whole values are kept, and others rounded to a 65,535th of their range.
     layers : int
-        Number of layers in the file, each with four times as many points as the one before, so that the first bytes
-        give a coarse surface; this costs some bytes.
+        Most layers in the file. Each adds points to those before, chosen so that any beginning of the file gives a good
+        surface; eight or more make the steps small. This costs about a sixth more bytes than one layer.
     metadata : mapping of str to str, optional
         Notes for the file, in addition to those of the field.
     progress : callable, optional
@@ -107,7 +110,8 @@ def thin(
     Notes
     -----
     The result does not depend on the order of the points. Memory: up to `MEMORY` bytes a point, 3.2 GB for ten
-    million. Time grows with ``N log N``.
+    million; with ``layers``, up to 2,000 more for each. Time grows with ``N log N``; with ``layers``, a search takes
+    some three times as long.
 
     Examples
     --------
@@ -130,15 +134,22 @@ def thin(
     error, tolerance = _numbers(error, tolerance, what, notes)
     shape = None if field is None else (field.shape[0], field.shape[1])
     if criterion is not None:
-        unused = {"size": size, "contours": contours, "tolerance": tolerance, "step": step}
-        if name := next((name for name, value in unused.items() if value is not None), "layers" * (layers != 1)):
+        unused = {"size": size, "contours": contours, "tolerance": tolerance}
+        if name := next((name for name, value in unused.items() if value is not None), ""):
             raise OptionError(f"a criterion and {name} cannot be combined", code="criterion",
                               remedy="leave the criterion out")
-        return _removed(given, criterion, to, error, shape, notes, progress)
+        _check_layers(layers)
+        tin = _removed(given, criterion, to, error, shape, notes, progress)
+        return tin if step is None and layers == 1 else _rounded(given, tin, step, layers)
     _check(error, to, size, step, layers, contours, tolerance)
 
+    made: dict[int, tuple[ChosenPoints, Tin]] = {}
+
     def found(chosen: ChosenPoints) -> Tin:
-        return _surface(given, chosen, shape, layers, notes)
+        # a search asks for some of them again; while they are held here, no others have their identity
+        if id(chosen) not in made:
+            made[id(chosen)] = chosen, _surface(given, chosen, shape, layers, notes)
+        return made[id(chosen)][1]
 
     def file(chosen: ChosenPoints) -> bytes:
         return b"".join(SurfaceEncoder(found(chosen), Options()))
@@ -205,9 +216,8 @@ def _surface(
     """Make the surface of chosen points, with values as the file will have them."""
     head, parts = surface_of(given, chosen, shape, layers)
     some = np.sort(chosen.some)
-    numbers = chosen.numbers[np.argsort(chosen.some, kind="stable")]
     cells = triangles(delaunay(given.x[some], given.y[some])[0]).astype(np.int64)
-    values = np.array(values_of(head, numbers.tolist()))
+    values = np.array(values_of(head, parts.numbers[by_rank(*parts.points.T)].tolist()))
     return Tin(given.positions[some], values, cells, shape, metadata=metadata, coded=(head, parts))
 
 
@@ -240,6 +250,20 @@ def _removed(
     return tin_of(given, np.flatnonzero(left), shape, metadata, removals)
 
 
+def _rounded(given: Points, tin: Tin, step: float | None, layers: int) -> Tin:
+    """A surface that was thinned by a criterion, with values and layers as the file will have them."""
+    some = np.flatnonzero(np.isin(given.source, tin.kept))
+    chosen = replace(evenly(replace(given, value=given.value[some]), step, False), some=some)
+    return replace(_surface(given, chosen, tin.shape, layers, tin.metadata), removals=tin.removals)
+
+
+def _check_layers(layers: int) -> None:
+    if not (isinstance(layers, Integral) and layers >= 1):
+        raise OptionError(f"{layers} layers; it must be an integer of at least 1", code="layers")
+    if layers > MOST_LAYERS:
+        raise OptionError(f"{layers} layers; a surface has at most {MOST_LAYERS}", code="layers")
+
+
 def _check(
     error: float | None, to: int | None, size: int | None, step: float | None, layers: int,
     contours: Sequence[float] | None, tolerance: float | None,
@@ -258,11 +282,10 @@ def _check(
         raise OptionError("contours= must be a sequence of finite numbers", code="isovalue", remedy="contours=[500]")
     if error is not None and not 0 <= error < math.inf:
         raise OptionError(f"the error is {error}; it must be 0 or greater", code="error")
-    for what, number, least in (("points", to, 3), ("bytes", size, 1), ("layers", layers, 1)):
+    for what, number, least in (("points", to, 3), ("bytes", size, 1)):
         if number is not None and not (isinstance(number, Integral) and number >= least):
             raise OptionError(f"{number} {what}; it must be an integer of at least {least}", code=what)
-    if layers > MOST_LAYERS:
-        raise OptionError(f"{layers} layers; a surface has at most {MOST_LAYERS}", code="layers")
+    _check_layers(layers)
     if step is not None and (error is not None or contours is not None or not 0 < step < math.inf):
         raise OptionError(
             "step needs a number of points or a size, and must be greater than 0", code="step",

@@ -20,13 +20,14 @@ class ThinArguments(ThinningArguments, Writing, Reading):
                                           help="If OUT is .iso: keep the contour of V, and hardly any other points. "
                                                "Repeatable.")
     layers: int = option("--layers", heading=SURFACE, type=COUNT, default=1, metavar="N",
-                         help="If OUT is .iso: store the points in N layers.")
+                         help="If OUT is .iso: store the points in N layers at most, so that any beginning of the file "
+                              "gives a good surface.")
     criterion: str | None = option(
         "--criterion", heading=SURFACE, type=click.Choice(CRITERIA),
         help="How points are ranked; the point whose removal does least harm goes first. AT1: largest error in the "
         "triangles around the point; AT2: error at the point itself; AT3: the same, estimated faster from triangles in "
         "each direction; inf: largest error over all points; l2: sum of squared errors; NAT: distance to the nearest "
-        "point, whatever the values.  [default: AT1]",
+        "point, whatever the values.  [default: AT1; if OUT is .iso, points are chosen so that the file is best]",
     )
     scattered: bool = option("--scattered", heading="Input", is_flag=True,
                              help="INPUT is a table of points: rows of x, y, value.")
@@ -49,7 +50,7 @@ def thin_command(options: ThinArguments) -> None:
     if not coded:
         options.refuse("apply unless OUT ends in .iso", "size", "layers", "isovalues", "step")
     elif options.criterion is not None:
-        raise click.UsageError("--criterion does not apply to .iso: points are chosen so that the file is best")
+        options.refuse("apply with --criterion", "size", "isovalues")
     from ..api.encoding import encode
     from ..api.export import OutputOptions, check_export, write_surface
     from ..api.inputs import as_points, facts_of, merged_by, to_thin

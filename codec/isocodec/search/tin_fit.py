@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..deferred import dataclass
 from ..errors import OptionError
-from ..tin.coded_tin import SurfaceLayers
 from ..tin.criteria import AT1, SQUARED
 from ..tin.fitting import fit
 from ..tin.insertion import fewest
@@ -36,8 +35,6 @@ _ROUNDS = 6
 """Rounds in which points are put back and others taken out, within an error."""
 _PIECE = 1 << 16
 _LARGEST = (1 << 16) - 1
-_GROWTH = 4
-"""Factor of the number of points from each layer to the next."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +51,8 @@ class ChosenPoints:
     largest : int
     squared : float
         Mean of squared errors of the surface.
+    fitted : bool
+        Whether values were fitted by least squares, and may be again.
     """
 
     some: NDArray[np.int64]
@@ -63,6 +62,7 @@ class ChosenPoints:
     palette: tuple[int, ...]
     largest: int
     squared: float = 0.0
+    fitted: bool = False
 
 
 def within(given: Points, error: float) -> ChosenPoints:
@@ -184,7 +184,7 @@ class _Squared:
         number = np.rint((s.value[some] - self.low) / step).astype(np.int64)
         mean = float((s.error**2).mean())
         s.value[:], s.error[:] = value, error
-        return ChosenPoints(some, number, self.low, step, (), steps, mean)
+        return ChosenPoints(some, number, self.low, step, (), steps, mean, True)
 
     def _of_few(self, some: NDArray[np.int64], mean: float) -> ChosenPoints:
         """Points with the values that they were given."""
@@ -204,19 +204,3 @@ def _rounded(step: float) -> float:
 def _thin(state: Thinning, count: int, error: float) -> None:
     while not thin_to(state, count, error, _PIECE):
         pass
-
-
-def in_layers(given: Points, chosen: ChosenPoints, layers: int) -> SurfaceLayers:
-    """The chosen points in layers, the most significant first: those that thinning takes out last."""
-    some = chosen.some
-    points = np.stack([given.x[some], given.y[some]], axis=1)
-    if layers == 1 or len(some) < 8:
-        return SurfaceLayers(points, chosen.numbers, (len(some),))
-    value = chosen.offset + chosen.step * chosen.numbers.astype(np.float64)
-    state = thinning(given.x[some], given.y[some], value, SQUARED)
-    _thin(state, 3, math.inf)
-    order = state.order[: state.reg.removed][::-1].astype(np.int64)
-    order = np.concatenate([np.setdiff1d(np.arange(len(some)), order), order])
-    corners = len(some) - state.reg.removed
-    ends = sorted({max(len(some) // _GROWTH**k, corners) for k in range(layers)})
-    return SurfaceLayers(points[order], chosen.numbers[order], tuple(ends))

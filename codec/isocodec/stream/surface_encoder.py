@@ -14,7 +14,8 @@ from ..errors import OptionError
 from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.surface import TinHead, write_tin
-from ..search.tin_fit import ChosenPoints, evenly, in_layers
+from ..search.nested_points import in_layers
+from ..search.tin_fit import ChosenPoints, evenly
 from ..tin.coded_tin import SurfaceLayers, encoded
 from ..tin.points import Points, points_of
 from ..tin.tin import Tin
@@ -59,8 +60,8 @@ def surface_of(
     given: Points, chosen: ChosenPoints, shape: tuple[int, int] | None, layers: int = 1
 ) -> tuple[TinHead, SurfaceLayers]:
     """Convert chosen points to what a file holds."""
-    parts = in_layers(given, chosen, layers)
     extent = (int(given.x.max()) + 1, int(given.y.max()) + 1) if shape is None else shape
+    parts = in_layers(given, chosen, extent, layers)
     exponent = math.frexp(given.unit)[1] - 1
     first, second = (int(each / given.unit) for each in given.origin)
     counts = np.diff([0, *parts.ends]).tolist()

@@ -125,10 +125,14 @@ def _nearest_two(s, v):
 
 @inner
 def keys(s, criterion, v, most):
-    """The anticipated error of a vertex and what decides between equal ones; infinite for corners of the hull.
+    """The anticipated error of a vertex and what decides between equal ones; infinite for those that stay.
+
+    These are corners of the hull, and vertices with a weight below 0.
 
     By AT1, of an error greater than ``most`` only that it is.
     """
+    if s.weight[v] < 0:
+        return np.inf, 0.0
     gather(s.tri, v)
     if s.tri.reg.open and not straight(s.tri, v):
         return np.inf, 0.0

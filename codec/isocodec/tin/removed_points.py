@@ -18,7 +18,8 @@ class Surface(NamedTuple):
     """A triangulation that interpolates the values of its vertices, the points beside, and what all should have.
 
     ``target`` is what the surface is to have at each point, vertex or not, ``error`` by how much it lies above that,
-    and ``weight`` what a point's error counts by where largest ones are looked for.
+    and ``weight`` what a point's error counts by where largest ones are looked for: with 0, a point never becomes a
+    vertex for its error, and below 0, a vertex never goes.
     ``first`` has a point of each triangle, ``next`` the one after each point, -1 at the end; ``worst`` is a heap of
     triangles by their largest error, negated. ``loose`` has the first point of a list that is to be put into triangles.
     """
