@@ -233,9 +233,11 @@ def decimals() -> Iterator[Draft]:
     """Isovalues as decimals, and what their digits are rounded to."""
     field = _mixed(SHAPES[0])
     for name, about, isovalues in (
-        ("tenths", "tenths", (85.1, 85.2, 85.3)),
+        # the last one is what 853 times a tenth is rounded to
+        ("tenths", "tenths", (85.1, 85.2, 85.3, 85.30000000000001)),
         ("negative", "negative ones", (-0.1, -1e-15, 85.1)),
-        ("places", "one to fifteen places", tuple(float(f"85.{'1234567890123'[:k]}1") for k in range(14))),
+        # more digits and a smaller number each time
+        ("places", "one to fourteen places", tuple(float(f"85.{'0' * k}1") for k in range(14))),
     ):
         yield encoded(f"plane_isovalues_decimal_{name}", field, isovalues, f"decimals: {about}", precision="signs")
     # others than writers take: places that are not needed, and digits that binary64 does not have
