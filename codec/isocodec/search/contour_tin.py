@@ -501,13 +501,19 @@ class _Changes:
 
     def revert(self, bad: NDArray[np.float64]) -> None:
         """Leave out changes whose boxes hold places where a contour is too far away, or those next to them."""
-        places = np.unique(np.rint(bad), axis=0)
+        places = np.unique(np.rint(bad).astype(np.int64), axis=0)
+        first = places.min(axis=0)
+        # how many lie before each sample along both axes: a box holds differences of these
+        before = np.zeros(places.max(axis=0) - first + 2, np.int64)
+        before[tuple((places - first + 1).T)] = 1
+        before = before.cumsum(axis=0).cumsum(axis=1)
+        last = np.array(before.shape) - 1
+        on = np.flatnonzero(self._on)
+        (x, y), (u, v) = (np.clip(each[on] - first, 0, last).T for each in (self._low, self._high + 1))
         hit = np.zeros(len(self._on), np.bool_)
-        for i in np.flatnonzero(self._on).tolist():
-            hit[i] = ((places >= self._low[i]) & (places <= self._high[i])).all(axis=1).any()
-        if not hit.any() and self._on.any():
+        hit[on] = before[u, v] - before[x, v] - before[u, y] + before[x, y] > 0
+        if not hit.any() and len(on):
             # further away than is usual: those next to these places
-            on = np.flatnonzero(self._on)
             middle = (self._low[on] + self._high[on]) / 2
             hit[on[np.unique([np.abs(middle - place).max(axis=1).argmin() for place in places])]] = True
         self._on &= ~hit
