@@ -56,7 +56,11 @@ FIELDS: dict[str, tuple[Any, Any]] = {
     "cave": (isocodec.Field(BALL, mask=CAVE), [40, 60.5]),
     "floats": (isocodec.Field(HILLS / 3 + 1e-3), [20.5]),
     "floats with holes": (isocodec.Field(np.where(HOLES, np.nan, HILLS / 3)), [20.5]),
-    "mesh": (isocodec.Mesh(np.random.default_rng(7).random((60, 2)) * 10, None, np.arange(60.0) % 13), [3.1, 7]),
+    # of points that are stored whole, places do not depend on the isovalues
+    "mesh": (
+        isocodec.Mesh(np.random.default_rng(7).random((60, 2)) * 10, None, np.arange(60.0) % 13, stored="whole"),
+        [3.1, 7],
+    ),
 }
 
 

@@ -78,14 +78,17 @@ def test_grids_and_duplicates():
 
 
 def test_connectivity_costs_nothing():
-    """Of a triangulation that is Delaunay's, the file has the points, and these are cheaper than with cells."""
+    """Of a triangulation that is Delaunay's, the file has the points, and these are cheaper than with cells.
+
+    Some bits more for each of them keep the triangles the same.
+    """
     points, _ = scattered(1, 2000, 1 << 20)
     values = points[:, 0] + points[:, 1]
     cells = Delaunay(points).simplices
     mesh = isocodec.Mesh(points, None, values, stored="whole", error=500.0)
     alone = isocodec.encode(mesh, 1e6, precision="signs")
     whole = isocodec.encode(isocodec.Mesh(points, cells, values, stored="whole", error=500.0), 1e6, precision="signs")
-    assert len(alone) < 0.8 * len(whole)
+    assert len(alone) < 0.95 * len(whole)
 
 
 @pytest.mark.parametrize(
