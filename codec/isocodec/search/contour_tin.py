@@ -398,12 +398,13 @@ class _Search:
         share, pick = draw.random(count).tolist(), draw.random(count).tolist()
         points, numbers, largest = found.points.tolist(), found.numbers.tolist(), self._scale.largest
         still = self._still(found, bad)
-        taken = still.copy()
+        busy = [False] * count
+        changing = busy.__getitem__
         names = {(x, y) for x, y in points}
         out = _Changes()
         for i in draw.permutation(count).tolist():
             around = beside[begin[i] : begin[i + 1]]
-            if taken[i] or any(taken[k] and not still[k] for k in around) or (border[i] and way < _JOIN):
+            if still[i] or busy[i] or any(map(changing, around)) or (border[i] and way < _JOIN):
                 continue
             other, place, number = i, None, 0
             x, y = points[i]
@@ -417,7 +418,7 @@ class _Search:
                     continue
                 other = inner[int(pick[i] * len(inner))]
                 more = beside[begin[other] : begin[other + 1]]
-                if any(taken[k] and not still[k] for k in more):
+                if any(map(changing, more)):
                     continue
                 around = around + more
                 u, v = points[other]
@@ -435,7 +436,7 @@ class _Search:
             low, high = _bounds([points[k] for k in around])
             out.add((i, other), place, number, low, high)
             for k in (i, *around):
-                taken[k] = True
+                busy[k] = not still[k]
         self._insert(out, bad, names)
         out.begin()
         return out
