@@ -308,7 +308,8 @@ def test_layers_add_points(layers: int):
         ends = tin.coded[1].ends
         assert 1 < len(ends) <= layers and ends[-1] == len(whole.points) and sorted(set(ends)) == [*ends]
         before: set[tuple[float, ...]] = set()
-        for count in range(1, len(ends) + 1):
+        # files of many layers at some of them: each is made anew
+        for count in range(1, len(ends) + 1, max(len(ends) // 8, 1)):
             some = isocodec.open(file.edited(layers=count)).surface()
             now = set(map(tuple, np.c_[some.points, some.values].tolist()))
             assert len(some.points) == ends[count - 1] and before < now
