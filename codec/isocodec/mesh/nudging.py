@@ -194,7 +194,10 @@ def _cross(u: NDArray[np.int64], v: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def in_circle(at: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Find whether the last of four positions lies in the circle of the others (spec 10.5.3), by rows (R, 4, 2)."""
+    """Find whether the last of four positions lies in the circle of the others (spec 10.5.3), by rows (R, 4, 2).
+
+    A triangulation has the same test for points that stay, numbered by their ranks; these move, and so do their ranks.
+    """
     side = at[:, :3] - at[:, 3:]
     weight = np.stack([_cross(side[:, i], side[:, j]) for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
     square = (side**2).sum(axis=2)

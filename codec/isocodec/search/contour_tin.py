@@ -391,7 +391,7 @@ class _Search:
         draw, count = self._random, len(found.points)
         begin, beside = _neighbours(found.cells, count)
         border = ((found.points == 0) | (found.points == self._last)).any(axis=1).tolist()
-        # first contours are brought near with any samples
+        # until all contours are near, points may move to any sample
         way, (most_x, most_y), grain = draw.random(), self._last.tolist(), 1 if len(bad) else self._band.grain
         shift, lift = (grain * draw.integers(-2, 3, (count, 2))).tolist(), draw.integers(-1, 2, count).tolist()
         noise = draw.normal(size=(count, 3)).tolist()

@@ -60,7 +60,8 @@ export class Trail {
   agree = 0;
 
   /**
-   * The case of 7.3.1(4): negative if A is nearer; sets `agree`. Differences are multiplied by 2 and divided by `unit`, rounding down.
+   * The case of 7.3.1(4): negative if A is nearer; sets `agree`. Differences are multiplied by 2 and divided by `unit`,
+   * rounding down.
    */
   choose(unit: number, gx: number, gy: number, ax: number, ay: number, bx: number, by: number): number {
     const m = this.length;

@@ -314,7 +314,7 @@ def _sign(st, cd, rs, i, j):
 
 @inlined
 def _repeats(rs, i, j, end):
-    """Whether samples of a block that has one sign follow such that no simplex that they are corners of is mixed."""
+    """Whether samples j to before ``end`` lie in a block of one sign, and are the last corners of no mixed simplex."""
     block = np.int64(rs.blocks[np.uint64(j >> BLOCK_SHIFT)])
     if rs.walk.known or i == 0 or block & 1 == 0:
         return False
@@ -342,7 +342,8 @@ def _go_on(st, cd, rs):
     if _repeats(rs, i, j, end):
         for c in range(REACH + j, REACH + end):
             rs.columns[np.uint64(c)] = (rs.columns[np.uint64(c)] << 1) | (rs.columns[np.uint64(c)] & 1)
-        j = end
+        walk.asked, walk.column = 0, end
+        return np.int64(DONE)
     while j < end:
         sign = _sign(st, cd, rs, i, j)
         if sign < 0:
@@ -351,8 +352,6 @@ def _go_on(st, cd, rs):
         walk.asked = 0
         j += 1
         walk.column = j
-    walk.asked = 0
-    walk.column = end
     return np.int64(DONE)
 
 
