@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from contextlib import suppress
@@ -21,6 +22,8 @@ def main() -> None:
         # signals ignored from the start (nohup, background jobs of a shell) stay ignored
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _end)
+    # importing modules makes many objects and no garbage: commands look for it when they are loaded
+    gc.disable()
     # numpy would start threads for linear algebra, which nothing here needs: that takes longer than a small file
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from .cli import main as program
@@ -28,6 +31,8 @@ def main() -> None:
     try:
         program(prog_name="isocodec")
     finally:
+        # what is left when the process ends is no garbage, either
+        gc.freeze()
         # Python removes the handlers while it shuts down; a signal then must not undo a finished result
         _ignore()
 

@@ -64,8 +64,11 @@ def starts(squash: NDArray[np.int64]) -> NDArray[np.int64]:
 def _bits(data: bytes, place: int, count: int, width: int) -> tuple[NDArray[np.int64], int]:
     """So many numbers of ``width`` bits, unsigned, and where the bytes that hold them end."""
     end = place + (count * width + 7 >> 3)
-    found = np.unpackbits(np.frombuffer(data, np.uint8, end - place, place), count=count * width)
-    return found.reshape(count, width).astype(np.int64) @ (1 << np.arange(width)[::-1]), end
+    bits = np.unpackbits(np.frombuffer(data, np.uint8, end - place, place), count=count * width).reshape(count, width)
+    found = np.zeros(count, np.int64)
+    for each in bits.T:
+        found = found << 1 | each
+    return found, end
 
 
 def _packed_bits(numbers: NDArray[np.int64], width: int) -> bytes:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..deferred import dataclass
-from ..drawing.contour import Contour
 from ..drawing.window import clipped, reaching
 from ..errors import FormatError, IsoError, OptionError, TruncatedError
 from ..field.decoded_samples import LABELS
@@ -23,6 +22,7 @@ from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
 
 if TYPE_CHECKING:
+    from ..drawing.contour import Contour
     from ..drawing.tessellation import Tessellation
     from ..stream.statistics import FileStatistics
     from ..tiles.tiled import TiledFile

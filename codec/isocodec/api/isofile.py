@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import SIGNATURE, TILED_SIGNATURE
 
-from ..drawing.contour import Contour
 from ..errors import IsoError, OptionError, TruncatedError
 from ..field.placement import CRS, Placement, read_placement
 from ..format.chunks import whole_bytes
@@ -26,6 +25,7 @@ from .files import TileFile, Viewed, ViewOptions, WholeFile
 from .selfcheck import check_kernels
 
 if TYPE_CHECKING:
+    from ..drawing.contour import Contour
     from ..drawing.tessellation import Tessellation
     from ..stream.options import ProfileName
     from ..stream.statistics import FileStatistics

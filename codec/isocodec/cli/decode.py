@@ -49,6 +49,11 @@ class DecodeArguments(Converting, Viewing):
     decimals: int | None = option("--precision", heading=OUTPUT, type=click.IntRange(0, 17), metavar="N",
                                   help="Decimals of the coordinates in .geojson.  [default: all]")
 
+    def load(self) -> None:
+        """Import what opens files, and what writes other formats."""
+        super().load()
+        from ..api import export  # noqa: F401
+
     @property
     def view(self) -> dict[str, Any]:
         """Keywords of `IsoFile.contour`, as far as they were given."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -43,6 +42,8 @@ def info_command(options: InfoArguments) -> None:
         statistics = file.statistics() if options.statistics else None
         complete, promise = file.complete, file.promise
     if options.as_json:
+        import json
+
         more = {} if statistics is None else {"statistics": statistics.as_dict()}
         click.echo(json.dumps({**info.as_dict(), "complete": complete, "promise": promise, **more}, allow_nan=False))
     else:

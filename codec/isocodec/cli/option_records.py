@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import re
 import sys
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from ..api.inputs import ReadOptions
     from ..api.isofile import IsoFile
 
-R = TypeVar("R")
+R = TypeVar("R", bound="Arguments")
 
 ISOVALUE, PRECISION, LAYERS, PART, INPUT = "Isovalue", "Precision", "Layers", "Part of the file", "Input"
 SURFACE, MESH, TILES, DRAWING, OUTPUT, LIMITS = "Surfaces", "Meshes", "Tiles", "Drawing", "Output", "Limits"
@@ -193,12 +194,21 @@ def command(
 
     def made(function: Callable[[R], Any]) -> Grouped:
         own = vars(record).get("__annotations__", {})
-        known = [each for each in fields(record) if each.metadata]  # type: ignore[arg-type]
+        known = [each for each in fields(record) if each.metadata]
         known.sort(key=lambda each: (each.name == "as_json", each.name != "output", each.name not in own))
         apart = vars(hidden).get("__annotations__", {}) if hidden else {}
         params = [_parameter(each.name, each.metadata, each.name in apart) for each in known]
+
+        def run(**given: Any) -> Any:
+            options = record(**given)
+            options.load()
+            if not gc.isenabled():  # since the process began; what has been loaded is no garbage
+                gc.freeze()
+                gc.enable()
+            return function(options)
+
         return Grouped(
-            name, params=params, callback=lambda **given: function(record(**given)),
+            name, params=params, callback=run,
             help=cleandoc(function.__doc__ or ""), short_help=short_help,
         )
 
@@ -225,6 +235,9 @@ class Arguments:
     """The options of a command."""
 
     as_json: bool = option("--json", is_flag=True, help="Print the result as JSON.")
+
+    def load(self) -> None:
+        """Import modules that the command needs in any case, before Python begins to look for garbage."""
 
     def given(self, *names: str) -> list[str]:
         """Find which of these options differ from their defaults, as the command line writes them."""
@@ -346,6 +359,10 @@ class Opening(Limited):
     mesh: str | None = option(
         "--mesh", heading=INPUT, metavar="FILE", help="The mesh that IN.iso was made on, if the file does not store it."
     )
+
+    def load(self) -> None:
+        """Import what opens files."""
+        from ..api import isofile  # noqa: F401
 
     def opened(self, source: str | None = None) -> IsoFile:
         """Open the file.

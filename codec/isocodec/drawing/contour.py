@@ -159,14 +159,14 @@ class Contour:
         step = following.tolist()
         walks = []
         for first in [*np.flatnonzero(starts_line).tolist(), *range(len(step))]:
-            last, point = first, step[first]
-            if point < 0:
+            if step[first] < 0:
                 continue
             walk = [first]
-            while point >= 0:
-                walk.append(point)
-                step[last] = -1
-                last, point = point, step[point]
+            point = first
+            while (after := step[point]) >= 0:
+                walk.append(after)
+                step[point] = -1
+                point = after
             walks.append(walk)
         return walks
 

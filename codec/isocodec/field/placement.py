@@ -6,10 +6,9 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 from itertools import combinations
 from numbers import Real
-from typing import Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +19,9 @@ from .coordinates import arrays_of, whole_cells
 from .mapped import Mapped, between
 from .stretch import SAMPLED, GroundScale, ground_of, is_geographic, largest_step
 from .units import DEGREE, METRES, distance_of, units_of
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 PLACEMENT = "placement"
 """Name of the note that holds the numbers."""
@@ -495,6 +497,8 @@ def matrix_of(given: ArrayLike, n: int, *, in_space: bool = False) -> Array:
             f"the placement has numbers that are neither 0 nor between {LEAST:g} and {MOST:g}", code="placement",
             remedy="choose another unit",
         )
+    from fractions import Fraction
+
     rows = [[Fraction(number) for number in row[:n]] for row in matrix.tolist()]
     if all(_determinant([*some]) == 0 for some in combinations(rows, n)):
         raise OptionError("the placement lays different samples on one point", code="placement")
@@ -506,7 +510,8 @@ def _determinant(rows: list[list[Fraction]]) -> Fraction:
     if len(rows) == 1:
         return rows[0][0]
     minors = [[row[:i] + row[i + 1 :] for row in rows[1:]] for i in range(len(rows))]
-    return sum(((-1) ** i * rows[0][i] * _determinant(minors[i]) for i in range(len(rows))), Fraction(0))
+    first, *others = ((-1) ** i * rows[0][i] * _determinant(minors[i]) for i in range(len(rows)))
+    return sum(others, first)
 
 
 def write_placement(matrix: Array) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from decimal import Decimal
-from fractions import Fraction
 from numbers import Real
 from typing import Any
 
@@ -171,6 +169,8 @@ def _steps(
     InputError
         If a sample is infinite.
     """
+    from fractions import Fraction
+
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.abs((samples - isovalue) / scale)
     if not np.all(np.isfinite(steps)):
@@ -204,6 +204,9 @@ def isovalue_of(given: object) -> float:
     InputError
         If it is not a number, not finite, or would be rounded so.
     """
+    from decimal import Decimal
+    from fractions import Fraction
+
     number = given
     if isinstance(given, np.generic) or (isinstance(given, np.ndarray) and given.ndim == 0):
         number = given.item()

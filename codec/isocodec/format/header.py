@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from decimal import Decimal
 
 from isospec import container as spec
 from isospec.container import Double, IsovalueKind, Prefix, Profile, Single, VarintError, read_varint
@@ -88,6 +87,8 @@ def write_isovalue(value: float) -> tuple[IsovalueKind, bytes]:
 
 def _decimal(value: float) -> bytes:
     """Write a number as a decimal with as few places as possible; nothing if it needs too many."""
+    from decimal import Decimal
+
     # the shortest digits that give the number back
     digits = Decimal(repr(value))
     exponent = digits.as_tuple().exponent

@@ -67,17 +67,20 @@ def symbol(name: str) -> str:
 
 @cache
 def note() -> Note:
-    """Read the note of this package's library; KernelError if it is of other sources."""
+    """Read the note of this package's library."""
     try:
-        out = Note(**json.loads((BUILT / NOTE.name).read_text()))
+        return Note(**json.loads((BUILT / NOTE.name).read_text()))
     except (OSError, ValueError, TypeError) as error:
         raise KernelError(f"{BUILT / NOTE.name}: {error}", code="kernel-library", remedy=_REMEDY) from None
-    if out.sources is not None and digest_of(out.sources["files"], _homes()) != out.sources["sha256"]:
+
+
+def _check_sources(noted: Note) -> None:
+    """Check that a library is of the present sources."""
+    if noted.sources is not None and digest_of(noted.sources["files"], _homes()) != noted.sources["sha256"]:
         raise KernelError(
-            f"{BUILT / out.file}: the kernels' sources have changed since it was built",
+            f"{BUILT / noted.file}: the kernels' sources have changed since it was built",
             code="kernel-library", remedy="python tools/kernels",
         )
-    return out
 
 
 def _homes() -> dict[str, Path]:
@@ -92,6 +95,7 @@ def library() -> Library:
     import hashlib
 
     noted = note()
+    _check_sources(noted)
     path = BUILT / noted.file
     try:
         found = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from isospec.container import ChunkType, DomainKind
 
-from ..drawing.contour import Contour
 from ..errors import FormatError, IsoError, OptionError, TruncatedError
 from ..format.chunks import Envelope
 from ..format.events import Event
@@ -24,6 +23,7 @@ from .outline import check_explicit
 from .session import Contents, Session
 
 if TYPE_CHECKING:
+    from ..drawing.contour import Contour
     from .grid_contents import GridContents
     from .mesh_contents import MeshContents
     from .surface_contents import SurfaceContents
@@ -144,6 +144,8 @@ class Decoder(Session):
         """
         contents = self.contents
         if contents is None or contents.kind == "domain":
+            from ..drawing.contour import Contour
+
             self.check()
             n = self.header.n if self.header is not None else 2
             return Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), (0,) * n, False)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from copy import copy
-from typing import NoReturn, Protocol, TypeAlias
+from functools import cached_property
+from typing import TYPE_CHECKING, NoReturn, Protocol, TypeAlias
 
 from isospec.container import ChunkType
 
-from ..entropy.run import Account
 from ..errors import FormatError, IsoError, LimitError, TruncatedError, out_of_memory
 from ..format.chunks import Envelope, octets, read_envelope, verify
 from ..format.events import End, Event, HeaderRead
 from ..format.header import Header, read_header
 from ..limits import Budget, Limits
 from .outline import Outline
+
+if TYPE_CHECKING:
+    from ..entropy.run import Account
 
 
 class Contents(Protocol):
@@ -62,8 +65,6 @@ class Session:
     limits : Limits
     budget : Budget
         Memory held by decoding.
-    account : Account
-        Symbols and work used by decoding.
     data : bytearray
         The file as far as it has arrived.
     at : int
@@ -79,7 +80,6 @@ class Session:
     def __init__(self, limits: Limits | None, contents_of: ContentsOf) -> None:
         self.limits = limits or Limits()
         self.budget = Budget(self.limits.memory)
-        self.account = Account(self.limits.symbols, self.limits.work)
         self.data = bytearray()
         self.at = 0
         self.header: Header | None = None
@@ -90,6 +90,13 @@ class Session:
         self._chunk: Envelope | None = None
         self._last = self._ended = self._closed = False
         self._error: IsoError | None = None
+
+    @cached_property
+    def account(self) -> Account:
+        """Symbols and work used by decoding; made when it is first used, since inspecting a file needs no kernels."""
+        from ..entropy.run import Account
+
+        return Account(self.limits.symbols, self.limits.work)
 
     @property
     def complete(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from fractions import Fraction
 
 import numpy as np
 
@@ -50,6 +49,8 @@ def shift_of(isovalue: float, other: float, scale: float | None) -> tuple[int, i
 
     Steps are whole numbers (``scale`` None), between the floors of both, or multiples of the scale.
     """
+    from fractions import Fraction
+
     if scale is None:
         steps = Fraction(math.floor(isovalue) - math.floor(other))
     else:

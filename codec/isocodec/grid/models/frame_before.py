@@ -6,13 +6,14 @@ another level: the level at which the fewest known signs nearby are wrong, once 
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from ...entropy.panel import KIND, LEVEL, LEVELS, MARGIN, ON, WIDE_LEVEL, WIDE_MARGIN
-from ...kernel import inlined, inner
+from ...kernel import constant, inlined, inner
 from ...kernel.types import Integer
 from ..lattice.access import dimension
 from ..lattice.grid import clamped
@@ -37,7 +38,7 @@ def _around(n: int) -> np.ndarray:
     return np.array([(*d, 640 // (7 + 3 * q)) for d in steps if 0 < (q := sum(x * x for x in d)) <= _FAR], np.int64)
 
 
-_PLANE, _SPACE = _around(2), _around(3)
+_PLANE, _SPACE = constant(partial(_around, 2)), constant(partial(_around, 3))
 
 
 class Spot(NamedTuple):

@@ -31,6 +31,12 @@ def _groups() -> _Groups:
     return _Groups(digits, zeros)
 
 
+def _enter(numbers: NDArray[np.int64], out: NDArray[np.uint8]) -> None:
+    """Write numbers from 0 to 999 with three digits, one digit of all after the other: numpy is quicker at that."""
+    for place, digits in enumerate(_groups().digits.T):
+        out[..., place] = digits[numbers]
+
+
 def millionths(numbers: NDArray[np.float64]) -> NDArray[np.int64]:
     """Round to millionths as ``"%.6f"`` does: the exact value of the float, ties to even.
 
@@ -76,13 +82,14 @@ def pair_texts(pairs: NDArray[np.int64]) -> tuple[bytes, NDArray[np.int64]]:
     for step in range(steps):
         end = 1 + 3 * (steps - step)
         rest, group = np.divmod(rest, _GROUP) if step < steps - 1 else (rest, rest)
-        text[..., end - 3 : end] = groups.digits[group]
+        _enter(group, text[..., end - 3 : end])
         for place in range(3):
             power = 10 ** (3 * step + place)
             used[..., end - 1 - place] = whole >= power if power > 1 else True
     dot = 1 + 3 * steps
     text[..., dot] = ord(".")
-    text[..., dot + 1 : dot + 4], text[..., dot + 4 : dot + 7] = groups.digits[high], groups.digits[low]
+    _enter(high, text[..., dot + 1 : dot + 4])
+    _enter(low, text[..., dot + 4 : dot + 7])
     decimals = PLACES - np.where(low == 0, 3 + groups.zeros[high], groups.zeros[low])
     used[..., dot] = decimals > 0
     for place in range(PLACES):

@@ -72,7 +72,7 @@ def _paths(contour: Contour) -> Iterator[bytes]:
     if not walks:
         return
     sizes = np.array([len(walk) for walk in walks])
-    points = contour.points[np.fromiter(chain.from_iterable(walks), np.int64, int(sizes.sum())), ::-1]
+    points = contour.points[np.fromiter(chain.from_iterable(walks), np.int64, int(sizes.sum()))][:, ::-1]
     ends = np.cumsum(sizes)
     firsts = ends - sizes
     closed = (sizes > 2) & (points[firsts] == points[ends - 1]).all(axis=1)

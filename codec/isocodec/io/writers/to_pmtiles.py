@@ -5,7 +5,6 @@ A tile is 256 pixels wide; at the highest zoom level a pixel is no wider than a 
 
 from __future__ import annotations
 
-import gzip
 import io
 import math
 from collections.abc import Callable, Iterable
@@ -207,11 +206,13 @@ def _archive(
     writer: Any, tiles: dict[Key, Features], lines: list[NDArray[np.float64]], most: int, name: str
 ) -> bytes:
     """Make the archive of tiles, in the order of their numbers."""
+    from gzip import compress
+
     format_ = optional("pmtiles.tile", extra="pmtiles", purpose="writing .pmtiles")
     out = io.BytesIO()
     archive = writer.Writer(out)
     for number, key in sorted((format_.zxy_to_tileid(*key), key) for key in tiles):
-        archive.write_tile(number, gzip.compress(_tile(tiles[key], name), mtime=0))
+        archive.write_tile(number, compress(_tile(tiles[key], name), mtime=0))
     # each line within one turn, or beyond
     points = np.concatenate([line - [np.floor(line[:, 0].min()), 0] for line in lines] or [np.array([[0.5, 0.5]])])
     west, east = (float(f(points[:, 0])) * 360 - 180 for f in (np.min, np.max))
