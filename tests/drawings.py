@@ -44,7 +44,7 @@ def leaves_of(field, isovalue=0.0, *, size=1, bisections=0, values=True, above=N
     return Leaves(
         shape=field.shape,
         isovalue=isovalue,
-        position=np.stack(np.unravel_index(used, field.shape), axis=-1).reshape(-1, field.ndim),
+        position=np.stack(np.unravel_index(used, field.shape), axis=-1).reshape(-1, field.ndim).astype(np.int32),
         above=above.ravel()[used],
         value=field.ravel()[used].astype(np.float64) if values else None,
         simplices=index.reshape(-1, field.ndim + 1),

@@ -59,7 +59,7 @@ def test_a_complete_file_holds_no_more_than_drawing_needs(n: int) -> None:
     assert decoder.complete and tube is not None
     st = tube.state
     assert len(st.vertex) == tube.vertices and len(st.leaf) == st.counters.leaves
-    assert not st.below.size and not st.active.size and not tube.estimates._beside.links.size
+    assert not st.below.size and not st.active.size and not tube.estimates._beside.around.size
     assert decoder.memory < 0.6 * before
     assert decoder.memory >= state_bytes(st, tube._mark)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..deferred import dataclass
 from ..kernel import kernel
-from ..kernel.types import BoolVector, FloatMatrix, FloatVector, IntMatrix, IntVector, IntVolume
+from ..kernel.types import BoolVector, FloatMatrix, FloatVector, Int32Matrix, IntMatrix, IntVector, IntVolume
 from .leaves import Leaves
 
 Edge = tuple[int, int]
@@ -41,16 +41,20 @@ class PatternTable:
     edges : (T, k, 2) int64
         Local vertices at both ends of the edges; the rows of pattern p are ``first[p]`` to ``first[p + 1]``.
     first : (patterns + 1,) int64
+    count : (patterns,) uint8
+        How many rows each pattern has.
     """
 
     edges: NDArray[np.int64]
     first: NDArray[np.int64]
+    count: NDArray[np.uint8]
 
     @classmethod
     def build(cls, rows: Sequence[Sequence[Sequence[Edge]]], k: int) -> PatternTable:
         """Pack the lists of rows, one list per pattern, each row with k edges."""
         edges = np.array([row for pattern in rows for row in pattern], dtype=np.int64).reshape(-1, k, 2)
-        return cls(edges, np.cumsum([0] + [len(pattern) for pattern in rows], dtype=np.int64))
+        count = [len(pattern) for pattern in rows]
+        return cls(edges, np.cumsum([0, *count], dtype=np.int64), np.array(count, np.uint8))
 
     def lookup(
         self, pattern: NDArray[np.int64], vertices: NDArray[np.int64], mirrored: NDArray[np.bool_]
@@ -71,7 +75,7 @@ class PatternTable:
         owner : (R,) int64
             Which simplex or cube each row belongs to, ascending.
         """
-        owner = np.repeat(np.arange(len(pattern)), np.diff(self.first)[pattern])
+        owner = np.repeat(np.arange(len(pattern)), self.count[pattern])
         ends = np.empty((len(owner), *self.edges.shape[1:]), np.int64)
         _look_up(self.edges, self.first, pattern, vertices, mirrored, ends)
         return ends, owner
@@ -213,11 +217,11 @@ def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.floa
 
 
 @kernel
-def enter_points(position: IntMatrix, edges: IntMatrix, ratio: FloatVector, out: FloatMatrix) -> None:
+def enter_points(position: Int32Matrix, edges: IntMatrix, ratio: FloatVector, out: FloatMatrix) -> None:
     """Enter the points so far along edges from their first ends."""
     for i in range(len(edges)):
         for axis in range(position.shape[1]):
-            low, high = position[edges[i, 0], axis], position[edges[i, 1], axis]
+            low, high = np.int64(position[edges[i, 0], axis]), np.int64(position[edges[i, 1], axis])
             out[i, axis] = low + ratio[i] * (high - low)
 
 

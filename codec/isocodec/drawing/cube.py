@@ -32,11 +32,14 @@ class CubeTable:
         n = 3: sides, in pairs of edges, of the one polygon of a cell that needs a point in its middle.
     mixed : (patterns,) int64
         How many simplices of the cell are mixed.
+    needed : (patterns,) int64
+        Corners that these have, as bits.
     """
 
     cells: PatternTable
     fans: PatternTable
     mixed: NDArray[np.int64]
+    needed: NDArray[np.int64]
 
 
 @cache
@@ -44,24 +47,32 @@ def cube_table(n: int) -> CubeTable:
     """Table over the ``2 ** 2 ** n`` sign patterns; bit c of a pattern is set if corner c is above."""
     cells: list[list[Piece]] = []
     fans: list[list[Piece]] = []
-    mixed = []
+    paths = [_path(axes) for axes in itertools.permutations(range(n))]
+    mixed, needed = [], []
     for pattern in range(2 ** (2**n)):
-        pieces, count = _pieces(n, pattern)
-        mixed.append(count)
+        pieces = _pieces(n, pattern)
+        cut = [path for path in paths if len({pattern >> corner & 1 for corner in path}) == 2]
+        mixed.append(len(cut))
+        needed.append(sum(1 << corner for corner in set().union(*cut)))
         drawn, fan = (_chains(pieces), []) if n == 2 else _surfaces(pieces)
         cells.append(drawn)
         fans.append(fan)
-    return CubeTable(PatternTable.build(cells, n), PatternTable.build(fans, 2), np.array(mixed, dtype=np.int64))
+    return CubeTable(
+        PatternTable.build(cells, n), PatternTable.build(fans, 2), np.array(mixed, np.int64), np.array(needed, np.int64)
+    )
 
 
-def _pieces(n: int, pattern: int) -> tuple[list[Piece], int]:
-    """Oriented pieces in the simplices of a cell, and the number of these that are mixed."""
+def _path(axes: tuple[int, ...]) -> list[int]:
+    """Corners of the simplex that goes along these axes one after the other."""
+    return [0, *itertools.accumulate(1 << a for a in axes)]
+
+
+def _pieces(n: int, pattern: int) -> list[Piece]:
+    """Oriented pieces in the simplices of a cell."""
     pieces = []
-    count = 0
     for axes in itertools.permutations(range(n)):
-        path = [0, *itertools.accumulate(1 << a for a in axes)]
+        path = _path(axes)
         cut = _simplex_pieces(n, sum((pattern >> corner & 1) << i for i, corner in enumerate(path)))
-        count += bool(cut)
         # The determinant of a path is the sign of its permutation.
         odd = sum(a > b for a, b in itertools.combinations(axes, 2)) % 2
         for piece in cut:
@@ -69,7 +80,7 @@ def _pieces(n: int, pattern: int) -> tuple[list[Piece], int]:
             if odd:
                 points[:2] = points[1::-1]
             pieces.append(tuple(points))
-    return pieces, count
+    return pieces
 
 
 _simplex_pieces = cache(simplex_pieces)

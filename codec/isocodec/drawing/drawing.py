@@ -54,7 +54,7 @@ def draw(
     return _drawn(leaves, complete, smooth, measured)[0]
 
 
-def draw_with_ends(leaves: Leaves, *, complete: bool = True, smooth: int = 0) -> tuple[Contour, NDArray[np.int64]]:
+def draw_with_ends(leaves: Leaves, *, complete: bool = True) -> tuple[Contour, NDArray[np.int64]]:
     """Draw as `draw` does, and also return the samples between which the first points lie.
 
     Returns
@@ -64,7 +64,7 @@ def draw_with_ends(leaves: Leaves, *, complete: bool = True, smooth: int = 0) ->
         Ends of the edges of the first E points; other points lie inside cells, or where pieces were cut at missing
         samples.
     """
-    contour, edges = _drawn(leaves, complete, smooth, False)
+    contour, edges = _drawn(leaves, complete, 0, False)
     return contour, leaves.position[edges].astype(np.int64)
 
 

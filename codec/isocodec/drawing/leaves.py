@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..deferred import dataclass
+from ..grid.tube.ranks import Ranks
 
 WholeCells = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
-Pieces = Callable[[], Iterator[NDArray[np.int64]]]
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Leaves:
     shape : tuple of int
         Samples along each axis of the sampled box.
     isovalue : float
-    position : (V, n) int64
+    position : (V, n) int32
         Sample indices of the vertices, clamped onto the box.
     above : (V,) bool
         The sign: value > isovalue.
@@ -44,13 +44,14 @@ class Leaves:
     whole : callable, optional
         Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All
         do if not given.
-    pieces : callable, optional
-        On the full grid, yields the simplices some rows at a time; ``simplices`` and ``levels`` have none then.
+    known : Ranks, optional
+        On the full grid, once it is complete, all known vertices by position: the drawing follows from them, and
+        ``simplices`` and ``levels`` may be left empty.
     """
 
     shape: tuple[int, ...]
     isovalue: float
-    position: NDArray[np.int64]
+    position: NDArray[np.int32]
     above: NDArray[np.bool_]
     value: NDArray[np.float64] | None
     simplices: NDArray[np.int64]
@@ -60,4 +61,4 @@ class Leaves:
     edge_offset: NDArray[np.float64]
     edge_room: NDArray[np.float64]
     whole: WholeCells | None = None
-    pieces: Pieces | None = None
+    known: Ranks | None = None

@@ -71,7 +71,8 @@ def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def _pieces(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Cells as the ends (M, n, 2) of the edges with their points, and their leaves (M,)."""
     n = len(leaves.shape)
-    mirrored = _determinant([(x[:, 1:] - x[:, :1]).T for x in (c[leaves.simplices] for c in leaves.position.T)]) < 0
+    corners = [c[leaves.simplices].astype(np.int64) for c in leaves.position.T]
+    mirrored = _determinant([(x[:, 1:] - x[:, :1]).T for x in corners]) < 0
     pattern = leaves.above[leaves.simplices] @ (1 << np.arange(n + 1))
     return simplex_table(n).lookup(pattern, leaves.simplices, mirrored)
 
@@ -147,7 +148,7 @@ def rings(leaves: Leaves, edges: NDArray[np.int64]) -> Iterator[Rings]:
     vertices = len(leaves.position)
     keys = edges[:, 0] * vertices + edges[:, 1]
     rank = rank_of(leaves)
-    for some in implied_edges(rank, leaves.position, leaves.above, leaves.simplices, leaves.levels):
+    for some in implied_edges(rank, leaves.position.astype(np.int64), leaves.above, leaves.simplices, leaves.levels):
         near = near_ends(some, leaves.above)
         swap = rank[near] > rank[some.ring]
         low, high = np.where(swap, some.ring, near), np.where(swap, near, some.ring)

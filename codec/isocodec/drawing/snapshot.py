@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,8 @@ from ..grid.lattice.vertex_set import IN
 from ..grid.passes.runner import Tube
 from ..grid.tube.decoded import Decoded
 from ..grid.tube.holes import Holes
-from ..grid.tube.leaf_vertices import drawn, drawn_leaves, in_pieces
+from ..grid.tube.leaf_vertices import drawn, drawn_leaves
+from ..grid.tube.state import numbers_bytes
 from .leaves import Leaves
 from .rows import MaskRows
 
@@ -59,23 +59,24 @@ _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 1
 """Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
 _PLACED = {2: 120, 3: 135}
 """Bytes for each leaf of the full grid if the file states where the curve crosses each edge."""
-_IN_PIECES = {2: (90, 64, 24), 3: (30, 66, 24)}
-"""Bytes of each where leaves come in pieces."""
+_UNLISTED = {2: (90, 64, 24), 3: (30, 66, 24)}
+"""Bytes of each where leaves are not listed."""
 _CORNERS, _CHILDREN = 8, 16
 """Most corners that a diamond makes known, and most children that it has."""
 
 
-def _in_pieces(tube: Tube) -> bool:
-    """Whether leaves need not be listed all at once: on the full grid, once it is complete."""
+def _complete(tube: Tube) -> bool:
+    """Whether the drawing follows from the known vertices: on the full grid, between layers."""
     return tube.full and tube.settled
 
 
 def drawing_bytes(tube: Tube, listed: bool = False) -> int:
     """Most memory, in bytes, that `leaves_of` and the drawing take, including the result."""
     est = tube.estimates
-    if not listed and _in_pieces(tube):
-        vertex, leaf, edge = _IN_PIECES[tube.n]
-        return vertex * tube.vertices + leaf * tube.simplices + edge * len(est.edges)
+    numbers = numbers_bytes(tube.state)
+    if not listed and _complete(tube):
+        vertex, leaf, edge = _UNLISTED[tube.n]
+        return numbers + vertex * tube.vertices + leaf * tube.simplices + edge * len(est.edges)
     vertex, leaf, edge = _DRAWN[tube.n, tube.full]
     if tube.full and (est.has_values or (len(est.parts) > 0 and bool((est.parts > 1).all()))):
         leaf = _PLACED[tube.n]
@@ -85,7 +86,7 @@ def drawing_bytes(tube: Tube, listed: bool = False) -> int:
         # diamonds of a round that goes on are bisected in a copy
         vertices, leaves = vertices + _CORNERS * coded, leaves + _CHILDREN * coded
     rows = est.bytes_to_list(tube.state) if tube.settled else 0
-    return rows + vertex * vertices + leaf * leaves + edge * len(est.edges)
+    return numbers + rows + vertex * vertices + leaf * leaves + edge * len(est.edges)
 
 
 def leaves_of(
@@ -95,14 +96,14 @@ def leaves_of(
     """Everything that drawing needs; ``value_of(number, above)`` converts numbers of steps to field values.
 
     ``holes`` are those of a mask that was not used in coding the tube. Unless ``listed``, simplices of the full grid
-    come in pieces.
+    are left out once it is complete: the drawing follows from the known vertices.
     """
     holes = holes or tube.holes
     st, est = tube.drawn_state(), tube.estimates
     count = int(st.counters.vertices)
-    pieces = None
-    if not listed and _in_pieces(tube):
-        rows, levels, pieces = np.zeros((0, tube.n + 1), np.int64), np.zeros(0, np.int64), partial(in_pieces, st)
+    complete = _complete(tube)
+    if complete and not listed:
+        rows, levels = np.zeros((0, tube.n + 1), np.int64), np.zeros(0, np.int64)
     else:
         rows, levels = est.leaves(st) if tube.settled else drawn(st)
     above = st.vertex[:count, 3] != 0
@@ -121,7 +122,7 @@ def leaves_of(
     return Leaves(
         shape=tube.shape,
         isovalue=isovalue,
-        position=st.vertex[:count, : tube.n].astype(np.int64),
+        position=np.ascontiguousarray(st.vertex[:count, : tube.n]),
         above=above,
         value=value,
         simplices=rows,
@@ -131,7 +132,7 @@ def leaves_of(
         edge_offset=(offset + 0.5) / parts,
         edge_room=0.5 / parts,
         whole=holes.whole_cells if holes else None,
-        pieces=pieces,
+        known=est.numbers(st) if complete else None,
     )
 
 

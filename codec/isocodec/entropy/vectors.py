@@ -54,7 +54,13 @@ def _write(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) 
         value = builder.select(builder.icmp_signed(">", value, zero), value, zero)
         weight = vector(out, _LONG(place), _INTS, 4)
         total = builder.add(total, builder.mul(builder.sext(value, _INTS), weight))
-    result = _INT(0)
-    for lane in range(_LANES):
-        result = builder.add(result, builder.extract_element(total, _INT(lane)))
-    return builder.sext(result, _LONG)
+    # the upper half onto the lower one until a single number is left: lane by lane they would wait for one another
+    left = _LANES
+    while left > 1:
+        left >>= 1
+        low, high = (
+            builder.shuffle_vector(total, total, ir.Constant(ir.VectorType(_INT, left), [*range(first, first + left)]))
+            for first in (0, left)
+        )
+        total = builder.add(low, high)
+    return builder.sext(builder.extract_element(total, _INT(0)), _LONG)

@@ -43,7 +43,8 @@ def original(field: Samples, *, measured: bool = True) -> Contour:
         # beside an infinite sample the crossing is at the finite one, as beside a large one (`Samples.between`)
         values = np.where(np.isinf(values), np.copysign(_LARGE, values), values)
     leaves = Leaves(
-        shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
+        shape=shape, isovalue=field.isovalue, position=position.astype(np.int32),
+        above=field.signs.reshape(-1)[used], value=values,
         simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,
         edges=edges, edge_offset=places, edge_room=np.zeros(len(places)),
         whole=None if field.gone is None else partial(whole_cells_of, field.gone),

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
-from ..drawing.drawing import draw_with_ends
+from ..drawing.drawing import draw, draw_with_ends
+from ..drawing.leaves import Leaves
 from ..drawing.rows import MaskRows
 from ..drawing.smoothing import rounds_of
 from ..drawing.snapshot import drawing_bytes, known_rows, leaves_of, state_of
@@ -39,22 +40,27 @@ def contour_of(
     else:
         # a file asks for it on the full grid, a caller anywhere
         rounds = rounds_of(metadata, smooth) if smooth or tube.full else 0
-        contour = ends_of(tube, isovalue, header, complete, budget, holes, rounds, through_holes)[0]
+        leaves = _leaves_of(tube, isovalue, header, budget, holes)
+        if through_holes:
+            leaves = replace(leaves, whole=None)
+        drawn = draw(leaves, complete=complete, smooth=rounds)
+        contour = replace(drawn, origin_above=tube.origin_above)
     return replace(contour, metadata=dict(metadata))
 
 
-def ends_of(
-    tube: Tube, isovalue: float, header: Header, complete: bool, budget: Budget, holes: Holes | None,
-    smooth: int = 0, through_holes: bool = False,
-) -> tuple[Contour, NDArray[np.int64]]:
-    """Draw the contour of a tube; also returns the samples between which its points lie: see `draw_with_ends`."""
+def _leaves_of(tube: Tube, isovalue: float, header: Header, budget: Budget, holes: Holes | None) -> Leaves:
+    """All that the drawing of a tube needs."""
     budget.check(drawing_bytes(tube))
-    leaves = leaves_of(
+    return leaves_of(
         tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes, listed=False
     )
-    if through_holes:
-        leaves = replace(leaves, whole=None)
-    contour, ends = draw_with_ends(leaves, complete=complete, smooth=smooth)
+
+
+def ends_of(
+    tube: Tube, isovalue: float, header: Header, complete: bool, budget: Budget, holes: Holes | None
+) -> tuple[Contour, NDArray[np.int64]]:
+    """Draw the contour of a tube; also returns the samples between which its points lie: see `draw_with_ends`."""
+    contour, ends = draw_with_ends(_leaves_of(tube, isovalue, header, budget, holes), complete=complete)
     return replace(contour, origin_above=tube.origin_above), ends
 
 
@@ -111,7 +117,7 @@ def mesh_of(tube: Tube | None, n: int, budget: Budget) -> tuple[NDArray[np.int64
         return np.zeros((0, n), np.int64), np.zeros((0, n + 1), np.int64)
     budget.check(drawing_bytes(tube, listed=True))
     leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
-    return leaves.position, leaves.simplices
+    return leaves.position.astype(np.int64), leaves.simplices
 
 
 def tessellation_of(
@@ -128,6 +134,6 @@ def tessellation_of(
         above = inferred(points, cells, state.position, state.above, tube.origin_above)
     else:
         leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
-        points, above, cells = compact(leaves.position, leaves.above, leaves.simplices)
+        points, above, cells = compact(leaves.position.astype(np.int64), leaves.above, leaves.simplices)
         levels = leaves.levels
     return Tessellation(points, cells, levels, above, isovalue, tube.shape, complete, metadata=dict(metadata))

@@ -145,17 +145,26 @@ def copied(store: Store, bits: int) -> Store:
     return Store(store.head.copy(), store.table.copy(), pages)
 
 
+def keys_of(store: Store) -> NDArray[np.int64]:
+    """The keys of all pages, by their numbers."""
+    used = store.table[store.table[:, 0] >= 0]
+    keys = np.empty(len(used), np.int64)
+    keys[used[:, 1]] = used[:, 0]
+    return keys
+
+
 def page_of(key):
     """Coordinates of a page, in pages, of its key."""
     return key & ((1 << _Y) - 1), (key >> _Y) & ((1 << _Z - _Y) - 1), key >> _Z
 
 
-_page_of = inlined(page_of)
+key_page = inlined(page_of)
+"""`page_of` in kernels."""
 
 
 @inlined
 def _hash(key, size):
-    x, y, z = _page_of(key)
+    x, y, z = key_page(key)
     h = (x * 73856093) ^ (y * 19349663) ^ (z * 83492791)
     # pages of coarse levels lie far apart, at multiples of powers of two: their low bits are all alike
     h ^= h >> 24 ^ h >> 37

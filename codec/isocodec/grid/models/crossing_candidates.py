@@ -10,12 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...kernel import inlined, record
 from ...kernel.types import BoolVector, Integer, IntMatrix, IntVector
 from ..lattice.access import dimension
-from ..tube.state import entry
-from .magnitude import FINE, NONE, ROUGH, mean
+from .magnitude import FINE, NONE, ROUGH, by_few, mean
 
 UNIT = 4096
 """Positions on an edge and between edges are counted in parts of this."""
@@ -25,11 +25,34 @@ plane four; off the full grid those of the ends' other edges, then, for curves, 
 last different places coded."""
 LINE, BEFORE, BEHIND, CUBIC = range(4)
 MOST_RECENT = 4
-_POINTS = 64
-"""First of the crossings next to the edge, behind the candidates, three numbers each: distance from the edge, place
-along it, how well it is known. Two on either side."""
+SEEN, TURNS, NEXT = range(3)
+"""Columns of ``Beside.around``; those from ``NEXT`` on are for the planes, upwards and downwards in each."""
+SPAN_SHIFT = 8
+"""In the column ``TURNS``, the first bit of along how many axes the ends differ."""
 _STEEP = UNIT // 8
 """Distance of crossings below which their line is not extended."""
+
+
+def _second_crossings() -> NDArray[np.int64]:
+    """Make ``_SECOND``: places of the second crossing on a side, by how the curve turns."""
+    out = np.zeros((2, 3, 3, 4), np.int64)
+    for down, first, second in np.ndindex(out.shape[:3]):
+        ahead = UNIT if first == 0 else 0
+        # along the edge: where the square begins that the curve leaves by its second crossing
+        beside = (0, -UNIT, UNIT)[first]
+        if (first == 0) == (second == 0):
+            # on an edge of the same direction
+            far = 2 * UNIT if first == 0 else UNIT * ((second == 1) == down)
+            out[down, first, second] = far, 0, beside, -1
+        else:
+            along = beside + (UNIT * (first == 2) if second == 0 else UNIT * (second - 1))
+            out[down, first, second] = ahead, -1, along, 0
+    return out.reshape(18, 4)
+
+
+_SECOND = _second_crossings()
+"""For each way, 0 upwards and 1 downwards, each turn at the first square and each at the second, four numbers: distance
+from the edge and place along it, each with a mask for what the place of the second crossing adds."""
 
 
 @record
@@ -58,15 +81,15 @@ class Crossings(NamedTuple):
     earlier: IntMatrix
 
 
-class _Square(NamedTuple):
-    """An edge of the grid from (x, y, z) along axis a, of length ``edge``, in the plane of the axes a and b."""
+class _Side(NamedTuple):
+    """The next two crossings on one side of an edge: distance from it, place along it, and how well that is known."""
 
-    x: Integer
-    y: Integer
-    z: Integer
-    a: Integer
-    b: Integer
-    edge: Integer
+    first: Integer
+    first_place: Integer
+    first_known: Integer
+    second: Integer
+    second_place: Integer
+    second_known: Integer
 
 
 def place_of(number, parts):
@@ -74,71 +97,49 @@ def place_of(number, parts):
     return (2 * number + 1) * (UNIT // 2) // parts
 
 
-@inlined
-def _near(st, square, i, j):
-    """Store entry of the vertex i edges along axis a and j along b from (x, y, z); 0 off the box."""
-    a, b = square.a, square.b
-    i, j = i * square.edge, j * square.edge
-    x = square.x + i * (a == 0) + j * (b == 0)
-    y = square.y + i * (a == 1) + j * (b == 1)
-    z = square.z + i * (a == 2) + j * (b == 2)
-    if min(x, y, z) < 0 or x > st.grid.last0 or y > st.grid.last1 or z > st.grid.last2:
-        return np.int64(0)
-    return entry(st, x, y, z)
+def seen_of(number, parts):
+    """Twice the place where an edge is crossed, and 1 more if a digit of it is coded: what ``Beside.around`` keeps."""
+    return 2 * place_of(number, parts) + (parts > 1)
 
 
 @inlined
-def _beyond(st, beside, square, e, i, j, s, t):
-    """Store entry of the vertex s edges along axis a and t along b from that at (i, j), whose entry is e: one edge."""
-    if len(beside.links) > 0:
-        axis = square.a if s != 0 else square.b
-        return np.int64(beside.links[np.uint64((e >> 1) - 1), np.uint64(2 * axis + (s + t < 0))])
-    return _near(st, square, i + s, j + t)
+def enter_place(around, i, number, parts):
+    """Enter where edge i is crossed, of which a digit is coded; returns the place."""
+    place = by_few((2 * number + 1) * (UNIT // 2), parts)
+    around[i, SEEN] = 2 * place + 1
+    return place
 
 
 @inlined
-def _follow(st, beside, crossings, square, low, high, way, out):
-    """Follow the curve from the edge of a square into the direction ``way`` of b; leaves two crossings.
+def _side(around, e, plane, other, down):
+    """Follow the curve from edge e upwards or downwards in one of its planes: over two squares.
 
-    ``low`` and ``high`` are the store entries of the edge's ends.
+    Edges that run along the plane's other axis count the same plane as their number ``other``.
     """
-    w = st.candidates
-    w[out + 2] = NONE
-    w[out + 5] = NONE
-    # the lower end of the edge reached, whether it runs along b, and where the curve leaves it to
-    i, j, turned, step = np.int64(0), np.int64(0), False, way
-    for k in range(2):
-        s, t = (step, 0) if turned else (0, step)
-        low_there = _beyond(st, beside, square, low, i, j, s, t)
-        high_there = _beyond(st, beside, square, high, i + (not turned), j + turned, s, t)
-        if low_there == 0 or high_there == 0:
-            return
-        at_low, at_high = (low ^ low_there) & 1, (high ^ high_there) & 1
-        if at_low and at_high:
-            return
-        if at_low or at_high:
-            if at_high:
-                i, j = i + (not turned), j + turned
-                low, low_there = high, high_there
-            high = low_there
-            if step < 0:
-                i, j = i + s, j + t
-                low, high = high, low
-            turned = not turned
-            step = 1 if at_high else -1
-        else:
-            i, j = i + s, j + t
-            low, high = low_there, high_there
-        found = np.int64(beside.grid[np.uint64((low >> 1) - 1), np.uint64(square.b if turned else square.a)])
-        if found < 0:
-            return
-        e = np.uint64(found)
-        if crossings.length[e] != square.edge:
-            return
-        place = beside.place[e]
-        w[out + 3 * k] = way * (j * UNIT + (place if turned else 0))
-        w[out + 3 * k + 1] = i * UNIT + (0 if turned else place)
-        w[out + 3 * k + 2] = ROUGH if crossings.parts[e] == 1 else FINE
+    at = np.uint64(e)
+    side = 2 * plane + down
+    f = np.int64(around[at, np.uint64(NEXT + side)])
+    if f < 0:
+        return _Side(np.int64(0), np.int64(0), np.int64(NONE), np.int64(0), np.int64(0), np.int64(NONE))
+    turn = (np.int64(around[at, np.uint64(TURNS)]) >> 2 * side) & 3
+    at = np.uint64(f)
+    seen = np.int64(around[at, np.uint64(SEEN)])
+    place, known = seen >> 1, ROUGH + (seen & 1)
+    ahead = UNIT - place if down else place
+    first = UNIT if turn == 0 else ahead
+    first_place = place if turn == 0 else (turn - 1) * UNIT
+    # it leaves the second square upwards or downwards, seen from there
+    side = side if turn == 0 else 2 * other + (turn == 1)
+    g = np.int64(around[at, np.uint64(NEXT + side)])
+    if g < 0:
+        return _Side(first, first_place, known, np.int64(0), np.int64(0), np.int64(NONE))
+    case = np.uint64(9 * down + 3 * turn + ((np.int64(around[at, np.uint64(TURNS)]) >> 2 * side) & 3))
+    seen = np.int64(around[np.uint64(g), np.uint64(SEEN)])
+    place = seen >> 1
+    ahead = UNIT - place if down else place
+    second = _SECOND[case, 0] + (_SECOND[case, 1] & ahead)
+    second_place = _SECOND[case, 2] + (_SECOND[case, 3] & place)
+    return _Side(first, first_place, known, second, second_place, ROUGH + (seen & 1))
 
 
 @inlined
@@ -148,12 +149,13 @@ def _set(w, candidate, place, known):
 
 
 @inlined
-def _extended(w, at, candidate):
+def _extended(w, side, candidate):
     """The line through the two crossings of one side, at the edge."""
-    gap = w[at + 3] - w[at]
-    known = min(w[at + 2], w[at + 5])
+    gap = side.second - side.first
+    known = min(side.first_known, side.second_known)
     if known != NONE and gap >= _STEEP:
-        _set(w, candidate, w[at + 1] - (w[at + 4] - w[at + 1]) * w[at] // gap, known)
+        place = side.first_place - (side.second_place - side.first_place) * side.first // gap
+        _set(w, candidate, place, known)
 
 
 @inlined
@@ -166,10 +168,11 @@ def _cubic(w, c):
 
 
 @inlined
-def _crossed(st, places, edges, e, u, length, axis):
+def _crossed(st, beside, edges, e, u, length, axis):
     """Coordinate of the crossing on edge e less that of vertex u, in parts of UNIT of a length."""
     a, b = np.int64(st.vertex[edges[e, 0], axis]), np.int64(st.vertex[edges[e, 1], axis])
-    return ((a - st.vertex[u, axis]) * UNIT + (b - a) * places[e]) // length
+    place = np.int64(beside.around[e, SEEN]) >> 1
+    return ((a - st.vertex[u, axis]) * UNIT + (b - a) * place) // length
 
 
 @inlined
@@ -177,12 +180,12 @@ def _meet(st, beside, crossings, i, e, f, candidate):
     """Intersection of the line through the crossings on edges e and f with edge i (n = 2)."""
     if min(e, f) < 0:
         return
-    places, edges, length = beside.place, crossings.edges, crossings.length[i]
+    edges, length = crossings.edges, crossings.length[i]
     u, v = edges[i, 0], edges[i, 1]
-    p0 = _crossed(st, places, edges, e, u, length, 0)
-    p1 = _crossed(st, places, edges, e, u, length, 1)
-    d0 = _crossed(st, places, edges, f, u, length, 0) - p0
-    d1 = _crossed(st, places, edges, f, u, length, 1) - p1
+    p0 = _crossed(st, beside, edges, e, u, length, 0)
+    p1 = _crossed(st, beside, edges, e, u, length, 1)
+    d0 = _crossed(st, beside, edges, f, u, length, 0) - p0
+    d1 = _crossed(st, beside, edges, f, u, length, 1) - p1
     a0 = (np.int64(st.vertex[v, 0]) - st.vertex[u, 0]) * UNIT // length
     a1 = (np.int64(st.vertex[v, 1]) - st.vertex[u, 1]) * UNIT // length
     across = a0 * d1 - a1 * d0
@@ -194,27 +197,15 @@ def _meet(st, beside, crossings, i, e, f, candidate):
 
 
 @inlined
-def _span(st, u, v):
-    """Along how many axes two vertices differ, and the first of these axes."""
-    span, axis = np.int64(0), np.int64(0)
-    lower, upper = st.vertex[np.uint64(u)], st.vertex[np.uint64(v)]
-    for a in range(2, -1, -1):
-        if lower[a] != upper[a]:
-            span, axis = span + 1, np.int64(a)
-    return span, axis
-
-
-@inlined
 def find_candidates(st, beside, crossings, i):
     """Leave the candidates for an edge; off the full grid, along how many axes its ends differ, else 0."""
+    w = st.candidates
     for c in range(RECENT):
-        st.candidates[2 * c + 1] = NONE
-    span, axis = _span(st, crossings.edges[i, 0], crossings.edges[i, 1])
-    if len(beside.grid) > 0 and span == 1:
-        _find_on_grid(st, beside, crossings, i, axis)
-    if len(beside.near) == 0:
-        return np.int64(0)
-    _find_off_grid(st, beside, crossings, i)
+        w[2 * c + 1] = NONE
+    _find_on_grid(st, beside.around, i)
+    span = np.int64(beside.around[i, TURNS]) >> SPAN_SHIFT
+    if span > 0:
+        _find_off_grid(st, beside, crossings, i)
     return span
 
 
@@ -244,7 +235,7 @@ def count_near(beside, crossings, i, sign):
     near = beside.near
     if len(near) > 0 and crossings.parts[i] > 1:
         u, v = crossings.edges[i, 0], crossings.edges[i, 1]
-        place, length = beside.place[i], crossings.length[i]
+        place, length = np.int64(beside.around[i, SEEN]) >> 1, crossings.length[i]
         near[u, 0] += sign * place * length
         near[v, 0] += sign * (UNIT - place) * length
         near[u, 1] += sign
@@ -252,28 +243,21 @@ def count_near(beside, crossings, i, sign):
 
 
 @inlined
-def _find_on_grid(st, beside, crossings, i, a):
-    """Candidates of all planes and their mean for an edge along axis a."""
-    u, v = crossings.edges[i, 0], crossings.edges[i, 1]
+def _find_on_grid(st, around, i):
+    """Candidates of all planes and their mean."""
     w = st.candidates
-    lower, upper = st.vertex[np.uint64(u)], st.vertex[np.uint64(v)]
-    x, y, z = np.int64(lower[0]), np.int64(lower[1]), np.int64(lower[2])
-    low, high = 2 * (u + 1) + lower[3], 2 * (v + 1) + upper[3]
-    n = dimension(st.grid.tables)
+    planes = dimension(st.grid.tables) - 1
     total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
-    for plane in range(n - 1):
-        b = a + 1 + plane if a + 1 + plane < n else a + 1 + plane - n
-        one, two = np.int64(_POINTS), np.int64(_POINTS + 6)
-        square = _Square(x, y, z, a, b, crossings.length[i])
-        _follow(st, beside, crossings, square, low, high, np.int64(1), one)
-        _follow(st, beside, crossings, square, low, high, np.int64(-1), two)
+    for plane in range(planes):
+        one = _side(around, i, plane, planes - 1 - plane, np.int64(0))
+        two = _side(around, i, plane, planes - 1 - plane, np.int64(1))
         c = PLANE + 4 * plane
         _extended(w, one, c + BEFORE)
         _extended(w, two, c + BEHIND)
-        known = min(w[one + 2], w[two + 2])
-        span = w[one] + w[two]
+        known = min(one.first_known, two.first_known)
+        span = one.first + two.first
         if known != NONE and span > 0:
-            _set(w, c + LINE, (w[one + 1] * w[two] + w[two + 1] * w[one]) // span, known)
+            _set(w, c + LINE, (one.first_place * two.first + two.first_place * one.first) // span, known)
         _cubic(w, c)
         o = 2 * c
         line, before, behind = w[o + 1], w[o + 3], w[o + 5]

@@ -18,6 +18,8 @@ from .network_rows import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
 
 _FAR = {2: 10, 3: 6}
 """No vertex of the lists is as far as this along an axis, in units of g."""
+_REACH_2, _REACH_3 = 7, 4
+"""Largest difference from a middle, along an axis."""
 
 
 def nearest_vertices(n: int, phase: int) -> NDArray[np.int64]:
@@ -45,13 +47,17 @@ def _table(n: int) -> NDArray[np.int64]:
         if odd:
             for place, axis in enumerate(axes):
                 table[key, :, axis] = nearest[n - len(odd)][:, place] * (-1 if w[axis] == 3 else 1)
+    assert abs(table).max() == (_REACH_2 if n == 2 else _REACH_3)
     return table
 
 
-PLANE, SPACE = _table(2), _table(3)
-# the same as one number: differences of x * 64 + y, and of x * 1024 + y * 32 + z
-_PLANE_AT = (PLANE[..., 0] * 64 + PLANE[..., 1]).astype(np.int16)
-_SPACE_AT = (SPACE[..., 0] * 1024 + SPACE[..., 1] * 32 + SPACE[..., 2]).astype(np.int16)
+def _as_numbers(n: int) -> NDArray[np.int16]:
+    """Offsets as one number: differences of x * 64 + y, or of x * 1024 + y * 32 + z."""
+    return (_table(n) @ {2: [64, 1, 0], 3: [1024, 32, 1]}[n]).astype(np.int16)
+
+
+PLANE, SPACE = constant(partial(_table, 2)), constant(partial(_table, 3))
+_PLANE_AT, _SPACE_AT = constant(partial(_as_numbers, 2)), constant(partial(_as_numbers, 3))
 
 
 def _corners(n: int) -> NDArray[np.int64]:
@@ -71,7 +77,6 @@ def _corners(n: int) -> NDArray[np.int64]:
 
 
 CORNER_2, CORNER_3 = constant(partial(_corners, 2)), constant(partial(_corners, 3))
-_REACH_2, _REACH_3 = int(abs(PLANE).max()), int(abs(SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
 _FIRST_2, _FIRST_3 = AROUND_SUM[2], AROUND_SUM[3]
 _SUMS_2, _SUMS_3 = AROUND_SUMS[2], AROUND_SUMS[3]
@@ -117,6 +122,13 @@ def survey(st):
         if full(st.board, 8):
             return False
         x, y, z, sign = st.vertex[counters.boarded]
+        counters.boarded += 1
+        if 0 < x < st.grid.last0 and 0 < y < st.grid.last1 and (plane or 0 < z < st.grid.last2):
+            # it has no images; those of finer levels are not on this lattice
+            if (x | y | z) & (np.int64(1) << size) - 1 == 0:
+                deep = np.int64(0) if plane else _MARGIN + (z >> size)
+                put(st.board, _MARGIN + (x >> size), _MARGIN + (y >> size), deep, 1 + sign)
+            continue
         x0, x1 = _images(np.int64(x), st.grid.last0, size, reach)
         y0, y1 = _images(np.int64(y), st.grid.last1, size, reach)
         z0, z1 = _images(np.int64(z), st.grid.last2, size, reach)
@@ -126,7 +138,6 @@ def survey(st):
             for j in range(y0, y1 + 1):
                 for k in range(z0, z1 + 1):
                     put(st.board, _MARGIN + i, _MARGIN + j, k if plane else _MARGIN + k, 1 + sign)
-        counters.boarded += 1
     return True
 
 

@@ -63,7 +63,7 @@ class Node(NamedTuple):
 
 @inlined
 def code_significance(st, cd, node, want):
-    """Code whether a new component lies under a node; as ``code``."""
+    """Code whether a new component lies under a node; as ``code``, or GROW."""
     r = phase_of(dimension(st.grid.tables), st.counters.level)
     if node.what == NODE:
         context = ctx.SIGNIFICANT + node.shift * 3
@@ -71,7 +71,10 @@ def code_significance(st, cd, node, want):
         context = ctx.SIGNIFICANT_LEAF + ((1 + r if node.what == SLOT else 0) * ctx.NEARNESS + node.near) * 3
     context += min(node.hits, 2)
     if mixing(cd):
-        see_crowd(st, cd, node)
+        size = node.shift + bits(st.counters.edge) - 1
+        if size <= st.grid.exponent and _census(st, size) == GROW:
+            return np.int64(GROW)
+        see_crowd(st, cd, node, size)
         bit = blended(cd, TREE_NET, False, TREE_KIND + node.what + 3 * (st.counters.side != 0), context, want)
     else:
         bit = code(cd, context, want)
@@ -115,33 +118,30 @@ def _cell_of(st, i, size):
 
 
 @inner
-def _census(st):
-    """Count the vertices that have become known since the last time, size by size: neighbours share pages."""
-    counters = st.counters
-    while counters.counted_size <= st.grid.exponent:
-        size = counters.counted_size
-        while counters.counting < counters.vertices:
-            if full(st.crowd, 1):
-                return GROW
-            # vertices that follow one another are near one another: of large cells, many lie in one
-            first = counters.counting
-            x, y, z = _cell_of(st, first, size)
-            i = first + 1
-            while i < counters.vertices and _cell_of(st, i, size) == (x, y, z):
-                i += 1
-            _count(st, size, x, y, z, i - first, np.int64(0))
-            counters.counting = i
-        counters.counting = counters.counted
-        counters.counted_size += 1
-    counters.counted_size = 0
-    counters.counted = counters.counting = counters.vertices
+def _census(st, size):
+    """Count the vertices in cells of ``2**size`` samples that were known before the round; GROW if there is no room.
+
+    Most sizes are never looked at in a round that brings no new component.
+    """
+    counters, told = st.counters, st.censuses
+    while told[size] < counters.counted:
+        if full(st.crowd, 1):
+            return GROW
+        # vertices that follow one another are near one another: of large cells, many lie in one
+        first = told[size]
+        x, y, z = _cell_of(st, first, size)
+        i = first + 1
+        while i < counters.counted and _cell_of(st, i, size) == (x, y, z):
+            i += 1
+        _count(st, size, x, y, z, i - first, np.int64(0))
+        told[size] = i
     return DONE
 
 
 @inlined
-def begin_round(st, cd):
-    """Before the root is coded: the main profile counts what is known. DONE, or GROW if there is no room for it."""
-    return _census(st) if mixing(cd) else np.int64(DONE)
+def begin_round(st):
+    """Before the root is coded: the vertices known now are those that count."""
+    st.counters.counted = st.counters.vertices
 
 
 @inlined
@@ -181,8 +181,8 @@ def _see_cells(st, cd, first, n, x, y, z):
 
 
 @inlined
-def see_crowd(st, cd, node):
-    """List what is known around a node of the tree."""
+def see_crowd(st, cd, node, size):
+    """List what is known around a node of the tree, which is a cell of ``2**size`` samples."""
     what, shift, x, y, z, hits, child, near = node
     n = dimension(st.grid.tables)
     r = phase_of(n, st.counters.level)
@@ -193,7 +193,6 @@ def see_crowd(st, cd, node):
         see(cd, first + 27 + min(hits, 2) * 8 + child)
     see(cd, first + 51 + (5 if what == NODE else near))
     see(cd, first + 81 + rarity(st))
-    size = shift + bits(st.counters.edge) - 1
     if size > st.grid.exponent:
         return
     x += _place(st, size)

@@ -17,7 +17,7 @@ from ...entropy.range_coder import code_below
 from ...kernel import inlined, kernel, record
 from ...kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
 from ..lattice.access import dimension
-from ..lattice.store import get
+from ..tube.ranks import Ranks, number_at
 from ..tube.state import State
 from . import contexts as ctx
 from .magnitude import CLASSES, FINE, ROUGH, bits, mean, row_of
@@ -44,7 +44,7 @@ class Nearby(NamedTuple):
     most: IntVector
 
 
-def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.int32]:
+def nearby_samples(st: State, numbers: Ranks, active: NDArray[np.int64], n: int) -> NDArray[np.int32]:
     """Places in the list of the vertices near each vertex of a list, or the list's length, (A, S).
 
     For each axis those 1 before, 1 behind, 2 before and 2 behind, then for each two axes the four across.
@@ -56,12 +56,14 @@ def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.i
     listed = np.full(len(st.vertex) + 1, len(active), np.int32)
     listed[active] = np.arange(len(active))
     out = np.empty((len(active), len(steps)), np.int32)
-    _enter_nearby(st, active, listed, np.array(steps), out)
+    _enter_nearby(st, numbers, active, listed, np.array(steps), out)
     return out
 
 
 @kernel
-def _enter_nearby(st: State, active: IntVector, listed: Int32Vector, steps: IntMatrix, out: Int32Matrix) -> None:
+def _enter_nearby(
+    st: State, numbers: Ranks, active: IntVector, listed: Int32Vector, steps: IntMatrix, out: Int32Matrix
+) -> None:
     """Enter the places of the vertices so many steps from each of the list.
 
     ``listed`` has the place of each vertex and, last, that of none.
@@ -72,7 +74,7 @@ def _enter_nearby(st: State, active: IntVector, listed: Int32Vector, steps: IntM
         for k in range(len(steps)):
             x, y, z = st.vertex[v, 0] + steps[k, 0], st.vertex[v, 1] + steps[k, 1], st.vertex[v, 2] + steps[k, 2]
             inside = min(x, y, z) >= 0 and x <= box.last0 and y <= box.last1 and z <= box.last2
-            u = (get(st.known, x, y, z) >> 1) - 1 if inside else np.int64(-1)
+            u = number_at(numbers, x, y, z) if inside else np.int64(-1)
             out[i, k] = listed[u]
 
 

@@ -6,29 +6,55 @@ On the full grid they follow from the known vertices alone: each is linked with 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...kernel import inlined, kernel
 from ...kernel.types import Int32Matrix, IntMatrix, IntVector
 from ..lattice.access import dimension
-from ..lattice.store import get
+from ..lattice.store import keys_of
 from ..tube.holes import on_whole_cell
+from ..tube.ranks import Ranks, Surroundings, enter_page
 from ..tube.state import State
 
 
+def linked(st: State, numbers: Ranks) -> NDArray[np.int32]:
+    """For each vertex the next samples along each axis, upwards and downwards: (V, 2 n) int32.
+
+    An entry is 0 where none is known, else twice its number and 1, plus its sign.
+    """
+    n = int(dimension(st.grid.tables))
+    links = np.zeros((int(st.counters.vertices), 2 * n), np.int32)
+    _link(numbers, keys_of(st.known), Surroundings.empty(n), links)
+    return links
+
+
 @kernel
-def link(st: State, links: Int32Matrix) -> None:
-    """Enter for each vertex the store entries of the next samples along each axis: upwards, downwards; (V, 2 n)."""
-    n = dimension(st.grid.tables)
-    last = (st.grid.last0, st.grid.last1, st.grid.last2)
-    for v in range(len(links)):
-        x, y, z = np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2])
-        own = 2 * (v + 1) + np.int64(st.vertex[v, 3])
-        for axis in range(n):
-            if st.vertex[v, axis] < last[axis]:
-                up = get(st.known, x + (axis == 0), y + (axis == 1), z + (axis == 2))
-                if up != 0:
-                    links[v, 2 * axis] = up
-                    links[np.uint64((up >> 1) - 1), 2 * axis + 1] = own
+def _link(numbers: Ranks, keys: IntVector, room: Surroundings, links: Int32Matrix) -> None:
+    """Enter the links of all vertices, page by page."""
+    local, rows = room.local, room.rows
+    n = links.shape[1] >> 1
+    side = len(local) // rows.shape[1]
+    for number in range(len(keys)):
+        enter_page(numbers, keys[number], room)
+        # what lies before the page is another one's
+        for row in range(1 if n == 2 else side + 1, rows.shape[1]):
+            if n == 3 and row % side == 0:
+                continue
+            there, k = rows[0, row] >> 1, 1
+            while there:
+                if there & 1:
+                    at = row * side + k
+                    entry = np.int64(local[np.uint64(at)])
+                    v, step = np.uint64((entry >> 1) - 1), 1
+                    for i in range(n):
+                        axis = n - 1 - i
+                        before = np.int64(local[np.uint64(at - step)])
+                        if before != 0:
+                            links[v, 2 * axis + 1] = before
+                            links[np.uint64((before >> 1) - 1), 2 * axis] = entry
+                        step *= side
+                there >>= 1
+                k += 1
 
 
 @inlined
@@ -95,10 +121,3 @@ def leaf_edges(st: State, leaves: IntMatrix, out: IntMatrix) -> int:
                     out[count, 1] = b if low == a else a
                     count += 1
     return count
-
-
-@kernel
-def entries(st: State, position: IntMatrix, out: IntVector) -> None:
-    """Numbers of the vertices at positions (E, 3), -1 where none is known."""
-    for i in range(len(position)):
-        out[i] = (get(st.known, position[i, 0], position[i, 1], position[i, 2]) >> 1) - 1

@@ -12,12 +12,13 @@ from ...entropy.range_coder import Coder
 from ...limits import Budget
 from ..lattice.implied import implied_edges
 from ..lattice.order import EDGE_BLOCK, in_order
-from ..models.crossing_candidates import Crossings, place_of
+from ..models.crossing_candidates import Crossings
 from ..models.crossings_nearby import beside_grid, beside_leaves, nothing_beside
 from ..models.value_bits import Nearby, nearby_samples
-from ..tube.capacity import NOTHING
+from ..tube.capacity import NOTHING, no_numbers
 from ..tube.leaf_vertices import drawn, drawn_bytes
-from ..tube.state import State
+from ..tube.ranks import Ranks, enter_numbers_at
+from ..tube.state import State, numbers_bytes, numbers_of
 from ..tube.truth import Truth
 from . import carriers, values
 from .offsets import offsets
@@ -30,8 +31,13 @@ _EDGES_GRID, _LEAVES = 240, {2: 480, 3: 480}
 """Bytes that listing offsets takes at most for each edge of the full grid, and for each leaf elsewhere."""
 UNBOUNDED = np.int64(1 << 62)
 """No number is as large."""
+ALL = slice(None)
+OfEdges = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
+"""A number for each edge, by the positions of its ends, both (E, n)."""
+_PIECE = 1 << 16
+"""Edges that are looked at at a time."""
 MOST_TAKEN = 1 << 53
-"""Numbers of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
+"""Ranks of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
 
 
 class Estimates:
@@ -72,8 +78,8 @@ class Estimates:
         self.shape = shape
         self.n = len(shape)
         self.truth = truth
-        self.place = truth.crossing if truth else None
-        self.slack: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]] | None = None
+        self.place: OfEdges | None = truth.crossing if truth else None
+        self.slack: OfEdges | None = None
         self.has_values = False
         self.bits = (0, 0)
         self.number = NOTHING
@@ -96,6 +102,7 @@ class Estimates:
         self._earlier = np.zeros((0, 2), np.int64)
         self._target = self._slack = NOTHING
         self._plane = 0
+        self._numbers = no_numbers(self.n)
         self._beside = nothing_beside(self.n)
         self._pitch = (1, 0)
         self._budget = budget
@@ -116,9 +123,20 @@ class Estimates:
 
     def _hold(self, passing: int) -> None:
         """Count the memory of the lists, and what making the next ones takes for a moment."""
-        lists: list[NDArray[Any]] = [*self._leaves, *self._beside]
+        lists: list[NDArray[Any]] = [*self._leaves, *self._beside, self._numbers.first, self._numbers.vertex]
         lists += [v for v in vars(self).values() if isinstance(v, np.ndarray)]
         self._budget.hold(self, sum(array.nbytes for array in lists), passing)
+
+    def numbers(self, st: State) -> Ranks:
+        """Ranks of the vertices known now: for geometry, for drawings, and for isovalues that lean on this one."""
+        # vertices only become more, and in a copy of the store each has its place
+        if len(self._numbers.vertex) != st.counters.vertices:
+            self._numbers = numbers_of(st)._replace(known=self._numbers.known)
+        return self._numbers._replace(known=st.known)
+
+    def _numbers_bytes(self, st: State) -> int:
+        """Bytes that numbers take of the vertices, and of those of the earlier isovalue."""
+        return numbers_bytes(st) + (numbers_bytes(self._lean[1]()) if self._lean else 0)
 
     def bytes_to_list(self, st: State) -> int:
         """Bytes that `leaves` takes, 0 if they are listed already."""
@@ -133,18 +151,12 @@ class Estimates:
             self._hold(0)
         return self._leaves
 
-    def _linked(self, st: State) -> NDArray[np.int32]:
-        """For each vertex the store entries of the next samples along each axis: see `carriers.link`."""
-        links = np.zeros((int(st.counters.vertices), 2 * self.n), np.int32)
-        carriers.link(st, links)
-        return links
-
     def _activate(self, st: State, full: bool) -> None:
         """Find the vertices that geometry by values refines now, and the encoder's numbers for them."""
         count = int(st.counters.vertices)
         if full:
             order, active = in_order(st.vertex[:count, : self.n]), np.empty(count, np.int64)
-            self._active = active[: carriers.grid_ends(st, self._linked(st), order, active)].copy()
+            self._active = active[: carriers.grid_ends(st, carriers.linked(st, self.numbers(st)), order, active)].copy()
         else:
             active = np.unique(self.leaves(st)[0])
             self._active = active[in_order(st.vertex[active, : self.n])]
@@ -167,7 +179,7 @@ class Estimates:
         """Begin a layer of geometry by values, down to ``plane`` missing bits."""
         count = int(st.counters.vertices)
         old = len(self.number)
-        self._hold((_VALUES_TAKEN if self._lean else _VALUES) * count)
+        self._hold((_VALUES_TAKEN if self._lean else _VALUES) * count + self._numbers_bytes(st))
         if st.counters.meshes != self._active_mesh:
             self._activate(st, full)
         self._full = full
@@ -190,7 +202,7 @@ class Estimates:
             return
         earlier, other = self._lean[0], self._lean[1]()
         vertex = np.empty(end - first, np.int64)
-        carriers.entries(other, st.vertex[first:end, :3].astype(np.int64), vertex)
+        enter_numbers_at(earlier.numbers(other), st.vertex[first:end, :3].astype(np.int64), vertex)
         known = np.flatnonzero((vertex >= 0) & (vertex < len(earlier.number)))
         stated = np.where(other.vertex[vertex[known], 3] != 0, *earlier.bits)
         known = known[earlier.left[vertex[known]] < stated]
@@ -215,8 +227,8 @@ class Estimates:
     def code_values(self, st: State, cd: Coder) -> int:
         """Go on with a layer of values."""
         if self._full and not len(self._near):
-            self._hold(_NEARBY[self.n] * len(self._active) + 4 * len(st.vertex))
-            self._near = nearby_samples(st, self._active, self.n)
+            self._hold(_NEARBY[self.n] * len(self._active) + 4 * len(st.vertex) + self._numbers_bytes(st))
+            self._near = nearby_samples(st, self.numbers(st), self._active, self.n)
             self._told = np.empty(len(self._active) + 1, np.int64)
             values.enter_told(st, self._active, self.number, self.left, self._told)
             self._hold(0)
@@ -228,9 +240,7 @@ class Estimates:
         self._pitch = (parts, unit)
         if st.counters.meshes != self._edges_mesh:
             self._list_edges(st, full)
-        self._slack = np.zeros(len(self._target), np.int64)
-        if self.slack:
-            self._slack[:] = self.slack(*self._ends(st))
+        self._slack = self._at_edges(st, self.slack) if self.slack else np.zeros(len(self._target), np.int64)
         self._hold(0)
 
     def code_offsets(self, st: State, cd: Coder) -> int:
@@ -242,16 +252,16 @@ class Estimates:
         """Make the list of edges that carry offsets anew; those that stay keep theirs."""
         count = int(st.counters.vertices)
         if full:
-            self._hold((24 * self.n + 1) * count)
+            self._hold((24 * self.n + 1) * count + self._numbers_bytes(st))
             order = in_order(st.vertex[:count, : self.n], block=EDGE_BLOCK[self.n])
             room = np.empty((self.n * count, 2), np.int64)
-            links = self._linked(st)
+            links = carriers.linked(st, self.numbers(st))
             # a copy: the rest of the room is let go of
             edges = room[: carriers.grid_edges(st, links, order, room)].copy()
             del room, order
-            self._hold(_EDGES_GRID * len(edges) + 16 * count)
+            self._hold(_EDGES_GRID * len(edges) + 16 * count + self._numbers_bytes(st))
         else:
-            self._hold(_LEAVES[self.n] * len(self.leaves(st)[0]) + 64 * count)
+            self._hold(_LEAVES[self.n] * len(self.leaves(st)[0]) + 64 * count + self._numbers_bytes(st))
             rows = self._leaf_rows(st)
             edges = self._leaf_edges(st, rows)
             edges = edges[in_order(*(st.vertex[edges[:, i], : self.n] for i in (0, 1)), block=EDGE_BLOCK[self.n])]
@@ -267,20 +277,28 @@ class Estimates:
         self._rising = st.vertex[edges[:, 1], 3] != 0
         if full:
             self._length = np.ones(len(edges), np.int64)
-            self._beside = beside_grid(st, edges, links, place_of(offset, parts), self.n)
+            self._beside = beside_grid(st, edges, links, offset, parts, self.n)
         else:
             self._length = np.abs(np.subtract(*self._ends(st))).max(axis=1, initial=0)
-            self._beside = beside_leaves(st, rows, edges, place_of(offset, parts), parts, self._length, self.n)
+            self._beside = beside_leaves(st, self.numbers(st), rows, edges, offset, parts, self._length, self.n)
         self._earlier = self._earlier_offsets(st)
-        self._target = self.place(*self._ends(st)) if self.place else NOTHING
+        self._target = self._at_edges(st, self.place) if self.place else NOTHING
 
-    def _ends(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _ends(self, st: State, some: slice = ALL) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Positions of both ends of the edges."""
-        low, high = (st.vertex[self.edges[:, i], : self.n].astype(np.int64) for i in (0, 1))
+        low, high = (st.vertex[self.edges[some, i], : self.n].astype(np.int64) for i in (0, 1))
         return low, high
 
+    def _at_edges(self, st: State, what: OfEdges) -> NDArray[np.int64]:
+        """Ranks for all edges, made for some at a time: each needs much memory for a moment."""
+        out = np.empty(len(self.edges), np.int64)
+        for first in range(0, len(out), _PIECE):
+            some = slice(first, first + _PIECE)
+            out[some] = what(*self._ends(st, some))
+        return out
+
     def _earlier_offsets(self, st: State) -> NDArray[np.int64]:
-        """Numbers and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.
+        """Ranks and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.
 
         On longer edges the order of crossings is not certain: each isovalue may have several.
         """
@@ -289,8 +307,9 @@ class Estimates:
         out = np.zeros((len(self.edges), 2), np.int64)
         earlier, other = self._lean[0], self._lean[1]()
         ends = np.empty((2, len(self.edges)), np.int64)
+        numbers = earlier.numbers(other)
         for i in (0, 1):
-            carriers.entries(other, st.vertex[self.edges[:, i], :3].astype(np.int64), ends[i])
+            enter_numbers_at(numbers, st.vertex[self.edges[:, i], :3].astype(np.int64), ends[i])
         count = int(other.counters.vertices)
         wanted = np.where((ends >= 0).all(axis=0) & (self._length == 1), count * ends[0] + ends[1], -1)
         keys = earlier.edges @ (count, 1)

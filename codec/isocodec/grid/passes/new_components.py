@@ -157,9 +157,7 @@ def _add(st, cd, x, y, z, slot):
 @inlined
 def _begin(st, cd, items):
     """The root of the tree, which covers all cubes."""
-    status = begin_round(st, cd)
-    if status < 0:
-        return status
+    begin_round(st)
     cubes0, cubes1, cubes2 = cubes(st.grid, st.counters.level)
     zero = np.int64(0)
     h = np.int64(height(max(cubes0, cubes1, cubes2)))

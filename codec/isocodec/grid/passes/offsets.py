@@ -11,12 +11,10 @@ from ...entropy.range_coder import ENCODE, Coder
 from ...field.samples import OFFSET_BITS
 from ...kernel import DONE, inlined, kernel
 from ...kernel.types import IntVector
-from ..models.crossing_candidates import Crossings, count_near, find_candidates, place_of, remember
+from ..models.crossing_candidates import Crossings, count_near, enter_place, find_candidates, remember
 from ..models.crossings_nearby import Beside
-from ..models.offset_digits import code_half, middle_part
+from ..models.offset_digits import begun_digit, code_half
 from ..tube.state import OFFSET_BIT, State
-
-_place_of = inlined(place_of)
 
 
 @inlined
@@ -26,7 +24,10 @@ def radix_of(length, parts, target, unit):
     Large ones are reached in steps.
     """
     wanted = min((length * target + (np.int64(1) << unit) - 1) >> unit, MAX_PARTS)
-    radix = (wanted + parts - 1) // parts | 1
+    if wanted <= parts:
+        return np.int64(1)
+    # most edges have one part: divisions take long
+    radix = wanted | 1 if parts == 1 else (wanted + parts - 1) // parts | 1
     return radix if radix <= MAX_RADIX else np.int64(STEP_RADIX)
 
 
@@ -37,12 +38,12 @@ def _leans(crossings, i):
 
 
 @inlined
-def _choice(walk, crossings, i, radix, wanted, slack):
+def _choice(crossings, i, radix, low, high, wanted, slack):
     """Encoder: the symbol that leads to a part whose middle is near enough to the crossing, or EITHER.
 
     The part that holds the crossing is always good enough, unless it is ruled out: then the one next to it is.
     """
-    parts, number, split = crossings.parts[i], crossings.number[i], middle_part(walk)
+    parts, number, split = crossings.parts[i], crossings.number[i], (low + high) >> 1
     total = parts * radix
     true = (wanted * total) >> OFFSET_BITS
     half = np.int64(1) << (OFFSET_BITS - 1)
@@ -50,7 +51,7 @@ def _choice(walk, crossings, i, radix, wanted, slack):
     most = max(((wanted + slack) * total - half) >> OFFSET_BITS, true) - number * radix
     if not crossings.rising[i]:
         least, most = radix - 1 - most, radix - 1 - least
-    least, most = min(max(least, walk.low), walk.high - 1), min(max(most, walk.low), walk.high - 1)
+    least, most = min(max(least, low), high - 1), min(max(most, low), high - 1)
     if most < split:
         return np.int64(0)
     return np.int64(1 if least >= split else EITHER)
@@ -84,41 +85,24 @@ def _begin(st, beside, crossings, i, radix, earlier):
 
 
 @inlined
-def _halve(st, cd, crossings, i, radix, earlier, wanted, slack):
-    """One symbol of a digit: which half of the parts left holds the crossing.
-
-    Parts are counted from the end that is below. Returns the coder's status.
-    """
-    walk = st.digit
-    bit = np.int64(0)
-    if cd.reg.mode == ENCODE:
-        bit = _choice(walk, crossings, i, radix, wanted[i], slack[i])
-    split = middle_part(walk)
-    nearer = np.int64(-1)
-    if earlier >= 0:
-        nearer = split - earlier if st.counters.side > 0 else earlier + 1 - split
-    bit = code_half(st, cd, crossings, i, radix, nearer, bit)
-    if bit >= 0:
-        st.tally[OFFSET_BIT] += 1
-        walk.halved += 1
-        if bit:
-            walk.low = split
-        else:
-            walk.high = split
-    return bit
+def _nearer(st, low, high, earlier):
+    """Number of the parts left that are nearer to the earlier isovalue's crossing than their second half, or -1."""
+    if earlier < 0:
+        return np.int64(-1)
+    split = (low + high) >> 1
+    return split - earlier if st.counters.side > 0 else earlier + 1 - split
 
 
 @inlined
-def _enter(st, beside, crossings, i, radix):
+def _enter(st, beside, crossings, i, radix, part):
     """Enter the one part that is left; the next digit begins."""
-    walk, number, parts, rising = st.digit, crossings.number, crossings.parts, crossings.rising
+    number, parts, rising = crossings.number, crossings.parts, crossings.rising
     count_near(beside, crossings, i, -1)
-    number[i] = number[i] * radix + (walk.low if rising[i] else radix - 1 - walk.low)
+    number[i] = number[i] * radix + (part if rising[i] else radix - 1 - part)
     parts[i] *= radix
-    beside.place[i] = _place_of(number[i], parts[i])
+    place = enter_place(beside.around, i, number[i], parts[i])
     count_near(beside, crossings, i, 1)
-    walk.halved = 0
-    remember(st, beside.place[i], rising[i])
+    remember(st, place, rising[i])
 
 
 @kernel
@@ -132,6 +116,8 @@ def offsets(
     there instead of the one that holds the crossing: the more probable of those.
     """
     walk = st.digit
+    encoding = cd.reg.mode == ENCODE
+    bit = np.int64(0)
     while walk.item < len(crossings.number):
         # only an index: unsigned, no test whether it counts from the end
         i = np.uint64(walk.item)
@@ -142,10 +128,19 @@ def offsets(
         earlier = _earlier_part(st, crossings, i, radix)
         if walk.halved == 0:
             _begin(st, beside, crossings, i, radix, earlier)
-        if walk.high - walk.low > 1:
-            bit = _halve(st, cd, crossings, i, radix, earlier, wanted, slack)
+        digit = begun_digit(st, cd, crossings, i, radix)
+        low, high, halved = walk.low, walk.high, walk.halved
+        while high - low > 1:
+            if encoding:
+                bit = _choice(crossings, i, radix, low, high, wanted[i], slack[i])
+            bit = code_half(st, cd, digit, low, high, halved, _nearer(st, low, high, earlier), bit)
             if bit < 0:
+                walk.low, walk.high, walk.halved = low, high, halved
                 return bit
-        if walk.high - walk.low == 1:
-            _enter(st, beside, crossings, i, radix)
+            st.tally[OFFSET_BIT] += 1
+            split = (low + high) >> 1
+            low, high = (split, high) if bit else (low, split)
+            halved += 1
+        walk.halved = 0
+        _enter(st, beside, crossings, i, radix, low)
     return DONE

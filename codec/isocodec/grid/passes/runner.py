@@ -24,14 +24,26 @@ from ..lattice.order import COUNTS, in_order
 from ..lattice.store import PAGES, copied, get, new_store, size_of
 from ..lattice.tables import cube_exponent
 from ..lattice.vertex_set import IN, Chosen, finest_level
-from ..tube.capacity import NOTHING, at_rest, first_state, no_lean, state_bytes, wider_state, without_rounds
+from ..tube.capacity import (
+    NOTHING,
+    at_rest,
+    first_state,
+    no_numbers,
+    no_store,
+    state_bytes,
+    wider_state,
+    without_rounds,
+)
 from ..tube.holes import Holes
 from ..tube.leaf_list import one_by_one
+from ..tube.ranks import Ranks
 from ..tube.softened import softened
 from ..tube.state import (
     FRAME,
+    KNOWN,
     OUT_OF_STEPS,
     State,
+    numbers_bytes,
 )
 from ..tube.truth import Truth
 from . import base as base_pass
@@ -125,6 +137,11 @@ class Tube:
     def vertices(self) -> int:
         """Known vertices."""
         return int(self.state.counters.vertices)
+
+    @property
+    def numbers(self) -> Ranks:
+        """Ranks of the vertices known now, for isovalues that lean on this one."""
+        return self.estimates.numbers(self.state)
 
     @property
     def origin_above(self) -> bool | None:
@@ -285,6 +302,7 @@ class Tube:
             sent, left = (told.number, told.left) if known else (NOTHING, NOTHING)
             self.state = self.state._replace(lean=self.state.lean._replace(
                 known=earlier.state.known, mesh=earlier.state.mesh, number=sent, left=left,
+                numbers=earlier.numbers if known else no_numbers(self.n),
             ))
         while True:
             status = self._kernel()
@@ -416,7 +434,8 @@ class Tube:
             return st
         count = int(st.counters.coded)
         st = st._replace(
-            counters=copy(st.counters), known=copied(st.known, -1), vertex=st.vertex.copy(), below=st.below.copy(),
+            counters=copy(st.counters), known=copied(st.known, KNOWN | 1), vertex=st.vertex.copy(),
+            below=st.below.copy(),
         )
         while (status := int(refinement.corners(st))) != DONE:
             if status == GROW:
@@ -466,6 +485,8 @@ class Tube:
         panel = self.coder.blend.panel
         if self._running == "raster":
             size += raster_pass.raster_bytes(self.shape)
+        if self.lean is not None:
+            size += numbers_bytes(self.lean.state)
         models = (self.coder.prob, self.coder.seen, self.coder.blend.mix, panel.prob, panel.seen)
         self.budget.hold(self, size + (0 if self._shares else sum(array.nbytes for array in models)), passing)
 
@@ -477,7 +498,7 @@ class Tube:
         # first: what is kept of the state is copied
         self.estimates.rest()
         self.state = at_rest(self.state)
-        self._mark = no_lean(self.n).known
+        self._mark = no_store(self.n)
         self._hold(state_bytes(self.state, self._mark), 0)
 
 

@@ -14,9 +14,22 @@ from isospec.elements import ELEMENTS
 from ...errors import LimitError
 from ...limits import Limits
 from ..lattice.grid import Grid, grid_of
-from ..lattice.store import PAGES, Store, bytes_of, new_board, new_counts, new_store, resized, size_for, size_of, spare
+from ..lattice.store import (
+    PAGES,
+    Store,
+    bytes_of,
+    new_board,
+    new_counts,
+    new_flags,
+    new_store,
+    resized,
+    size_for,
+    size_of,
+    spare,
+)
 from ..lattice.tables import mesh_tables
 from ..lattice.vertex_set import Chosen, every_vertex
+from .ranks import Ranks, numbered
 from .state import (
     FRAME,
     GATE,
@@ -82,10 +95,11 @@ def first_state(
     )
     return State(
         grid_of(shape), counters, np.zeros(len(ELEMENTS) + 2, np.int64), np.full(2, MOSTLY, np.int64),
-        np.zeros(2, np.int64), new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
-        _rows(5, limits.simplices), np.zeros((0, 5), np.int32), new_store(n), new_counts(n), new_board(n),
+        np.zeros(2, np.int64), new_flags(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
+        _rows(5, limits.simplices), np.zeros((0, 5), np.int32), new_flags(n), new_counts(n),
+        np.zeros(MOST_LEVELS, np.int64), new_board(n),
         np.zeros((MOST_ANCESTORS, 4), np.int64), _first_arrays(n).chosen, _lean(earlier, n), hole or no_lean(n),
-        no_lean(n).known,
+        no_store(n),
         np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
         turns, trail, early, candidates, window, np.zeros(MOST_AROUND, np.int32), scratch, stack,
@@ -93,18 +107,33 @@ def first_state(
 
 
 @cache
+def no_store(n: int) -> Store:
+    """A store without pages."""
+    return _trimmed(new_store(n))
+
+
+@cache
+def no_numbers(n: int) -> Ranks:
+    """Ranks of no vertices."""
+    return numbered(_trimmed(new_flags(n)), np.zeros((0, 4), np.int32))
+
+
+@cache
 def no_lean(n: int) -> Lean:
     """View for kernels without an earlier isovalue."""
     empty = Grid(mesh_tables(n), 0, 0, 0, 0)
-    nothing = _trimmed(new_store(n))
-    return Lean(empty, Counters(), np.zeros(2, np.int64), nothing, nothing, NOTHING, NOTHING)
+    nothing = _trimmed(new_flags(n))
+    return Lean(empty, Counters(), np.zeros(2, np.int64), nothing, nothing, NOTHING, NOTHING, no_numbers(n))
 
 
 def _lean(earlier: State | None, n: int) -> Lean:
     """View of the earlier isovalue for kernels: values only where they are whole steps of the same scale."""
     if earlier is None:
         return no_lean(n)
-    return Lean(earlier.grid, earlier.counters, earlier.value_bits, earlier.known, earlier.mesh, NOTHING, NOTHING)
+    return no_lean(n)._replace(
+        grid=earlier.grid, counters=earlier.counters, value_bits=earlier.value_bits, known=earlier.known,
+        mesh=earlier.mesh,
+    )
 
 
 def state_bytes(st: State, mark: Store) -> int:
@@ -192,7 +221,7 @@ def at_rest(st: State) -> State:
     return without_rounds(st)._replace(
         known=_trimmed(st.known), mesh=_trimmed(st.mesh), vertex=st.vertex[: counters.vertices].copy(),
         leaf=st.leaf[: counters.leaves].copy(), active=st.active[:0].copy(),
-        path=st.path[:0].copy(), stack=st.stack[:0].copy(), soft=no_lean(n).known, lean=no_lean(n),
+        path=st.path[:0].copy(), stack=st.stack[:0].copy(), soft=no_store(n), lean=no_lean(n),
         truth=np.zeros((0, 0, 0), np.bool_), chosen=_first_arrays(n).chosen,
     )
 

@@ -15,6 +15,7 @@ from ...kernel import inlined, inner, kernel
 from ...kernel.types import BoolVector, IntMatrix
 from ..lattice.access import dimension
 from ..lattice.tables import AXES
+from .capacity import no_lean
 from .inference import infer
 from .state import Counters, Lean, State
 
@@ -77,8 +78,8 @@ class Holes:
     def __init__(self, state: State) -> None:
         counters = Counters()
         counters.base_level, counters.most_work = state.counters.base_level, _NO_LIMIT
-        numbers = np.zeros(0, np.int64)
-        self.lean = Lean(state.grid, counters, np.zeros(2, np.int64), state.known, state.mesh, numbers, numbers)
+        nothing = no_lean(int(state.grid.tables[0]))
+        self.lean = nothing._replace(grid=state.grid, counters=counters, known=state.known, mesh=state.mesh)
 
     def whole_cells(self, low: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether unit cells, by their lowest corners (C, n), lie in the box without a missing corner, (C,) bool."""

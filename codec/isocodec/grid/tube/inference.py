@@ -7,6 +7,7 @@ import numpy as np
 from ...kernel import inlined
 from ..lattice.access import dimension
 from ..lattice.grid import clamped, edge_of, level_at, phase_of
+from .ranks import number_at
 from .state import FRAME, entry
 
 
@@ -88,7 +89,9 @@ def implied(st, x, y, z):
         return np.int64(0), other
     if side < 0 and other == 1:
         return np.int64(1), other
-    v = (entry(st.lean, x, y, z) >> 1) - 1
+    if len(st.lean.number) == 0:
+        return unknown, other
+    v = number_at(st.lean.numbers, *clamped(st.grid, x, y, z))
     if 0 <= v < len(st.lean.number) and st.lean.left[v] < st.lean.value_bits[other]:
         # the interval of its value, in steps above the earlier isovalue (of integers, above its floor)
         low = st.lean.number[v] << st.lean.left[v]

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernel import kernel
+from ...kernel import inlined, kernel
 from ...kernel.types import Int32Matrix, IntMatrix, IntVector
-from ..lattice.access import corner, dimension, member, middle, place
+from ..lattice.access import corner, dimension, member, middle, place, vertex
 from ..lattice.access import corners as corner_count
-from ..lattice.grid import edge_of, phase_of, position
+from ..lattice.grid import clamped, edge_of, phase_of, position
 from ..lattice.tables import MOST_CORNERS
 from .leaf_list import unpacked
-from .state import (
-    State,
-    corner_entry,
-    entry,
-)
+from .ranks import Ranks, number_at
+from .state import State, numbers_bytes, numbers_of
 
-_PIECE = 1 << 10
-"""Rows of the list of leaves that are looked up at a time."""
-_CHILDREN = {2: 4, 3: 16}
-"""Leaves in a row at most: the children of a diamond."""
+
+@inlined
+def _number_at(st, numbers, x, y, z):
+    """Number of the vertex at unclamped (x, y, z)."""
+    return number_at(numbers, *clamped(st.grid, x, y, z))
 
 
 @kernel
 def vertex_numbers(
-    st: State, leaf: Int32Matrix, count: int, number: IntVector, out: IntMatrix, levels: IntVector,
+    st: State, numbers: Ranks, leaf: Int32Matrix, number: IntVector, out: IntMatrix, levels: IntVector,
 ) -> int:
-    """Vertex numbers of the leaves of the first ``count`` rows, as rows of ``out``, and their levels; how many.
+    """Vertex numbers of the leaves of rows, as rows of ``out``, and their levels; how many.
 
     ``number`` is room for the corners of a diamond and its middle.
     """
@@ -38,14 +34,14 @@ def vertex_numbers(
     t = st.grid.tables
     rows, last = 0, np.int64(-1)
     edge, r = np.int64(0), np.int64(0)
-    for i in range(count):
+    for i in range(len(leaf)):
         code, level = np.int64(leaf[i, 0]), np.int64(leaf[i, 4])
         b0, b1, b2 = np.int64(leaf[i, 1]), np.int64(leaf[i, 2]), np.int64(leaf[i, 3])
         if level != last:
             edge, r, last = edge_of(st.grid, level), phase_of(n, level), level  # divisions take as long as the rest
         if code >= 0:
             for j in range(n + 1):
-                out[rows, j] = (corner_entry(st, edge, r, code, b0, b1, b2, j) >> 1) - 1
+                out[rows, j] = _number_at(st, numbers, *position(edge, b0, b1, b2, vertex(t, r, code, j)))
             levels[rows] = level
             rows += 1
             continue
@@ -53,11 +49,10 @@ def vertex_numbers(
         kind, children = unpacked(code)
         corners = corner_count(t, kind)
         for j in range(corners):
-            x, y, z = position(edge, b0, b1, b2, corner(t, kind, j))
-            number[j] = (entry(st, x, y, z) >> 1) - 1
+            number[j] = _number_at(st, numbers, *position(edge, b0, b1, b2, corner(t, kind, j)))
         cls, d0, d1, d2, _ = member(t, kind, np.int64(0))
         w0, w1, w2 = middle(t, r, cls, b0 + d0, b1 + d1, b2 + d2)
-        number[corners] = (entry(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1) >> 1) - 1
+        number[corners] = _number_at(st, numbers, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
         c = np.int64(0)
         while children >> c:
             if children >> c & 1:
@@ -69,18 +64,6 @@ def vertex_numbers(
     return rows
 
 
-def in_pieces(st: State) -> Iterator[NDArray[np.int64]]:
-    """Vertex numbers of the leaves of a mesh that is settled, some rows at a time, each in the place of those before.
-    """
-    number = np.empty(MOST_CORNERS + 1, np.int64)
-    n = int(dimension(st.grid.tables))
-    room = _CHILDREN[n] * min(_PIECE, st.counters.leaves)
-    rows, levels = np.empty((room, n + 1), np.int64), np.empty(room, np.int64)
-    for first in range(0, st.counters.leaves, _PIECE):
-        some = st.leaf[first : min(first + _PIECE, st.counters.leaves)]
-        yield rows[: vertex_numbers(st, some, len(some), number, rows, levels)]
-
-
 def drawn_leaves(st: State) -> int:
     """Number of leaves at this moment."""
     return (st.counters.held or st.counters.leaves) + st.counters.mixed
@@ -88,7 +71,7 @@ def drawn_leaves(st: State) -> int:
 
 def drawn_bytes(st: State) -> int:
     """Bytes that `drawn` takes."""
-    return drawn_leaves(st) * (dimension(st.grid.tables) + 2) * 8
+    return drawn_leaves(st) * (dimension(st.grid.tables) + 2) * 8 + numbers_bytes(st)
 
 
 def drawn(st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -98,11 +81,12 @@ def drawn(st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     number = np.empty(MOST_CORNERS + 1, np.int64)
     rows, levels = np.empty((room, dimension(st.grid.tables) + 1), np.int64), np.empty(room, np.int64)
     row = counters.row
-    used = vertex_numbers(st, st.leaf, counters.leaves, number, rows, levels)
+    numbers = numbers_of(st)
+    used = vertex_numbers(st, numbers, st.leaf[: counters.leaves], number, rows, levels)
     if row:
         # a raster layer replaces what reaches into its rows
         left = np.flatnonzero(st.vertex[rows[:used], 0].min(axis=1) >= row)
         used = len(left)
         rows[:used], levels[:used] = rows[left], levels[left]
-    used += vertex_numbers(st, st.below, counters.next, number, rows[used:], levels[used:])
+    used += vertex_numbers(st, numbers, st.below[: counters.next], number, rows[used:], levels[used:])
     return rows[:used], levels[:used]

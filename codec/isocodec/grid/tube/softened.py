@@ -25,7 +25,7 @@ _page_of = inlined(page_of)
 
 def nothing_softened(known: Store) -> Store:
     """A store with the pages of ``known`` and nothing in them."""
-    return Store(known.head.copy(), known.table.copy(), np.zeros_like(known.pages))
+    return Store(known.head.copy(), known.table.copy(), np.zeros(known.pages.shape, np.int32))
 
 
 def softened(lean: Lean) -> Store:

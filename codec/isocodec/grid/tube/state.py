@@ -12,8 +12,9 @@ from ...kernel import inlined, record
 from ...kernel.types import BoolVolume, Int32Matrix, Int32Vector, IntMatrix, IntVector, Registers
 from ..lattice.access import vertex
 from ..lattice.grid import Grid, clamped, position
-from ..lattice.store import Bytes, Store, full, get, spot
+from ..lattice.store import Bytes, Flags, Store, full, get, spot
 from ..lattice.vertex_set import Chosen
+from .ranks import Ranks, bytes_to_number, numbered
 
 GATE = 7
 """A gate on the stack: class, block and level of the simplex of equal level behind it, the vertex opposite, the leaf
@@ -31,6 +32,8 @@ ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
 """Score of what has always been so, the score to begin with, and the shift by which it changes."""
 
 
+KNOWN = 2
+"""Bit of an entry of ``State.known``; below it is the sign."""
 FRAME = 2
 """In State.counters.side: the isovalue leans on an earlier frame's."""
 
@@ -69,9 +72,8 @@ class Counters(Registers):
         Whether the mesh is known from the start; whether the base begins at the leaves of the earlier isovalue.
     meshes : int
         Meshes that have been completed.
-    births, counted, counting, counted_size : int
-        New components so far; vertices counted in the crowd; of a census that goes on the next vertex and the cells'
-        size (7.13).
+    births, counted : int
+        New components so far; vertices known before the round, which are those that count in the crowd (7.13).
     boarded, board_edge : int
         Vertices on the board, and the edge that it is made for.
     agreed : int
@@ -112,8 +114,6 @@ class Counters(Registers):
     meshes: int
     births: int
     counted: int
-    counting: int
-    counted_size: int
     boarded: int
     board_edge: int
     agreed: int
@@ -212,17 +212,18 @@ class Lean(NamedTuple):
     grid: Grid
     counters: Counters
     value_bits: IntVector
-    known: Store
-    mesh: Store
+    known: Flags
+    mesh: Flags
     number: IntVector
     left: IntVector
+    numbers: Ranks
 
 
 @record
 class State(NamedTuple):
     """Arrays of one isovalue's decoding; the kernels read and write them in place.
 
-    A store entry is 0 for an unknown vertex, else ``2 * (number + 1) + sign``; vertices are numbered as they become
+    An entry of ``known`` is 0 for an unknown vertex, else ``KNOWN + sign``; vertices are numbered as they become
     known. ``leaf`` lists the mixed simplices, in order, ``below`` those that a round of refinement makes, while it goes
     on: see ``tube.leaf_list``.
     """
@@ -234,13 +235,14 @@ class State(NamedTuple):
         IntVector  # how often signs have been as predicted, on edges that are not crossed and on those that are (7.12)
     )
     value_bits: IntVector  # of numbers below the isovalue, and above
-    known: Store
+    known: Flags
     vertex: Int32Matrix  # (V, 4) position and sign
     leaf: Int32Matrix  # (M, 5)
     below: Int32Matrix  # (M, 5)
     active: Int32Matrix  # (A, 5) active middles of a round in order, in units of g, and what was seen of their diamonds
-    mesh: Store
+    mesh: Flags
     crowd: Store  # main profile: counts of vertices and new components in cells of all sizes
+    censuses: IntVector  # main profile: vertices counted in the crowd's cells of each size
     board: Bytes  # main profile: what is known on the lattice of the present level, see passes.around
     path: IntMatrix  # (P, 4) positions and levels of vertices to be added
     chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
@@ -261,6 +263,16 @@ class State(NamedTuple):
     place: Int32Vector  # where the vertices around it lie on the board
     scratch: IntVector  # a step's intermediate results
     stack: IntVector  # of the running pass
+
+
+def numbers_of(st: State) -> Ranks:
+    """Number the vertices known now."""
+    return numbered(st.known, st.vertex[: st.counters.vertices])
+
+
+def numbers_bytes(st: State) -> int:
+    """Bytes that `numbers_of` takes."""
+    return bytes_to_number(st.known, int(st.counters.vertices))
 
 
 @inlined
@@ -308,7 +320,7 @@ def learn_at(st, page, cell, x, y, z, sign):
     row[1] = y
     row[2] = z
     row[3] = sign
-    st.known.pages[np.uint64(page), np.uint64(cell)] = 2 * (v + 1) + sign
+    st.known.pages[np.uint64(page), np.uint64(cell)] = KNOWN + sign
     st.counters.vertices = v + 1
 
 

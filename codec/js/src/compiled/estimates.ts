@@ -7,7 +7,9 @@ import { STEPS } from "../values.js";
 import { chain } from "./chain.js";
 import type { Coder } from "./coder.js";
 import { Arr, type Machine } from "./machine.js";
+import { numbered, release as letGo, surroundings } from "./numbers.js";
 import type { State } from "./state.js";
+import { keysOf } from "./store.js";
 
 /** Positions on an edge are counted in parts of this. */
 const UNIT = 4096;
@@ -47,8 +49,8 @@ export class Estimates {
   private activeMesh = -1;
   private edgesMesh = -1;
   private leavesMesh = -1;
-  /** What offsets look up: numbers of edges by vertex, sums of places by vertex, the chain of crossings, next samples, places. */
-  private beside: { grid: Arr; near: Arr; chain: Arr; links: Arr; place: Arr };
+  /** What offsets look up: places and what is around by edge, sums of places by vertex, the chain of crossings. */
+  private beside: { around: Arr; near: Arr; chain: Arr };
   private length: Arr;
   private rising: Arr;
   private earlierParts: Arr;
@@ -64,7 +66,7 @@ export class Estimates {
     this.leafRows = m.array("int64", [0, n + 1]);
     this.leafLevels = none;
     this.rising = m.array("bool", [0]);
-    this.beside = { grid: m.array("int32", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), links: this.noLinks(), place: none };
+    this.beside = { around: m.array("int32", [0, 2 * n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]) };
   }
 
   /** Another array in the place of one that goes. */
@@ -83,7 +85,9 @@ export class Estimates {
     m.release(this.leafLevels);
     this.leafRows = m.array("int64", [room, n + 1]);
     this.leafLevels = m.array("int64", [room]);
-    const used = m.call("tube_leaf_vertices_vertex_numbers", st, st.leaf, counters.get("leaves"), corners, this.leafRows, this.leafLevels);
+    const numbers = numbered(m, st), leaves = st.leaf.rows(0, counters.get("leaves"));
+    const used = m.call("tube_leaf_vertices_vertex_numbers", st, numbers, leaves, corners, this.leafRows, this.leafLevels);
+    letGo(m, numbers);
     m.release(corners);
     return (this.leafRows = this.kept(this.leafRows, used));
   }
@@ -113,14 +117,13 @@ export class Estimates {
     this.near = this.instead(this.near, m.array("int32", [0, 0]));
   }
 
-  private noLinks(): Arr {
-    return this.m.array("int32", [0, 2 * this.n]);
-  }
-
   /** For each vertex what is known of the next samples along each axis. */
   private linked(st: State): Arr {
-    const links = this.m.array("int32", [st.counters.get("vertices"), 2 * this.n]);
-    this.m.call("passes_carriers_link", st, links);
+    const { m, n } = this, links = m.array("int32", [st.counters.get("vertices"), 2 * n]);
+    const numbers = numbered(m, st), keys = keysOf(m, st.known), room = surroundings(m, n);
+    m.call("passes_carriers__link", numbers, keys, room, links);
+    letGo(m, numbers);
+    for (const array of [keys, ...Object.values(room)]) m.release(array);
     return links;
   }
 
@@ -159,8 +162,9 @@ export class Estimates {
 
   /** Numbers of the vertices of another isovalue at those from `first` to `end` of this one's, -1 for none. */
   private numbersAt(other: State, positions: readonly number[]): Arr {
-    const { m } = this, count = positions.length / 3, place = m.numbers(positions, [count, 3]), found = m.array("int64", [count]);
-    m.call("passes_carriers_entries", other, place, found);
+    const { m } = this, count = positions.length / 3, place = m.numbers(positions, [count, 3]), found = m.array("int64", [count]), numbers = numbered(m, other);
+    m.call("tube_ranks_enter_numbers_at", numbers, place, found);
+    letGo(m, numbers);
     m.release(place);
     return found;
   }
@@ -204,7 +208,9 @@ export class Estimates {
       m.words(listed).fill(active.size);
       for (let i = 0; i < active.size; i++) m.words(listed)[m.number(active, i)] = i;
       this.near = this.instead(this.near, m.array("int32", [active.size, around.length / 3]));
-      m.call("models_value_bits__enter_nearby", st, active, listed, by, this.near);
+      const numbers = numbered(m, st);
+      m.call("models_value_bits__enter_nearby", st, numbers, active, listed, by, this.near);
+      letGo(m, numbers);
       this.told = this.instead(this.told, m.array("int64", [active.size + 1]));
       m.call("passes_values_enter_told", st, active, this.number, this.left, this.told);
       [by, listed].forEach((array) => m.release(array));
@@ -231,14 +237,13 @@ export class Estimates {
   private listEdges(st: State, full: boolean): void {
     const { m, n } = this, count = st.counters.get("vertices"), before = { edges: this.edges, parts: this.parts, offset: this.offset };
     this.edgesMesh = st.counters.get("meshes");
-    let crossings: Crossings | undefined, listed: number[] = [], links: Arr;
+    let crossings: Crossings | undefined, listed: number[] = [], links: Arr | undefined;
     if (full) {
       const room = m.array("int64", [n * count, 2]), order = this.ordered(st, Array.from({ length: count }, (_, v) => v), lowerEndsInOrder);
       links = this.linked(st);
       this.edges = this.kept(room, m.call("passes_carriers_grid_edges", st, links, order, room));
       m.release(order);
     } else {
-      links = this.noLinks();
       const tube = this.reflected();
       crossings = new Crossings(tube, tube.leaves);
       listed = [...crossings.index.inOrder()].filter((id) => !crossings!.rings[id]);
@@ -259,9 +264,17 @@ export class Estimates {
     Object.values(before).forEach((array) => m.release(array));
     this.describe(st);
     const { beside } = this, axes = n === 3 || full;
-    m.release(beside.grid);
-    beside.links = this.instead(beside.links, links);
-    beside.grid = axes ? this.leaving(st, count) : m.array("int32", [0, n]);
+    if (links) {
+      m.call("models_crossings_nearby__join_grid", this.edges, links, beside.around);
+      m.release(links);
+    } else {
+      const leaving = m.array("int32", [axes ? count : 0, n]);
+      m.words(leaving).fill(-1);
+      const numbers = numbered(m, st);
+      m.call("models_crossings_nearby__join_leaves", st, numbers, this.edges, this.length, leaving, beside.around);
+      letGo(m, numbers);
+      m.release(leaving);
+    }
     beside.near = this.instead(beside.near, full ? m.array("int64", [0, 2]) : this.sums(count));
     beside.chain = this.instead(beside.chain, axes ? m.array("int64", [0, 4]) : m.numbers(chain(crossings!, listed), [size, 4]));
   }
@@ -273,18 +286,19 @@ export class Estimates {
 
   /** Lengths of edges, which ends are above, places so far, parts at the earlier isovalue. */
   private describe(st: State): void {
-    const { m } = this, size = this.edges.shape[0]!;
+    const { m, n } = this, size = this.edges.shape[0]!;
     this.length = this.instead(this.length, m.array("int64", [size]));
     this.rising = this.instead(this.rising, m.array("bool", [size]));
-    this.beside.place = this.instead(this.beside.place, m.array("int64", [size]));
+    this.beside.around = this.instead(this.beside.around, m.array("int32", [size, 2 * n]));
     // all of these numbers take four bytes: the first word of each entry says them
     const rows = m.words(st.vertex), rising = m.bytes(this.rising), ends = m.words(this.edges), lengths = m.words(this.length);
-    const places = m.words(this.beside.place), numbers = m.words(this.offset), parts = m.words(this.parts);
+    const around = m.words(this.beside.around).fill(-1), numbers = m.words(this.offset), parts = m.words(this.parts);
     for (let i = 0; i < size; i++) {
       const low = 4 * ends[4 * i]!, high = 4 * ends[4 * i + 2]!;
       for (let a = 0; a < 3; a++) lengths[2 * i] = Math.max(lengths[2 * i]!, Math.abs(rows[high + a]! - rows[low + a]!));
       rising[i] = rows[high + 3]!;
-      places[2 * i] = Math.floor(((2 * numbers[2 * i]! + 1) * (UNIT / 2)) / parts[2 * i]!);
+      // twice the place, and 1 more if a digit has told of it
+      around[2 * n * i] = 2 * Math.floor(((2 * numbers[2 * i]! + 1) * (UNIT / 2)) / parts[2 * i]!) + (parts[2 * i]! > 1 ? 1 : 0);
     }
     this.earlierParts = this.instead(this.earlierParts, m.array("int64", [size, 2]));
     if (this.earlier?.on.estimates.edges.size) this.takeParts(st, this.earlier);
@@ -307,20 +321,12 @@ export class Estimates {
     m.release(ends);
   }
 
-  /** Which of the edges leaves a vertex upwards along an axis. */
-  private leaving(st: State, count: number): Arr {
-    const { m, n } = this, index = m.array("int32", [count, n]);
-    m.words(index).fill(-1);
-    m.call("models_crossings_nearby__enter_straight", st, this.edges, index);
-    return index;
-  }
-
   /** By vertex, how far the crossings told on its edges lie from it, and their number (7.14.4(1)). */
   private sums(count: number): Arr {
-    const { m } = this, found = m.array("int64", [count, 2]);
+    const { m, n } = this, found = m.array("int64", [count, 2]);
     for (let i = 0; i < this.edges.shape[0]!; i++) {
       if (m.number(this.parts, i) <= 1) continue;
-      const place = m.number(this.beside.place, i), length = m.number(this.length, i);
+      const place = m.words(this.beside.around)[2 * n * i]! >> 1, length = m.number(this.length, i);
       [place, UNIT - place].forEach((way, end) => {
         const v = m.number(this.edges, 2 * i + end);
         m.enter(found, 2 * v, m.number(found, 2 * v) + way * length);
@@ -340,7 +346,7 @@ export class Estimates {
     this.rising = m.array("bool", [0]);
     this.earlierParts = m.array("int64", [0, 2]);
     this.leafRows = m.array("int64", [0, n + 1]);
-    this.beside = { grid: m.array("int32", [0, n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]), links: this.noLinks(), place: this.none };
+    this.beside = { around: m.array("int32", [0, 2 * n]), near: m.array("int64", [0, 2]), chain: m.array("int64", [0, 4]) };
     this.activeMesh = this.edgesMesh = this.leavesMesh = -1;
   }
 

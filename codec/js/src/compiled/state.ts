@@ -2,7 +2,8 @@
 import type { Grid } from "../grid.js";
 import type { Meter } from "../errors.js";
 import type { Arr, Machine, Registers } from "./machine.js";
-import { newBoard, newCounts, newStore, PAGES, release, roomy, spare, type Store } from "./store.js";
+import { noNumbers, type Numbers } from "./numbers.js";
+import { newBoard, newCounts, newFlags, newStore, PAGES, release, roomy, spare, type Store } from "./store.js";
 
 export type CounterNames = "level" | "edge" | "vertices" | "leaves" | "next" | "active" | "coded" | "bisected" | "done_leaves" | "mixed" | "held" | "most_mixed" |
   "base_level" | "uniform" | "finest" | "error" | "work" | "step_work" | "most_work" | "asks" | "adapted" | "room" |
@@ -28,9 +29,10 @@ export interface Lean {
   readonly mesh: Store;
   readonly number: Arr;
   readonly left: Arr;
+  readonly numbers: Numbers;
 }
 
-/** A store entry is 0 of an unknown vertex, else `2 * (number + 1) + sign`; `vertex` has position and sign a row. */
+/** An entry of `known` is 0 of an unknown vertex, else 2 plus the sign; `vertex` has position and sign a row. */
 export interface State {
   readonly grid: GridRecord;
   readonly counters: Counters;
@@ -44,6 +46,7 @@ export interface State {
   readonly active: Arr;
   readonly mesh: Store;
   readonly crowd: Store;
+  readonly censuses: Arr;
   readonly board: Store;
   readonly path: Arr;
   readonly chosen: { readonly inside: Arr; readonly outside: Store };
@@ -78,8 +81,8 @@ const ROWS = 2048, ANCESTORS = 4096, STACK = 4096, GATE = 7;
 const VERTICES = 16, LEAVES = 24, CELLS = 26, GATES = 128;
 /** Simplices of a mesh at most: their numbers are integers of 32 bits. */
 const MOST_LEAVES = 2 ** 28;
-/** Entries of turns, trail, early points, candidates, window, scratch. */
-const SIZES = [80, 40, 40, 80, 10, 128];
+/** Entries of turns, censuses, trail, early points, candidates, window, scratch. */
+const SIZES = [80, 80, 40, 40, 80, 10, 128];
 /** Vertices around a middle that the main profile sees. */
 const AROUND = 112;
 
@@ -90,17 +93,20 @@ export class States {
   readonly noLean: Lean;
   private readonly chosen: State["chosen"];
   private readonly noBoard: Store;
+  private readonly noStore: Store;
 
   constructor(private readonly m: Machine, private readonly meter: Meter, { n, last, k }: Grid) {
     const { mesh } = m.kernels, half = mesh.length / 2, tables = m.small("int16", mesh.subarray((n - 2) * half, (n - 1) * half), false);
     this.grid = { tables, last0: last[0], last1: last[1], last2: last[2], exponent: k };
     const none = m.array("int64", [0]);
+    const known = newFlags(m, n);
     this.noLean = {
       grid: { tables, last0: 0, last1: 0, last2: 0, exponent: 0 }, counters: m.registers("Counters"), valueBits: m.array("int64", [2]),
-      known: newStore(m, n), mesh: newStore(m, n), number: none, left: none,
+      known, mesh: newFlags(m, n), number: none, left: none, numbers: noNumbers(m, known),
     };
     this.noBoard = newBoard(m, n);
-    this.chosen = { inside: m.array("uint8", [0, 0, 1]), outside: newStore(m, n, "uint8") };
+    this.chosen = { inside: m.array("uint8", [0, 0, 1]), outside: newFlags(m, n) };
+    this.noStore = newStore(m, n);
   }
 
   /** What is known of an isovalue of which nothing is told. */
@@ -109,12 +115,12 @@ export class States {
     counters.set("agreed", MOSTLY);
     counters.set("most_mixed", MOST_LEAVES);
     base.set("last_root", -1);
-    const [turns, trail, early, candidates, window, scratch] = SIZES.map((size) => m.array("int64", [size])) as [Arr, Arr, Arr, Arr, Arr, Arr];
+    const [turns, censuses, trail, early, candidates, window, scratch] = SIZES.map((size) => m.array("int64", [size])) as [Arr, Arr, Arr, Arr, Arr, Arr, Arr];
     return {
       grid: this.grid, counters, tally: m.array("int64", [TALLY]), calm: m.numbers([MOSTLY, MOSTLY]), valueBits: m.array("int64", [2]),
-      known: newStore(m, n), vertex: m.array("int32", [ROWS, 4]), leaf: m.array("int32", [ROWS, 5]), below: m.array("int32", [ROWS, 5]),
-      active: m.array("int32", [0, 5]), mesh: newStore(m, n), crowd: newCounts(m, n), board: newBoard(m, n), path: m.array("int64", [ANCESTORS, 4]), chosen: this.chosen,
-      lean: lean ?? noLean, hole: noLean, soft: noLean.known, truth: m.array("bool", [0, 0, 0]), base,
+      known: newFlags(m, n), vertex: m.array("int32", [ROWS, 4]), leaf: m.array("int32", [ROWS, 5]), below: m.array("int32", [ROWS, 5]),
+      active: m.array("int32", [0, 5]), mesh: newFlags(m, n), crowd: newCounts(m, n), censuses, board: newBoard(m, n), path: m.array("int64", [ANCESTORS, 4]), chosen: this.chosen,
+      lean: lean ?? noLean, hole: noLean, soft: this.noStore, truth: m.array("bool", [0, 0, 0]), base,
       refinement: m.registers("RefinementWalk"), tree: m.registers("TreeWalk"), value: m.registers("ValueWalk"), digit: m.registers("DigitWalk"),
       turns, trail, early, candidates, window, place: m.array("int32", [AROUND]), scratch, stack: m.array("int64", [STACK]),
     };
@@ -154,23 +160,23 @@ export class States {
   /** The same without what only further layers need, and no longer than it has to be: a file may have thousands of isovalues. */
   atRest(st: State): State {
     const { m, noLean } = this, none = m.array("int64", [0]);
-    for (const store of [st.crowd, st.board, ...(st.soft === noLean.known ? [] : [st.soft])]) release(m, store);
+    for (const store of [st.crowd, st.board, ...(st.soft === this.noStore ? [] : [st.soft])]) release(m, store);
     for (const array of [st.below, st.active, st.path, st.stack]) m.release(array);
     const trimmed = (store: Store): Store => ({ ...store, pages: this.longer(store.pages, m.number(store.head, PAGES)) });
     return {
       ...st, known: trimmed(st.known), mesh: trimmed(st.mesh), vertex: this.longer(st.vertex, st.counters.get("vertices")),
-      leaf: this.longer(st.leaf, st.counters.get("leaves")), crowd: noLean.known, board: this.noBoard, below: m.array("int32", [0, 5]),
-      active: m.array("int32", [0, 5]), path: m.array("int64", [0, 4]), stack: none, soft: noLean.known, lean: noLean,
+      leaf: this.longer(st.leaf, st.counters.get("leaves")), crowd: this.noStore, board: this.noBoard, below: m.array("int32", [0, 5]),
+      active: m.array("int32", [0, 5]), path: m.array("int64", [0, 4]), stack: none, soft: this.noStore, lean: noLean,
     };
   }
 
   /** Give all memory of a state back. */
   release(st: State): void {
     const { m } = this;
-    const shared = [this.noLean.known, this.noBoard];
+    const shared = [this.noStore, this.noBoard];
     for (const store of [st.known, st.mesh, st.crowd, st.board, st.soft]) if (!shared.includes(store)) release(m, store);
     const walks = [st.counters, st.base, st.refinement, st.tree, st.value, st.digit].map((walk) => walk.array);
-    for (const array of [...walks, st.tally, st.calm, st.valueBits, st.vertex, st.leaf, st.below, st.active, st.path, st.turns, st.trail, st.early,
+    for (const array of [...walks, st.tally, st.calm, st.valueBits, st.vertex, st.leaf, st.below, st.active, st.path, st.turns, st.censuses, st.trail, st.early,
       st.candidates, st.window, st.place, st.scratch, st.stack]) m.release(array);
   }
 }

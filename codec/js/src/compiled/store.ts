@@ -24,8 +24,9 @@ function empty(m: Machine, n: number, edge: number, used: number, dtype: Dtype):
   return { head, table, pages: m.array(dtype, [FIRST, 1 << (n * edge)]) };
 }
 
-/** Of vertices: pages of 32 x 32 or 8 x 8 x 8 entries. */
-export const newStore = (m: Machine, n: number, dtype: Dtype = "int32"): Store => empty(m, n, n === 2 ? 5 : 3, 0, dtype);
+/** Of vertices: pages of 32 x 32 or 8 x 8 x 8 entries, which take a byte in a store of flags. */
+export const newStore = (m: Machine, n: number): Store => empty(m, n, n === 2 ? 5 : 3, 0, "int32");
+export const newFlags = (m: Machine, n: number): Store => empty(m, n, n === 2 ? 5 : 3, 0, "uint8");
 /** Of cells of all sizes: pages of 8 x 8 or 4 x 4 x 4. */
 export const newCounts = (m: Machine, n: number): Store => empty(m, n, n === 2 ? 3 : 2, 0, "int32");
 /** Of entries of a byte: pages of 32 x 32 or 16 x 16 x 16, of which the first one stays empty. */
@@ -53,27 +54,37 @@ export function roomy(m: Machine, store: Store, room: number): Store {
   return { head, table, pages };
 }
 
-/** A copy, with `bits` of the entries only. */
+/** A copy of flags, with `bits` of the entries only. */
 export function copied(m: Machine, store: Store, bits: number): Store {
   const copy = { head: m.copy(store.head), table: m.copy(store.table), pages: m.copy(store.pages) };
   mask(m, copy, bits);
   return copy;
 }
 
-/** Keep only `bits` of the entries. */
+/** Keep only `bits` of flags. */
 export function mask(m: Machine, { head, pages }: Store, bits: number): void {
-  const entries = m.words(pages), used = m.number(head, PAGES) * pages.shape[1]!;
+  const entries = m.bytes(pages), used = m.number(head, PAGES) * pages.shape[1]!;
   for (let i = 0; i < used; i++) entries[i]! &= bits;
+}
+
+/** The keys of all pages, by their numbers. */
+export function keysOf(m: Machine, { head, table }: Store): Arr {
+  const keys = m.array("int64", [m.number(head, PAGES)]), from = m.words(table), to = m.words(keys);
+  for (let at = 0; at < from.length; at += 4) {
+    if (from[at + 1]! < 0) continue;
+    to.set(from.subarray(at, at + 2), 2 * from[at + 2]!);
+  }
+  return keys;
 }
 
 export function release(m: Machine, { head, table, pages }: Store): void {
   [head, table, pages].forEach((array) => m.release(array));
 }
 
-/** Call for each entry that has one of `bits`, with its position and the entry. */
+/** Call for each entry of flags that has one of `bits`, with its position and the entry. */
 export function visit(m: Machine, { head, table, pages }: Store, bits: number, each: (x: number, y: number, z: number, entry: number) => void): void {
   const [a, b, c] = [0, 1, 2].map((axis) => m.number(head, SHIFT + axis)) as [number, number, number];
-  const entries = m.words(pages), size = pages.shape[1]!, rows = m.words(table);
+  const entries = m.bytes(pages), size = pages.shape[1]!, rows = m.words(table);
   for (let at = 0; at < rows.length; at += 4) {
     const low = rows[at]!, high = rows[at + 1]!, page = rows[at + 2]!;
     if (high < 0) continue;

@@ -11,6 +11,7 @@ import type { Coder, Coders } from "./coder.js";
 import { Estimates } from "./estimates.js";
 import type { Arr, Machine } from "./machine.js";
 import { beginRaster, type RasterRun } from "./raster.js";
+import { numbered, type Numbers, release as releaseNumbers } from "./numbers.js";
 import { Reflection } from "./reflection.js";
 import { softened } from "./softened.js";
 import { type CounterNames, FRAME, type Lean, type State, type States } from "./state.js";
@@ -67,6 +68,7 @@ export class CompiledStrand implements Strand, Run {
   private seeds: Arr;
   private raster: RasterRun | undefined;
   private births = false;
+  private numbers: Numbers | undefined;
   resting = false;
   /** Whether the bytes of the run are another strand's. */
   private borrowed = false;
@@ -107,9 +109,18 @@ export class CompiledStrand implements Strand, Run {
     return this.counters.get(name);
   }
 
-  private leanOn({ state: { grid, counters, valueBits, known, mesh }, estimates }: CompiledStrand, shift?: Shift): Lean {
-    const told = shift !== undefined && estimates.hasValues;
-    return { grid, counters, valueBits, known, mesh, number: told ? estimates.number : this.none, left: told ? estimates.left : this.none };
+  private leanOn(on: CompiledStrand, shift?: Shift): Lean {
+    const { state: { grid, counters, valueBits, known, mesh }, estimates } = on, { noLean } = this.shared.states;
+    const told = shift !== undefined && estimates.hasValues, { number, left } = told ? estimates : noLean;
+    return { grid, counters, valueBits, known, mesh, number, left, numbers: told ? on.numbersNow() : noLean.numbers };
+  }
+
+  /** Numbers of the vertices known now, for strands that lean on this one. */
+  private numbersNow(): Numbers {
+    const { state, shared: { m } } = this;
+    if (this.numbers?.known === state.known && this.numbers.vertex.size === this.count("vertices")) return this.numbers;
+    if (this.numbers) releaseNumbers(m, this.numbers);
+    return (this.numbers = numbered(m, state));
   }
 
   get begun(): boolean {
@@ -463,6 +474,7 @@ export class CompiledStrand implements Strand, Run {
 
   /** Give all memory back: the frame is no longer kept. */
   drop(): void {
+    if (this.numbers) releaseNumbers(this.shared.m, this.numbers);
     this.estimates.release();
     this.shared.states.release(this.state);
     this.shared.coders.release(this.coder, this.same || this.borrowed);
