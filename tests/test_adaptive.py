@@ -31,7 +31,7 @@ def decoded(data: bytes) -> Decoder:
 def leaves_of(decoder: Decoder) -> list[tuple[int, bytes]]:
     """Leaves of a decoder's state by level and positions, as often as they are there."""
     leaves = snapshot.leaves_of(decoder.grid._tube, 0.5, lambda number, above: number)
-    return [(int(level), leaves.position[row].tobytes()) for level, row in
+    return [(int(level), leaves.position[row].astype(np.int64).tobytes()) for level, row in
             zip(leaves.levels, leaves.simplices, strict=True)]
 
 
