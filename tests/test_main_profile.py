@@ -43,10 +43,11 @@ from isocodec.grid.models.network_rows import (
     VALUE_ROWS,
 )
 from isocodec.grid.models.refinement_signs import anchored
-from isocodec.grid.models.significance import BIRTH
+from isocodec.grid.models.significance import BIRTH, count_cells
 from isocodec.grid.models.trained import members, shipped_models
 from isocodec.grid.passes.bisection import look
 from isocodec.grid.tube.capacity import MOST_AROUND
+from isocodec.kernel import DONE
 from isocodec.search.strategy import grid_plan
 from isocodec.stream.encoder import encoder_of
 from isospec.tables import (
@@ -416,6 +417,8 @@ def test_crowd_counts_the_cells_of_every_size(shape):
     counted = tube.state.vertex[: counters.counted, :3].astype(np.int64)
     assert counters.births > 0
     for size in range(tube.k + 1):
+        # the encoder has counted for the sizes that it looked at
+        assert count_cells(tube.state, size) == DONE
         cells = (1 << tube.k - size) + 1
         births = 0
         for cell in product(*(range(cells + 1) if axis < tube.n else [0] for axis in range(3))):

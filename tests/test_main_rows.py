@@ -24,12 +24,13 @@ from isocodec.grid.models.mesh_questions import Question, see_mesh
 from isocodec.grid.models.neighbourhood import look_around, nearest_vertices, survey
 from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROW, TREE_ROW, VALUE_ROW
 from isocodec.grid.models.refinement_signs import Before, Expected, see_middle
-from isocodec.grid.models.significance import CUBE, NODE, SLOT, Node, see_crowd
+from isocodec.grid.models.significance import CUBE, NODE, SLOT, Node, count_cells, see_crowd
 from isocodec.grid.models.trained import members, shipped_models
 from isocodec.grid.models.value_bits import Nearby, nearby_samples, see_nearby
 from isocodec.grid.passes.bisection import look
 from isocodec.grid.passes.values import enter_told
 from isocodec.grid.tube.capacity import NOTHING
+from isocodec.kernel import DONE
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import grid_plan, reduced
 from isocodec.stream.encoder import encoder_of
@@ -57,7 +58,10 @@ def _sign(st, cd, w0, w1, w2, crossed, row):
 
 def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     clear(cd)
-    see_crowd(st, cd, Node(what, shift, x, y, z, hits, child, nearness))
+    size = shift + bits(st.counters.edge) - 1
+    if size <= st.grid.exponent:
+        assert count_cells(st, size) == DONE
+    see_crowd(st, cd, Node(what, shift, x, y, z, hits, child, nearness), size)
 
 
 def coder(n):
@@ -105,7 +109,7 @@ def test_rows_of_values_nearby(shape, planes):
     assert b"".join(encoder)
     tube = encoder.frame.strands[0].tube
     state, active = tube.state, tube.estimates._active
-    near = nearby_samples(state, active, n)
+    near = nearby_samples(state, tube.numbers, active, n)
     number, left = tube.estimates.number.copy(), tube.estimates.left.copy()
     p = int(left[active].max())
     rng = np.random.default_rng(planes)

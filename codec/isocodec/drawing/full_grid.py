@@ -142,16 +142,16 @@ def _enter_rows(
         for k in range(first[signs], first[signs + np.uint64(1)]):
             for j in range(table.shape[1]):
                 low, high = table[np.uint64(k), j, 0], table[np.uint64(k), j, 1]
-                axis = np.uint64((low ^ high) >> 1)
+                axis = (low ^ high) >> 1
                 if (low ^ axes) >> axis & 1:
                     low, high = high, low
                 a = np.uint64(corners[np.uint64(low)])
-                if number[a, axis] < 0:
-                    number[a, axis] = met
+                if number[a, np.uint64(axis)] < 0:
+                    number[a, np.uint64(axis)] = met
                     edges[met, 0] = a
                     edges[met, 1] = corners[np.uint64(high)]
                     met += 1
-                rows[row, 1 - j if mirrored and j < 2 else j] = number[a, axis]
+                rows[row, 1 - j if mirrored and j < 2 else j] = number[a, np.uint64(axis)]
             row += 1
     return met
 

@@ -72,7 +72,7 @@ def code_significance(st, cd, node, want):
     context += min(node.hits, 2)
     if mixing(cd):
         size = node.shift + bits(st.counters.edge) - 1
-        if size <= st.grid.exponent and _census(st, size) == GROW:
+        if size <= st.grid.exponent and count_cells(st, size) == GROW:
             return np.int64(GROW)
         see_crowd(st, cd, node, size)
         bit = blended(cd, TREE_NET, False, TREE_KIND + node.what + 3 * (st.counters.side != 0), context, want)
@@ -118,7 +118,7 @@ def _cell_of(st, i, size):
 
 
 @inner
-def _census(st, size):
+def count_cells(st, size):
     """Count the vertices in cells of ``2**size`` samples that were known before the round; GROW if there is no room.
 
     Most sizes are never looked at in a round that brings no new component.
