@@ -12,8 +12,8 @@ import pytest
 
 from commands import HILLS
 from isocodec.errors import KernelError
-from isocodec.grid.lattice.store import new_store
-from isocodec.grid.passes.carriers import entries
+from isocodec.grid.lattice.store import new_flags
+from isocodec.grid.tube.ranks import enter_numbers_at
 from isocodec.kernel import record
 from isocodec.kernel.call import FINE, Kernel
 from isocodec.kernel.types import (
@@ -176,13 +176,14 @@ def test_changed_records_are_noted_anew():
 def test_a_kernel_reads_the_array_that_took_the_place_of_another():
     encoder = encoder_of(HILLS, 80.5, precision="signs")
     assert b"".join(encoder)
-    state = encoder.frame.strands[0].tube.state
+    tube = encoder.frame.strands[0].tube
+    state, numbers = tube.state, tube.numbers
     position = state.vertex[:5, :3].astype(np.int64)
     out = np.zeros(5, np.int64)
-    for known, expected in ((state.known, [*range(5)]), (new_store(2), [-1] * 5), (state.known, [*range(5)])):
-        entries(state._replace(known=known), position, out)
+    for known, expected in ((state.known, [*range(5)]), (new_flags(2), [-1] * 5), (state.known, [*range(5)])):
+        enter_numbers_at(numbers._replace(known=known), position, out)
         assert out.tolist() == expected
-    entries(state, position, out)
+    enter_numbers_at(numbers, position, out)
     assert out.tolist() == [*range(5)]
 
 

@@ -20,7 +20,7 @@ import pytest
 import isocodec
 from commands import HILLS, ok
 from isocodec.errors import KernelError
-from isocodec.grid.passes.carriers import entries
+from isocodec.grid.tube.ranks import enter_numbers_at
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
@@ -69,8 +69,8 @@ def test_the_library_has_no_other_entries():
 
 @pytest.mark.skipif(not IN_LIBRARY, reason="no kernel is called there")
 def test_a_real_kernel_refuses_what_does_not_fit():
-    with pytest.raises(KernelError, match=r"passes\.carriers\.entries, argument st: tuple instead of State"):
-        entries((1, 2), np.zeros((1, 3), np.int64), np.zeros(1, np.int64))
+    with pytest.raises(KernelError, match=r"tube\.ranks\.enter_numbers_at, argument numbers: tuple instead of Ranks"):
+        enter_numbers_at((1, 2), np.zeros((1, 3), np.int64), np.zeros(1, np.int64))
 
 
 # --- executions -----------------------------------------------------------------------------------------------------
