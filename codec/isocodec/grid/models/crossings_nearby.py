@@ -47,12 +47,11 @@ def nothing_beside(n: int) -> Beside:
 
 
 def beside_grid(
-    st: State, edges: NDArray[np.int64], links: NDArray[np.int32], offset: NDArray[np.int64],
-    parts: NDArray[np.int64], n: int,
+    edges: NDArray[np.int64], links: NDArray[np.int32], offset: NDArray[np.int64], parts: NDArray[np.int64], n: int
 ) -> Beside:
     """Make the tables around the crossed edges of the full grid.
 
-    ``links`` (V, 2 n) are the store entries of the next samples along each axis, upwards and downwards; they change.
+    ``links`` (V, 2 n) are those of `carriers.linked`; they change.
     """
     around = _begun(offset, parts, n)
     _join_grid(edges, links, around)
@@ -131,7 +130,7 @@ def _join_grid(edges: IntMatrix, links: Int32Matrix, around: Int32Matrix) -> Non
 
 @inlined
 def _beyond(st, numbers, e, axis, way):
-    """The vertex so far along an axis from another one, as twice its number plus 1, and its sign; 0 off the box."""
+    """The vertex so far along an axis from another one, both as ``2 * (number + 1) + sign``; 0 if it is not known."""
     row = st.vertex[np.uint64((e >> 1) - 1)]
     x, y, z = row[0] + way * (axis == 0), row[1] + way * (axis == 1), row[2] + way * (axis == 2)
     if min(x, y, z) < 0 or x > st.grid.last0 or y > st.grid.last1 or z > st.grid.last2:

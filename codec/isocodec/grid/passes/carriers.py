@@ -20,7 +20,7 @@ from ..tube.state import State
 def linked(st: State, numbers: Ranks) -> NDArray[np.int32]:
     """For each vertex the next samples along each axis, upwards and downwards: (V, 2 n) int32.
 
-    An entry is 0 where none is known, else twice its number and 1, plus its sign.
+    An entry is ``2 * (number + 1) + sign``, or 0 where none is known.
     """
     n = int(dimension(st.grid.tables))
     links = np.zeros((int(st.counters.vertices), 2 * n), np.int32)

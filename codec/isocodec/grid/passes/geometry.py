@@ -31,13 +31,13 @@ _EDGES_GRID, _LEAVES = 240, {2: 480, 3: 480}
 """Bytes that listing offsets takes at most for each edge of the full grid, and for each leaf elsewhere."""
 UNBOUNDED = np.int64(1 << 62)
 """No number is as large."""
-ALL = slice(None)
+_ALL = slice(None)
 OfEdges = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
 """A number for each edge, by the positions of its ends, both (E, n)."""
 _PIECE = 1 << 16
 """Edges that are looked at at a time."""
 MOST_TAKEN = 1 << 53
-"""Ranks of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
+"""Numbers of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
 
 
 class Estimates:
@@ -128,7 +128,7 @@ class Estimates:
         self._budget.hold(self, sum(array.nbytes for array in lists), passing)
 
     def numbers(self, st: State) -> Ranks:
-        """Ranks of the vertices known now: for geometry, for drawings, and for isovalues that lean on this one."""
+        """Number the vertices known now: for geometry, for drawings, and for isovalues that lean on this one."""
         # vertices only become more, and in a copy of the store each has its place
         if len(self._numbers.vertex) != st.counters.vertices:
             self._numbers = numbers_of(st)._replace(known=self._numbers.known)
@@ -277,20 +277,20 @@ class Estimates:
         self._rising = st.vertex[edges[:, 1], 3] != 0
         if full:
             self._length = np.ones(len(edges), np.int64)
-            self._beside = beside_grid(st, edges, links, offset, parts, self.n)
+            self._beside = beside_grid(edges, links, offset, parts, self.n)
         else:
             self._length = np.abs(np.subtract(*self._ends(st))).max(axis=1, initial=0)
             self._beside = beside_leaves(st, self.numbers(st), rows, edges, offset, parts, self._length, self.n)
         self._earlier = self._earlier_offsets(st)
         self._target = self._at_edges(st, self.place) if self.place else NOTHING
 
-    def _ends(self, st: State, some: slice = ALL) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _ends(self, st: State, some: slice = _ALL) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Positions of both ends of the edges."""
         low, high = (st.vertex[self.edges[some, i], : self.n].astype(np.int64) for i in (0, 1))
         return low, high
 
     def _at_edges(self, st: State, what: OfEdges) -> NDArray[np.int64]:
-        """Ranks for all edges, made for some at a time: each needs much memory for a moment."""
+        """Make a number for each edge, for some edges at a time: it takes much memory for a moment."""
         out = np.empty(len(self.edges), np.int64)
         for first in range(0, len(out), _PIECE):
             some = slice(first, first + _PIECE)
@@ -298,7 +298,7 @@ class Estimates:
         return out
 
     def _earlier_offsets(self, st: State) -> NDArray[np.int64]:
-        """Ranks and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.
+        """Numbers and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.
 
         On longer edges the order of crossings is not certain: each isovalue may have several.
         """

@@ -140,7 +140,7 @@ class Tube:
 
     @property
     def numbers(self) -> Ranks:
-        """Ranks of the vertices known now, for isovalues that lean on this one."""
+        """Numbers of the vertices known now, for isovalues that lean on this one."""
         return self.estimates.numbers(self.state)
 
     @property

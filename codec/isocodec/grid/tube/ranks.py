@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...kernel import inlined, kernel, record
 from ...kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
 from ..lattice.store import PAGES, SHIFT, Flags, key_page, page_with, pages_around
+from ..lattice.tables import PAGE_SHIFT
 
 _GROUP = 16
 """Entries of a page, one after the other, of which the first one's rank is kept."""
@@ -94,7 +95,7 @@ def enter_numbers_at(numbers: Ranks, position: IntMatrix, out: IntVector) -> Non
 
 # ---- Pages with what lies before them --------------------------------------------------------------------------------
 
-SIDE = {2: 32, 3: 8}
+SIDE = {n: 1 << shift for n, shift in PAGE_SHIFT.items()}
 """Entries of a page along each axis."""
 
 

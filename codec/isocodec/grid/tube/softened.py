@@ -11,7 +11,7 @@ import numpy as np
 from ...kernel import inlined, inner, kernel
 from ...kernel.types import IntVector
 from ..lattice.access import dimension
-from ..lattice.store import SHIFT, Store, get, page_of
+from ..lattice.store import SHIFT, Store, get, key_page
 from .state import Lean
 
 ROUNDS = 3
@@ -20,7 +20,6 @@ LEVEL_BITS = 5
 """Softened signs are counted in so many bits: from 0, below, to 32, above."""
 _SIGN_BITS, _LEVEL_PLACE = 2, 6
 """An entry has 1 plus the sign, or 0; from there 1 plus the sign smoothed once and three times."""
-_page_of = inlined(page_of)
 
 
 def nothing_softened(known: Store) -> Store:
@@ -49,7 +48,7 @@ def levels(soft, x, y, z):
 @inner
 def _fill(lean, soft, row):
     """Enter the signs of a block; one that is not known is that of a sample beside it, first of those before."""
-    x0, y0, z0 = _page_of(soft.table[row, 0])
+    x0, y0, z0 = key_page(soft.table[row, 0])
     page = soft.table[row, 1]
     a, b, c = soft.head[SHIFT], soft.head[SHIFT + 1], soft.head[SHIFT + 2]
     ends = (
@@ -94,7 +93,7 @@ def _within(i, size, last, block):
 @inner
 def _gather(lean, soft, row, room):
     """List the signs in and around a block; where a block there has none, those nearest in this one."""
-    b0, b1, b2 = _page_of(soft.table[row, 0])
+    b0, b1, b2 = key_page(soft.table[row, 0])
     a, b, c = soft.head[SHIFT], soft.head[SHIFT + 1], soft.head[SHIFT + 2]
     last0, last1, last2 = lean.grid.last0, lean.grid.last1, lean.grid.last2
     deep = ROUNDS if c > 0 else 0

@@ -181,14 +181,13 @@ class ValueWalk(Registers):
 class DigitWalk(Registers):
     """Progress of offsets: the next edge, of its digit the parts that are left and how often they were halved.
 
-    Further the part of the earlier isovalue's crossing, -1 without one, and what ``find_candidates`` returns.
+    Further what ``find_candidates`` returns.
     """
 
     item: int
     low: int
     high: int
     halved: int
-    nearest: int
     span: int
 
 
