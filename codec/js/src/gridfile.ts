@@ -62,7 +62,7 @@ export class GridFile implements Contents, Engine {
   /** The strand of an isovalue whose next layer begins; made anew if what it leans on has begun since. */
   private ready(contour: Contour): Strand {
     const { strand, lean, isovalue } = contour;
-    if (strand.tube.hasBase || (!strand.resting && (!lean || strand.tube.lean !== undefined || !lean.strand.tube.hasBase))) return strand;
+    if (strand.begun || (!strand.resting && (!lean || strand.leans || !lean.strand.begun))) return strand;
     contour.strand = this.engine.strand(isovalue, lean?.strand, false, strand);
     if (this.missing) contour.strand.masked(this.missing, this.mask!);
     return contour.strand;

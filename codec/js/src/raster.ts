@@ -1,4 +1,5 @@
 /** Raster layers: the signs of all samples of a plane that are not known yet, row by row (5.12). */
+import { STEP } from "./coder.js";
 import { squash, stretch } from "./domain/logistic.js";
 import type { Meter } from "./errors.js";
 import type { Grid } from "./grid.js";
@@ -9,9 +10,12 @@ import { Leaves, type Pass, type Tube } from "./tube.js";
 
 /** Nearest samples before one that each of its contexts looks at (7.19). */
 export const NEAR = [6, 10, 16, 24, 34, 50];
-/** Contexts of flags, and of each of those. */
-export const BLOCKS = 8;
-const HASHED = 65536, SURE = BLOCKS + NEAR.length * HASHED;
+/** Contexts of flags. */
+const BLOCKS = 8;
+/** Models of each context of signs; where those of the last one begin. */
+const HASHED = 65536, SURE = NEAR.length * HASHED;
+/** Bits of a model's probability, below how many symbols it has seen. */
+const SEEN = 16, ONE = 1 << SEEN;
 /** How many of the nearest samples before one that are looked at, in two words of so many. */
 const FEW = 50, WORD = FEW / 2;
 /** Rows above a sample and columns beside it that those lie in; so many columns beside the box are kept, too. */
@@ -32,15 +36,15 @@ export function check({ n, last }: Grid, meter: Meter, leans: boolean): void {
 /** Weights of opinions, by how many contexts have been used. */
 export const WEIGHTS: readonly number[] = Array.from({ length: NEAR.length * (NEAR.length + 1) }, () => 22000);
 
-/** How a raster layer begins. */
-export function begin(): Contexts {
-  const p = new Uint16Array(SURE + 32 * 4096).fill(32768), seen = new Uint8Array(p.length);
-  for (let i = SURE; i < p.length; i++) {
-    p[i] = squash[128 * ((i - SURE) % 32) + 64]!;
-    seen[i] = 6;
-  }
-  return { p, seen };
+/** The models of flags as a raster layer begins. */
+export const flagModels = (): Contexts => ({ p: new Uint16Array(BLOCKS).fill(ONE / 2), seen: new Uint8Array(BLOCKS) });
+
+/** Enter the models of signs: the probability of a 1, and above its bits the symbols seen. */
+export function enterModels(model: Int32Array): void {
+  model.fill(ONE / 2, 0, SURE);
+  for (let i = SURE; i < SIGN_MODELS; i++) model[i] = squash[128 * (i % 32) + 64]! | (6 << SEEN);
 }
+export const SIGN_MODELS = SURE + 32 * 4096;
 
 const WIDE = 2 * REACH + 1;
 /** Distances of the nearest samples before a sample along both axes. */
@@ -63,8 +67,9 @@ BEFORE.forEach(([a, b], k) => {
 export class Raster {
   row = 0;
   readonly next: Leaves;
-  private readonly models: Contexts;
+  private readonly model = new Int32Array(SIGN_MODELS);
   private readonly weights = Int32Array.from(WEIGHTS);
+  private readonly models = flagModels();
   /** Signs of the last rows in each column, the last one lowest. */
   private readonly columns: Uint8Array;
   /** By column whether the last block that has begun has one sign, and twice that sign. */
@@ -77,8 +82,8 @@ export class Raster {
   constructor(private readonly t: Tube) {
     const { grid: { last, phases }, meter } = t;
     check(t.grid, meter, t.lean !== undefined);
-    meter.take(last[1] + 1 + 2 * REACH + 3 * (SURE + 32 * 4096));
-    this.models = begin();
+    meter.take(last[1] + 1 + 2 * REACH + 4 * SIGN_MODELS);
+    enterModels(this.model);
     this.columns = new Uint8Array(last[1] + 1 + 2 * REACH);
     this.flags = new Uint8Array(Math.floor(last[1] / BLOCK) + 1);
     this.next = new Leaves(meter);
@@ -150,7 +155,7 @@ export class Raster {
 
   /** The sign of sample `j` of the row (7.19); -1 if it is not received. */
   private sign(j: number): number {
-    const { t: { coder }, columns, contexts, said, weights } = this, { p, seen } = this.models;
+    const { t: { coder }, columns, contexts, said, weights, model } = this;
     let first = 0, second = 0, used = 0, sum = 0;
     for (let c = 0; c < WIDE; c++) {
       const at = (c << (REACH + 1)) | (columns[j + c]! & ((2 << REACH) - 1));
@@ -160,22 +165,30 @@ export class Raster {
     for (let i = 0; i < NEAR.length; i++) {
       const near = NEAR[i]!, low = first >> Math.max(WORD - near, 0), high = near < WORD ? 0 : second >> (FEW - near);
       const spread = (Math.imul(low, 0x9e3779b1) + Math.imul(high, 0x85ebca77)) >>> 16;
-      const context = (contexts[i] = BLOCKS + HASHED * i + spread);
-      if (seen[context]) used++;
-      said[i] = (stretch[p[context]! >> 4]! * TRUST[seen[context]!]!) >> 8;
+      const context = (contexts[i] = HASHED * i + spread), entry = model[context]!, seen = entry >> SEEN;
+      if (seen) used++;
+      said[i] = (stretch[(entry & (ONE - 1)) >> 4]! * TRUST[seen]!) >> 8;
     }
     const o = NEAR.length * used;
     for (let i = 0; i < NEAR.length; i++) sum += weights[o + i]! * said[i]!;
     const x = Math.min(Math.max(Math.floor(sum / 65536), -2047), 2047) + 2047, mixed = squash[x]!;
-    const sure = SURE + 32 * (first >> (WORD - 12)) + (x >> 7), bit = coder.raw((mixed + p[sure]!) >> 1);
+    const sure = SURE + 32 * (first >> (WORD - 12)) + (x >> 7), bit = coder.raw((mixed + (model[sure]! & (ONE - 1))) >> 1);
     if (bit < 0) return bit;
-    const error = (65536 * bit - mixed) * 48;
+    // 48 of a million: below 2^31 in 3 of 65536
+    const error = ((bit << 16) - mixed) * 3;
     for (let i = 0; i < NEAR.length; i++) {
-      const w = weights[o + i]! + Math.floor((error * said[i]!) / 1048576);
+      const w = weights[o + i]! + ((error * said[i]!) >> 16);
       weights[o + i] = Math.min(Math.max(w, -4194304), 4194304);
-      coder.update(contexts[i]!, bit);
+      adapt(model, contexts[i]!, bit);
     }
-    coder.update(sure, bit);
+    adapt(model, sure, bit);
     return bit;
   }
+}
+
+/** Adaptation (6.5). */
+function adapt(model: Int32Array, at: number, bit: number): void {
+  const entry = model[at]!, seen = entry >> SEEN, p = entry & (ONE - 1), step = STEP[seen]!;
+  const x = bit ? p + (((ONE - p) * step) >>> 16) : p - ((p * step) >>> 16);
+  model[at] = Math.min(Math.max(x, 32), ONE - 32) | (Math.min(seen + 1, STEP.length - 2) << SEEN);
 }

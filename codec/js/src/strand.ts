@@ -23,6 +23,10 @@ export interface Run {
 export interface Strand {
   /** What has been decoded so far, as it is drawn and told. */
   readonly tube: Tube;
+  /** Whether a layer has begun that gives signs. */
+  readonly begun: boolean;
+  /** Whether it leans on another one, which had begun before it. */
+  readonly leans: boolean;
   /** Begin a run of `length` bytes at the place `start` of the input, of `most` symbols. */
   run(start: number, length: number, most: number): Run;
   /** Whether it has been put to rest. */
@@ -58,6 +62,14 @@ export interface Kernels {
 /** The strand of a tube that this package's passes fill. */
 export class Passes implements Strand {
   constructor(readonly tube: Tube, private readonly coder: Coder) {}
+
+  get begun(): boolean {
+    return this.tube.hasBase;
+  }
+
+  get leans(): boolean {
+    return this.tube.lean !== undefined;
+  }
 
   run(start: number, length: number, most: number): Run {
     this.coder.models = this.tube.models;

@@ -19,6 +19,7 @@ from ...entropy.guesses import LEARNING
 from ...entropy.mixer import BUCKET, MIX_SHIFT, MOST_MIX, RATE_SHIFT
 from ...entropy.range_coder import ENCODE, ONE, Coder, adapted, code, emit, logit_of
 from ...kernel import DONE, GROW, inlined, kernel, record
+from ...kernel.prefetch import prefetch
 from ...kernel.types import Int32Vector, IntMatrix, IntVector, Registers, UInt8Vector
 from ..lattice.access import vertex
 from ..lattice.store import get
@@ -42,14 +43,18 @@ REACH = max(max(-i, abs(j)) for _, i, j in _BEFORE)
 """Rows above a sample and columns beside it that those lie in; so many columns beside the box are kept, too."""
 _ROWS = REACH + 1
 _COLUMNS = 2 * REACH + 1
+_PLACES = 2 * MOST_LOGIT + 2 >> BUCKET
+"""Classes of probabilities that are mapped to others."""
 CONTEXT = Layout({
     "block": (8, 0.5, 0),
     "near": (len(NEAR) << HASH_BITS, 0.5, 0),
-    "sure": (2 * MOST_LOGIT + 2 >> BUCKET << _SURE_NEAR, 0.5, 6),
+    "sure": (_PLACES << _SURE_NEAR, 0.5, 6),
 })
 _FIRST_NEAR, _FIRST_SURE = CONTEXT.firsts("near", "sure")
 _SEEN = 16
 """Bits of a model's probability, below how many symbols it has seen."""
+_LINE = 16
+"""Models in a line of a processor's cache."""
 _WEIGHT = 22000
 _CLASSES = 8
 """Classes of the full grid's simplices."""
@@ -60,12 +65,17 @@ MOST_SAMPLES = 1 << 28
 
 
 class RasterWalk(Registers):
-    """The next sample, whether the flag of the block that it begins has been coded, and whether samples were known."""
+    """The next sample, whether the flag of the block that it begins has been coded, and whether samples were known.
+
+    ``near`` are the signs nearest before the sample ``ahead`` of the row, which is -1 if they are not those of a sample.
+    """
 
     row: int
     column: int
     asked: int
     known: int
+    near: int
+    ahead: int
 
 
 @record
@@ -119,7 +129,7 @@ def _pattern() -> NDArray[np.int64]:
 def _models() -> NDArray[np.int32]:
     """See `SampleRows`."""
     prob, seen = CONTEXT.begun()
-    middles = (np.arange(len(prob) - _FIRST_SURE) % (2 * MOST_LOGIT + 2 >> BUCKET) << BUCKET) + (1 << BUCKET >> 1)
+    middles = (np.arange(len(prob) - _FIRST_SURE) % _PLACES << BUCKET) + (1 << BUCKET >> 1)
     prob[_FIRST_SURE:] = shipped_logistic().squash[middles]
     return (prob | seen << _SEEN).astype(np.int32)[_FIRST_NEAR:]
 
@@ -127,7 +137,7 @@ def _models() -> NDArray[np.int32]:
 def new_raster(shape: tuple[int, ...], known: bool) -> SampleRows:
     """Begin a raster layer; ``known``: whether there are known vertices already."""
     walk = RasterWalk()
-    walk.known = known
+    walk.known, walk.ahead = known, -1
     columns = np.zeros(shape[1] + 2 * REACH, np.uint8)
     blocks = np.zeros((shape[1] - 1 >> BLOCK_SHIFT) + 1, np.uint8)
     return SampleRows(walk, _pattern(), columns, blocks, _models().copy(), np.zeros(16, np.int64))
@@ -198,21 +208,60 @@ def _adapt(cd, model, at, bit):
 
 
 @inlined
-def code_sign(cd, rs, j, bit):
-    """Code the sign of sample j of a row by those nearest before it; as ``code``."""
-    # the nearest sample before is the highest bit
+def _near(rs, j):
+    """Signs nearest before sample j of the row, that of the nearest sample highest."""
     pattern = np.int64(0)
     for c in range(_COLUMNS):
         column = np.int64(rs.columns[np.uint64(j + c)])
         pattern |= rs.pattern[np.uint64(c), np.uint64(column & (1 << _ROWS) - 1)]
+    return pattern
+
+
+@inlined
+def _context(pattern, i):
+    """Context of the nearest signs, by how many of them it looks at."""
+    low, high = pattern >> NEAR[-1] - min(NEAR[i], _WORD), np.int64(0)
+    if NEAR[i] > _WORD:
+        high = (pattern & (1 << NEAR[-1] - _WORD) - 1) >> NEAR[-1] - NEAR[i]
+    spread = (low * _FACTORS[0] + high * _FACTORS[1]) & 0xFFFFFFFF
+    return i << HASH_BITS | spread >> 32 - HASH_BITS
+
+
+@inlined
+def _first_sure(pattern):
+    """Context of the least of all probabilities with the nearest signs."""
+    return _FIRST_SURE - _FIRST_NEAR + (pattern >> NEAR[-1] - _SURE_NEAR) * _PLACES
+
+
+@inlined
+def _note(rs, j, sign):
+    """Note the sign of sample j of the row."""
+    at = np.uint64(REACH + j)
+    rs.columns[at] = (np.int64(rs.columns[at]) << 1 | sign) & 255
+
+
+@inlined
+def _look_ahead(rs, j):
+    """Fetch the models of sample j of the row, if there is one: it is likely the next one that is coded."""
+    if j + _COLUMNS > len(rs.columns):
+        return
+    pattern = _near(rs, j)
+    rs.walk.near, rs.walk.ahead = pattern, j
+    for i in range(len(NEAR)):
+        prefetch(rs.model, _context(pattern, i))
+    first = _first_sure(pattern)
+    for i in range(0, _PLACES, _LINE):
+        prefetch(rs.model, first + i)
+
+
+@inlined
+def code_sign(cd, rs, j, bit):
+    """Code the sign of sample j of a row by those nearest before it, and note it; as ``code``."""
+    pattern = rs.walk.near if rs.walk.ahead == j else _near(rs, j)
     used = np.int64(0)
     row = cd.blend.row
     for i in range(len(NEAR)):
-        low, high = pattern >> NEAR[-1] - min(NEAR[i], _WORD), np.int64(0)
-        if NEAR[i] > _WORD:
-            high = (pattern & (1 << NEAR[-1] - _WORD) - 1) >> NEAR[-1] - NEAR[i]
-        spread = (low * _FACTORS[0] + high * _FACTORS[1]) & 0xFFFFFFFF
-        at = i << HASH_BITS | spread >> 32 - HASH_BITS
+        at = _context(pattern, i)
         near, seen = _read(rs.model, at)
         used += np.int64(seen > 0)
         row[2 * i] = at
@@ -223,11 +272,14 @@ def code_sign(cd, rs, j, bit):
         total += mix[i] * row[2 * i + 1]
     place = MOST_LOGIT + min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
     p = np.int64(cd.blend.squash[np.uint64(place)])
-    sure = _FIRST_SURE - _FIRST_NEAR + (pattern >> NEAR[-1] - _SURE_NEAR << 12 - BUCKET) + (place >> BUCKET)
+    sure = _first_sure(pattern) + (place >> BUCKET)
     settled, _ = _read(rs.model, sure)
     bit = emit(cd, (p + settled) >> 1, bit)
     if bit < 0:
         return bit
+    _note(rs, j, bit)
+    # what was learnt here is entered meanwhile
+    _look_ahead(rs, j + 1)
     error = ((bit << 16) - p) * LEARNING
     for i in range(len(NEAR)):
         mix[i] = min(max(mix[i] + ((error * row[2 * i + 1]) >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
@@ -281,28 +333,28 @@ def _append(st, rs, i, j, signs):
 
 @inlined
 def _put(st, rs, i, j, sign):
-    """Note the sign of a sample, and append the mixed simplices that it is the last corner of."""
-    column = np.int64(rs.columns[np.uint64(REACH + j)])
-    rs.columns[np.uint64(REACH + j)] = (column << 1 | sign) & 255
+    """Learn the vertices and append the mixed simplices that a sample, whose sign is noted, is the last corner of."""
     if i == 0 and j == 0 and get(st.known, i, j, 0) == 0:
         learn(st, i, j, np.int64(0), sign)
     if i == 0 or j == 0:
         return
-    before = np.int64(rs.columns[np.uint64(REACH + j - 1)])
-    signs = before >> 1 & 1 | (column & 1) << 1 | (before & 1) << 2 | sign << 3
+    before, column = np.int64(rs.columns[np.uint64(REACH + j - 1)]), np.int64(rs.columns[np.uint64(REACH + j)])
+    signs = before >> 1 & 1 | column & 2 | (before & 1) << 2 | sign << 3
     if signs != 0 and signs != 15:
         _append(st, rs, i, j, signs)
 
 
 @inlined
 def _sign(st, cd, rs, i, j):
-    """The sign of a sample: known, that of its block, or coded; as ``code``."""
+    """The sign of a sample, which is noted: known, that of its block, or coded; as ``code``."""
     if rs.walk.known:
         entry = np.int64(get(st.known, i, j, 0))
         if entry:
+            _note(rs, j, entry & 1)
             return entry & 1
     block = np.int64(rs.blocks[np.uint64(j >> BLOCK_SHIFT)])
     if block & 1:
+        _note(rs, j, block >> 1)
         return block >> 1
     bit = np.int64(0)
     if cd.reg.mode == ENCODE:
@@ -365,7 +417,7 @@ def raster(st: State, cd: Coder, rs: SampleRows) -> int:
             status = _go_on(st, cd, rs)
             if status != DONE:
                 return status
-        walk.column = 0
+        walk.column, walk.ahead = 0, -1
         walk.row += 1
         st.counters.row = walk.row
     return DONE

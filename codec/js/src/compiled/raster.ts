@@ -2,7 +2,7 @@
 import { squash, stretch } from "../domain/logistic.js";
 import type { Meter } from "../errors.js";
 import type { Grid } from "../grid.js";
-import { begin, BLOCK, BLOCKS, check, HIGH, LOW, NEAR, REACH, WEIGHTS } from "../raster.js";
+import { BLOCK, check, enterModels, flagModels, HIGH, LOW, NEAR, REACH, SIGN_MODELS, WEIGHTS } from "../raster.js";
 import { TRUST } from "../trust.js";
 import type { Coder } from "./coder.js";
 import type { Arr, Machine, Registers } from "./machine.js";
@@ -21,14 +21,14 @@ export interface RasterRun {
 /** Opinions that a symbol may have, and what is listed of each. */
 const MOST_OPINIONS = 12, LISTED = 2;
 
-/** Bits of a model's probability, below how many symbols it has seen; bits of the second word of what is near a sample. */
-const SEEN = 16, LOW_BITS = 25;
+/** Bits of the second word of what is near a sample. */
+const LOW_BITS = 25;
 
 /** `known` says whether there are known vertices already. */
 export function beginRaster(m: Machine, grid: Grid, meter: Meter, leans: boolean, coder: Coder, known: boolean): RasterRun {
   check(grid, meter, leans);
-  const { p, seen } = begin(), padded: number[] = [], model = m.array("int32", [p.length - BLOCKS]), words = m.words(model);
-  for (let i = 0; i < words.length; i++) words[i] = p[BLOCKS + i]! | (seen[BLOCKS + i]! << SEEN);
+  const { p, seen } = flagModels(), padded: number[] = [], model = m.array("int32", [SIGN_MODELS]);
+  enterModels(m.words(model));
   for (let i = 0; i < WEIGHTS.length; i += NEAR.length)
     for (let j = 0; j < MOST_OPINIONS; j++) padded.push(WEIGHTS[i]!);
   const own = {
@@ -38,7 +38,7 @@ export function beginRaster(m: Machine, grid: Grid, meter: Meter, leans: boolean
     model, square: m.array("int64", [16]),
   };
   own.walk.set("known", known ? 1 : 0);
-  const [prob, counts] = [m.numbers(p.subarray(0, BLOCKS)), m.numbers(seen.subarray(0, BLOCKS))];
+  const [prob, counts] = [m.numbers(p), m.numbers(seen)];
   const blend = {
     ...coder.blend, mix: m.numbers(padded, [NEAR.length + 1, MOST_OPINIONS]), squash: m.small("int32", squash), stretch: m.small("int16", stretch),
     trust: m.small("int16", TRUST), row: m.array("int64", [LISTED * MOST_OPINIONS + 1]),

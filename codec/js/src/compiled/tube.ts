@@ -127,6 +127,10 @@ export class CompiledStrand implements Strand, Run {
     return this.count("edge") > 0;
   }
 
+  get leans(): boolean {
+    return this.leaning !== undefined;
+  }
+
   get uniform(): number {
     return this.begun ? this.count("uniform") : -1;
   }
