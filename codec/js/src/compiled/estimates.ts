@@ -106,7 +106,7 @@ export class Estimates {
     const { m } = this, count = st.counters.get("vertices");
     m.release(this.active);
     if (full) {
-      const active = m.array("int64", [count]), links = this.linked(st), order = this.ordered(st, Array.from({ length: count }, (_, v) => v), inOrder);
+      const active = m.array("int64", [count]), links = this.linked(st), order = this.ordered(st, upTo(count), inOrder);
       this.active = this.kept(active, m.call("passes_carriers_grid_ends", st, links, order, active));
       [links, order].forEach((array) => m.release(array));
     } else {
@@ -128,10 +128,12 @@ export class Estimates {
   }
 
   /** Vertices in an order of their positions. */
-  private ordered(st: State, vertices: readonly number[], order: (n: number, points: Int32Array) => ArrayLike<number>): Arr {
+  private ordered(st: State, vertices: ArrayLike<number>, order: (n: number, points: Int32Array) => ArrayLike<number>): Arr {
     const rows = this.m.words(st.vertex), points = new Int32Array(3 * vertices.length);
-    vertices.forEach((v, i) => points.set(rows.subarray(4 * v, 4 * v + 3), 3 * i));
-    return this.m.numbers(Array.from(order(this.n, points), (row) => vertices[row]!));
+    for (let i = 0; i < vertices.length; i++) for (let a = 0; a < 3; a++) points[3 * i + a] = rows[4 * vertices[i]! + a]!;
+    const found = order(this.n, points), sorted = new Int32Array(found.length);
+    for (let i = 0; i < found.length; i++) sorted[i] = vertices[found[i]!]!;
+    return this.m.numbers(sorted);
   }
 
   /** Begin a layer of values, down to `plane` missing bits. */
@@ -144,7 +146,8 @@ export class Estimates {
     if (count > old) {
       this.number = this.instead(this.number, m.wider(this.number, count));
       this.left = this.instead(this.left, m.wider(this.left, count));
-      for (let v = old; v < count; v++) m.enter(this.left, v, bits[m.words(st.vertex)[4 * v + 3] ? 0 : 1]);
+      const rows = m.words(st.vertex);
+      for (let v = old; v < count; v++) m.enter(this.left, v, bits[rows[4 * v + 3] ? 0 : 1]);
       this.take(st, old, count);
     }
     // what offsets said of the crossings, values say better
@@ -205,8 +208,8 @@ export class Estimates {
     const { m, n, active } = this;
     if (this.full && !this.near.shape[0] && active.size) {
       const around = STEPS[n - 2]!, by = m.numbers(around, [around.length / 3, 3]), listed = m.array("int32", [st.vertex.shape[0]! + 1]);
-      m.words(listed).fill(active.size);
-      for (let i = 0; i < active.size; i++) m.words(listed)[m.number(active, i)] = i;
+      const places = m.words(listed).fill(active.size);
+      for (let i = 0; i < active.size; i++) places[m.number(active, i)] = i;
       this.near = this.instead(this.near, m.array("int32", [active.size, around.length / 3]));
       const numbers = numbered(m, st);
       m.call("models_value_bits__enter_nearby", st, numbers, active, listed, by, this.near);
@@ -239,7 +242,7 @@ export class Estimates {
     this.edgesMesh = st.counters.get("meshes");
     let crossings: Crossings | undefined, listed: number[] = [], links: Arr | undefined;
     if (full) {
-      const room = m.array("int64", [n * count, 2]), order = this.ordered(st, Array.from({ length: count }, (_, v) => v), lowerEndsInOrder);
+      const room = m.array("int64", [n * count, 2]), order = this.ordered(st, upTo(count), lowerEndsInOrder);
       links = this.linked(st);
       this.edges = this.kept(room, m.call("passes_carriers_grid_edges", st, links, order, room));
       m.release(order);
@@ -359,4 +362,11 @@ export class Estimates {
     this.rest();
     for (const array of [this.number, this.left, this.edges, this.parts, this.offset]) this.m.release(array);
   }
+}
+
+/** The numbers below `count`. */
+function upTo(count: number): Int32Array {
+  const found = new Int32Array(count);
+  for (let i = 0; i < count; i++) found[i] = i;
+  return found;
 }
