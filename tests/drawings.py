@@ -32,6 +32,14 @@ def mesh(shape, size=1, bisections=0):
     return s[np.abs(np.linalg.det((s[:, 1:] - s[:, :1]).astype(float))) > 0.5]
 
 
+def rows_of(position, above):
+    """Rows of vertices as `Leaves.vertex` has them."""
+    rows = np.zeros((len(above), 4), np.int32)
+    rows[:, : np.shape(position)[-1]] = position
+    rows[:, 3] = above
+    return rows
+
+
 def leaves_of(field, isovalue=0.0, *, size=1, bisections=0, values=True, above=None):
     """Mixed leaves of a uniform mesh over a sampled field."""
     field = np.asarray(field)
@@ -44,15 +52,14 @@ def leaves_of(field, isovalue=0.0, *, size=1, bisections=0, values=True, above=N
     return Leaves(
         shape=field.shape,
         isovalue=isovalue,
-        position=np.stack(np.unravel_index(used, field.shape), axis=-1).reshape(-1, field.ndim).astype(np.int32),
-        above=above.ravel()[used],
+        vertex=rows_of(np.stack(np.unravel_index(used, field.shape), axis=-1), above.ravel()[used]),
         value=field.ravel()[used].astype(np.float64) if values else None,
         simplices=index.reshape(-1, field.ndim + 1),
         levels=np.full(len(simplices), bisections),
         full=bisections == field.ndim * (size.bit_length() - 1),
         edges=np.zeros((0, 2), np.int64),
         edge_offset=np.empty(0),
-        edge_room=np.empty(0),
+        edge_parts=np.empty(0, np.int64),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brute import noise
-from drawings import as_set, check_manifold, check_winding, leaves_of
+from drawings import as_set, check_manifold, check_winding, leaves_of, rows_of
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
 
@@ -28,9 +28,9 @@ def test_simplex_drawing_is_a_manifold_with_the_high_values_inside(shape, bisect
 def test_simplex_drawing_interpolates_along_the_edge_as_published():
     # x0 = (0, 0) at 3, the others at -1: crossings at 3/4 of both edges from x0.
     leaves = Leaves(
-        (5, 5), 0.0, np.array([[0, 0], [4, 0], [4, 4]], np.int32), np.array([True, False, False]),
+        (5, 5), 0.0, rows_of([[0, 0], [4, 0], [4, 4]], [True, False, False]),
         np.array([3.0, -1, -1]), np.array([[0, 1, 2]]), np.array([0]), False,
-        np.zeros((0, 2), np.int64), np.empty(0), np.empty(0),
+        np.zeros((0, 2), np.int64), np.empty(0), np.empty(0, np.int64),
     )
     contour = draw(leaves)
     assert contour.points[contour.cells].tolist() == [[[3.0, 0.0], [3.0, 3.0]]]
@@ -48,10 +48,11 @@ def test_offsets_place_points_and_take_precedence_over_values():
     high = np.ceil(exact.points).astype(np.int64)
     ends = [[index[tuple(p)], index[tuple(q)]] for p, q in zip(low.tolist(), high.tolist(), strict=True)]
     offset = (exact.points - low).max(axis=1)
-    stated = Leaves(**{**vars(plain), "edges": np.array(ends), "edge_offset": offset, "edge_room": 0 * offset})
+    parts = np.ones(len(offset), np.int64)
+    stated = Leaves(**{**vars(plain), "edges": np.array(ends), "edge_offset": offset, "edge_parts": parts})
     drawn = draw(stated)
     assert np.allclose(drawn.points, exact.points, atol=1e-12, rtol=0) and (drawn.cells == exact.cells).all()
-    some = Leaves(**{**vars(stated), "edges": stated.edges[:5], "edge_offset": offset[:5], "edge_room": np.zeros(5)})
+    some = Leaves(**{**vars(stated), "edges": stated.edges[:5], "edge_offset": offset[:5], "edge_parts": parts[:5]})
     assert (draw(some).points != draw(plain).points).any(axis=1).sum() == 5
 
 
@@ -88,8 +89,7 @@ def test_numbering_of_vertices_changes_no_coordinate(shape, size):
     order = np.random.default_rng(0).permutation(len(leaves.position))
     shuffled = Leaves(**{
         **vars(leaves),
-        "position": leaves.position[order],
-        "above": leaves.above[order],
+        "vertex": leaves.vertex[order],
         "value": leaves.value[order],
         "simplices": np.argsort(order)[leaves.simplices],
     })

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brute import examples, smooth
-from isocodec.drawing.crossing import edge_ratios
+from isocodec.drawing.crossing import edge_points, edge_ratios
 from isocodec.drawing.simplices import crossed, draw_simplices
 from isocodec.drawing.snapshot import leaves_of
 from isocodec.field.samples import check_field
@@ -97,7 +97,8 @@ def test_which_edges_are_implied_and_where(n):
         names = [(place[u], place[v]) for u, v in edges]
         assert told == set(names) - set(found)
         sign = dict(zip(place, leaves.above, strict=True))
-        drawn = dict(zip(names, draw_simplices(leaves)[0], strict=True))
+        simplices = draw_simplices(leaves)
+        drawn = dict(zip(names, edge_points(leaves, simplices.edges, simplices.ratio), strict=True))
         stated = dict(zip(names, edge_ratios(leaves, edges)[0], strict=True))
         for (a, b), pairs in found.items():
             t = np.mean([straight(a, b, pair, drawn, sign) for pair in pairs])

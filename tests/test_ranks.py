@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from isocodec import Decoder, encode
+from isocodec.drawing.crossing import edge_points
 from isocodec.drawing.full_grid import draw_grid
 from isocodec.drawing.snapshot import leaves_of
 from isocodec.grid.passes.carriers import linked
@@ -57,12 +58,13 @@ def test_cells_follow_from_known_vertices_as_from_leaves(shape, seed, calm):
     leaves = leaves_of(tube, 0.5, lambda number, above: np.where(above, number, -number))
     assert leaves.known is not None and leaves.full
     known, listed = (draw_grid(one)[0] for one in (leaves, replace(leaves, known=None)))
-    assert len(known.points) == len(listed.points)
+    assert len(known.edges) == len(listed.edges) and len(known.centres) == len(listed.centres)
     assert len(known.cells) == len(listed.cells)
 
     def turned(drawn):
         """Cells as corners, of which a triangle begins with the least; as a sorted list."""
-        rows = [tuple(map(tuple, row)) for row in drawn.points[drawn.cells].round(9).tolist()]
+        points = np.concatenate([edge_points(leaves, drawn.edges, drawn.ratio), drawn.centres])
+        rows = [tuple(map(tuple, row)) for row in points[drawn.cells].round(9).tolist()]
         if len(shape) == 3:
             rows = [min(row[i:] + row[:i] for i in range(3)) for row in rows]
         return sorted(rows)

@@ -18,16 +18,16 @@ Edge = tuple[int, int]
 
 
 class Drawn(NamedTuple):
-    """A drawing: points (P, n), cells (M, n) between them, and where the points are.
+    """A drawing: cells (M, n) between points, and where these are.
 
     ``edges`` (E, 2) are the edges of the first E points, in no order, by the vertices at their ends, ``ratio`` (E,)
     is where on them the points lie, ``part`` (E, 2) from where to where they may lie by what is known, without rows
-    unless asked for; points in the middles of cells follow.
+    unless asked for; ``centres`` (C, n), points in the middles of cells, follow.
     """
 
-    points: NDArray[np.float64]
+    centres: NDArray[np.float64]
     cells: NDArray[np.int64]
-    edges: NDArray[np.int64]
+    edges: NDArray[np.int32]
     ratio: NDArray[np.float64]
     part: NDArray[np.float64]
 
@@ -182,7 +182,7 @@ def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.fl
 
 
 def ratios_at(
-    leaves: Leaves, edges: NDArray[np.int64], number: NDArray[np.int64], parts: bool = True
+    leaves: Leaves, edges: NDArray[np.integer], number: NDArray[np.int64], parts: bool = True
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Crossings as fractions of the way from the first ends of the edges, (P,) float64, and the parts in which they are
     known to lie, (P, 2) float64: no rows unless these are asked for by ``parts``.
@@ -205,27 +205,27 @@ def ratios_at(
     there = number >= 0
     ratio[number[there]] = leaves.edge_offset[there]
     if parts:
-        part[number[there]] = leaves.edge_offset[there, None] + leaves.edge_room[there, None] * (-1, 1)
+        part[number[there]] = leaves.edge_offset[there, None] + (0.5 / leaves.edge_parts[there, None]) * (-1, 1)
     return ratio, part
 
 
-def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+def edge_points(leaves: Leaves, edges: NDArray[np.integer], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points on edges, (P, n) float64."""
-    out = np.empty((len(edges), leaves.position.shape[1]))
-    enter_points(leaves.position, edges, ratio, out)
+    out = np.empty((len(edges), len(leaves.shape)))
+    enter_points(leaves.vertex, edges.astype(np.int32, copy=False), ratio, out)
     return out
 
 
 @kernel
-def enter_points(position: Int32Matrix, edges: IntMatrix, ratio: FloatVector, out: FloatMatrix) -> None:
-    """Enter the points so far along edges from their first ends."""
+def enter_points(vertex: Int32Matrix, edges: Int32Matrix, ratio: FloatVector, out: FloatMatrix) -> None:
+    """Enter the points (P, n) so far along edges from their first ends."""
     for i in range(len(edges)):
-        for axis in range(position.shape[1]):
-            low, high = np.int64(position[edges[i, 0], axis]), np.int64(position[edges[i, 1], axis])
+        for axis in range(out.shape[1]):
+            low, high = np.int64(vertex[edges[i, 0], axis]), np.int64(vertex[edges[i, 1], axis])
             out[i, axis] = low + ratio[i] * (high - low)
 
 
-def edge_ends(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def edge_ends(leaves: Leaves, edges: NDArray[np.integer]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Positions of both ends of edges, two (P, n) float64."""
     low, high = (leaves.position[edges[:, i]].astype(np.float64) for i in (0, 1))
     return low, high

@@ -68,19 +68,21 @@ def draw_with_ends(leaves: Leaves, *, complete: bool = True) -> tuple[Contour, N
     return contour, leaves.position[edges].astype(np.int64)
 
 
-def _drawn(leaves: Leaves, complete: bool, smooth: int, measured: bool) -> tuple[Contour, NDArray[np.int64]]:
+def _drawn(leaves: Leaves, complete: bool, smooth: int, measured: bool) -> tuple[Contour, NDArray[np.int32]]:
     """The contour, and the vertices at the ends of the edges of its first points."""
     n = len(leaves.shape)
     if n not in (2, 3):
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
     drawn = draw_grid(leaves, parts=smooth > 0)[0] if leaves.full else _drawn_together(leaves)
     if not measured:
-        drawn = drawn._replace(ratio=apart(drawn.ratio))
         # those in the middle of cells stay
-        enter_points(leaves.position, drawn.edges, drawn.ratio, drawn.points[: len(drawn.edges)])
-    points = smoothed(leaves, drawn._replace(part=apart(drawn.part)), smooth) if smooth else drawn.points
-    cells, masked = drawn.cells, leaves.whole is not None
-    edges = drawn.edges
+        apart(drawn.ratio, out=drawn.ratio)
+    cells, edges, masked = drawn.cells, drawn.edges, leaves.whole is not None
+    points = np.empty((len(edges) + len(drawn.centres), n))
+    enter_points(leaves.vertex, edges, drawn.ratio, points[: len(edges)])
+    points[len(edges) :] = drawn.centres
+    if smooth:
+        points = smoothed(leaves, drawn._replace(part=apart(drawn.part)), points, smooth)
     if leaves.whole is not None and not leaves.full:
         points, cells, kept = clipped(points, cells, tuple(leaves.shape), leaves.whole)
         edges = edges[kept[kept < len(edges)]]
@@ -108,11 +110,11 @@ def _drawn_together(leaves: Leaves) -> Drawn:
 def _joined(leaves: Leaves, grid: Drawn, other: Drawn) -> Drawn:
     """Merge two drawings, with one point on each edge."""
     both = np.concatenate([grid.edges, other.edges])
-    _, first, number = np.unique(both @ (len(leaves.position), 1), return_index=True, return_inverse=True)
-    centres = grid.points[len(grid.edges) :]
-    of_grid = np.concatenate([number[: len(grid.edges)], len(first) + np.arange(len(centres))])
+    keys = both.astype(np.int64) @ (len(leaves.vertex), 1)
+    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
+    of_grid = np.concatenate([number[: len(grid.edges)], len(first) + np.arange(len(grid.centres))])
     of_other = number[len(grid.edges) :]
-    points = np.concatenate([np.concatenate([grid.points[: len(grid.edges)], other.points])[first], centres])
     ratio = np.concatenate([grid.ratio, other.ratio])[first]
     part = np.concatenate([grid.part, other.part])[first]
-    return Drawn(points, np.concatenate([of_grid[grid.cells], of_other[other.cells]]), both[first], ratio, part)
+    cells = np.concatenate([of_grid[grid.cells], of_other[other.cells]])
+    return Drawn(grid.centres, cells, both[first], ratio, part)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,30 +28,31 @@ def draw_grid(leaves: Leaves, parts: bool = True) -> tuple[Drawn, NDArray[np.boo
     number = grid.find(leaves.edges)
     grid.release()
     ratio, part = ratios_at(leaves, grid.edges, number, parts)
-    points, cells = edge_points(leaves, grid.edges, ratio), grid.cells
+    centres, cells = np.zeros((0, len(leaves.shape))), grid.cells
     if len(grid.owner):
         first = np.flatnonzero(np.diff(grid.owner, prepend=-1))
         count = np.diff(first, append=len(grid.owner))
-        centres = np.add.reduceat(points[grid.sides[:, 0]], first) / count[:, None]
-        fans = np.column_stack([grid.sides, len(points) + np.repeat(np.arange(len(first)), count)])
-        points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
-    return Drawn(points, cells, grid.edges, ratio, part), grid.drawn
+        around = edge_points(leaves, grid.edges[grid.sides[:, 0]], ratio[grid.sides[:, 0]])
+        centres = np.add.reduceat(around, first) / count[:, None]
+        fans = np.column_stack([grid.sides, len(grid.edges) + np.repeat(np.arange(len(first)), count)])
+        cells = np.concatenate([cells, fans])
+    return Drawn(centres, cells, grid.edges, ratio, part), grid.drawn
 
 
 class _Rows:
     """Rows of numbers, in an array that grows in place: there is no moment at which two are there."""
 
-    def __init__(self, width: int) -> None:
-        self.array = np.empty((0, width), np.int64)
+    def __init__(self, width: int, dtype: type[np.integer]) -> None:
+        self.array: NDArray[Any] = np.empty((0, width), dtype)
         self.used = 0
 
-    def room(self, count: int) -> NDArray[np.int64]:
+    def room(self, count: int) -> NDArray[Any]:
         """Rows behind those used, at least ``count``."""
         if self.used + count > len(self.array):
             self._resize(self.used + self.used // 2 + count)
         return self.array[self.used :]
 
-    def whole(self) -> NDArray[np.int64]:
+    def whole(self) -> NDArray[Any]:
         """The rows used."""
         self._resize(self.used)
         return self.array
@@ -65,7 +68,7 @@ class _Grid:
 
     Attributes
     ----------
-    edges : (E, 2) int64
+    edges : (E, 2) int32
         Vertices at their ends, the lower first.
     cells : (M, n) int64
         Segments or triangles between points on edges, by numbers of these.
@@ -80,10 +83,10 @@ class _Grid:
     def __init__(self, leaves: Leaves) -> None:
         n = len(leaves.shape)
         table = cube_table(n)
-        self._last = np.empty(len(leaves.position), np.uint8)
-        enter_last_bits(leaves.position, self._last)
-        self._number = np.full((len(leaves.position), n), -1, np.int32)
-        edges, cells, sides = _Rows(2), _Rows(n), _Rows(2)
+        self._last = np.empty(len(leaves.vertex), np.uint8)
+        enter_last_bits(leaves.vertex, n, self._last)
+        self._number = np.full((len(leaves.vertex), n), -1, np.int32)
+        edges, cells, sides = _Rows(2, np.int32), _Rows(n, np.int64), _Rows(2, np.int64)
         counts = []
         self.drawn = np.zeros(0, np.bool_)
         if leaves.known is None:
@@ -127,7 +130,7 @@ class _Grid:
 
 @kernel
 def _enter_rows(
-    table: IntVolume, first: IntVector, cells: UnitCells, number: Int32Matrix, edges: IntMatrix, met: int,
+    table: IntVolume, first: IntVector, cells: UnitCells, number: Int32Matrix, edges: Int32Matrix, met: int,
     rows: IntMatrix,
 ) -> int:
     """Enter the rows of all cells as numbers of edges, which are given as these are met; returns how many were.
@@ -157,7 +160,7 @@ def _enter_rows(
 
 
 @kernel
-def _find(last: UInt8Vector, number: Int32Matrix, edges: IntMatrix, stated: IntMatrix, out: IntVector) -> None:
+def _find(last: UInt8Vector, number: Int32Matrix, edges: Int32Matrix, stated: IntMatrix, out: IntVector) -> None:
     """Enter the numbers of edges, -1 where the mesh lacks one: edges of coarser meshes run otherwise or farther."""
     n = number.shape[1]
     for i in range(len(stated)):

@@ -22,10 +22,9 @@ class Leaves:
     shape : tuple of int
         Samples along each axis of the sampled box.
     isovalue : float
-    position : (V, n) int32
-        Sample indices of the vertices, clamped onto the box.
-    above : (V,) bool
-        The sign: value > isovalue.
+    vertex : (V, 4) int32
+        Sample indices of the vertices, clamped onto the box, 0 along an axis that is not there; and the sign, 1 if
+        value > isovalue.
     value : (V,) float64, or None
         Estimate of the field at the vertices, NaN where nothing is known; None without geometry by values.
     simplices : (M, n + 1) int64
@@ -39,8 +38,8 @@ class Leaves:
         Edges that carry an offset: the vertices at their ends, the lexicographically smaller position first.
     edge_offset : (E,) float64
         Place of the crossing as a fraction of the way from the first end, within (0, 1).
-    edge_room : (E,) float64
-        How far from there it may lie, in the same unit; 0 if the place is known.
+    edge_parts : (E,) int64
+        Parts of the edge, in the middle of one of which it is.
     whole : callable, optional
         Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All
         do if not given.
@@ -51,14 +50,23 @@ class Leaves:
 
     shape: tuple[int, ...]
     isovalue: float
-    position: NDArray[np.int32]
-    above: NDArray[np.bool_]
+    vertex: NDArray[np.int32]
     value: NDArray[np.float64] | None
     simplices: NDArray[np.int64]
     levels: NDArray[np.int64]
     full: bool
     edges: NDArray[np.int64]
     edge_offset: NDArray[np.float64]
-    edge_room: NDArray[np.float64]
+    edge_parts: NDArray[np.int64]
     whole: WholeCells | None = None
     known: Ranks | None = None
+
+    @property
+    def position(self) -> NDArray[np.int32]:
+        """Sample indices of the vertices, (V, n) int32."""
+        return self.vertex[:, : len(self.shape)]
+
+    @property
+    def above(self) -> NDArray[np.bool_]:
+        """Whether the value at each vertex is above the isovalue, (V,) bool."""
+        return self.vertex[:, 3] != 0

@@ -12,13 +12,16 @@ _SPREAD, _ROUNDS = 4, 9
 _PRIMES = np.array([73856093, 19349663, 83492791])
 
 
-def apart(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+def apart(ratio: NDArray[np.float64], out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """Limit places of points on edges, (E,), as fractions of the way; unknown ones (NaN) are in the middle.
+
+    ``out`` may be the places themselves.
 
     Points at a sample that equals the isovalue would otherwise fall together: segments would have no length, triangles
     no area, and rings would touch. Moved into their edges they form the curve of a slightly higher isovalue.
     """
-    out = np.nan_to_num(ratio, nan=0.5)
+    out = np.positive(ratio, out)
+    np.nan_to_num(out, copy=False, nan=0.5)
     return np.clip(out, NEAR_END, 1 - NEAR_END, out=out)
 
 

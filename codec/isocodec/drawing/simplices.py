@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..deferred import dataclass
 from ..grid.lattice.implied import Implied, implied_edges, implied_ratio, near_ends
-from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_points, edge_ratios, rank_of
+from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_ratios, rank_of
 from .leaves import Leaves
 
 _SLOPE = 1e-6
@@ -91,13 +91,14 @@ def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> D
         known = part[ring.beside[at]]
         free = ((known[..., 0] == 0) & (known[..., 1] == 1)).any(axis=1)
         part[ring.edge[at]] = np.where(free[:, None], (0.0, 1.0), ratio[ring.edge[at], None])
+    no_centres = np.zeros((0, len(leaves.shape)))
     if chosen is None:
-        return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, part)
+        return Drawn(no_centres, cells, edges.astype(np.int32), ratio, part)
     cells = cells[chosen[owner]]
     used = np.zeros(len(edges), np.bool_)
     used[cells] = True
     edges, ratio, cells = edges[used], ratio[used], (np.cumsum(used) - 1)[cells]
-    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, part[used])
+    return Drawn(no_centres, cells, edges.astype(np.int32), ratio, part[used])
 
 
 def _is_short(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.bool_]:

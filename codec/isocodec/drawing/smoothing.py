@@ -62,10 +62,12 @@ def rounds_of(notes: Mapping[str, str], smooth: bool | None = None) -> int:
     return int(text) if stated else ROUNDS if smooth else 0
 
 
-def smoothed(leaves: Leaves, drawn: Drawn, rounds: int = ROUNDS) -> NDArray[np.float64]:
+def smoothed(
+    leaves: Leaves, drawn: Drawn, points: NDArray[np.float64], rounds: int = ROUNDS
+) -> NDArray[np.float64]:
     """Points (P, n) of a drawing, moved along their edges; those in the middles of cells follow their neighbours."""
     low, high = edge_ends(leaves, drawn.edges)
-    return evened(drawn.points, drawn.cells, low, high - low, drawn.ratio, drawn.part, rounds)
+    return evened(points, drawn.cells, low, high - low, drawn.ratio, drawn.part, rounds)
 
 
 def evened(

@@ -106,9 +106,9 @@ def leaves_of(
         rows, levels = np.zeros((0, tube.n + 1), np.int64), np.zeros(0, np.int64)
     else:
         rows, levels = est.leaves(st) if tube.settled else drawn(st)
-    above = st.vertex[:count, 3] != 0
     value = None
     if est.has_values:
+        above = st.vertex[:count, 3] != 0
         value = np.full(count, np.nan)
         known = len(est.number)
         some = est.left < np.where(above[:known], *est.bits)
@@ -122,15 +122,14 @@ def leaves_of(
     return Leaves(
         shape=tube.shape,
         isovalue=isovalue,
-        position=np.ascontiguousarray(st.vertex[:count, : tube.n]),
-        above=above,
+        vertex=st.vertex[:count],
         value=value,
         simplices=rows,
         levels=levels,
         full=tube.full,
         edges=edges,
         edge_offset=(offset + 0.5) / parts,
-        edge_room=0.5 / parts,
+        edge_parts=parts,
         whole=holes.whole_cells if holes else None,
         known=est.numbers(st) if complete else None,
     )

@@ -149,12 +149,12 @@ def cells_of_leaves(
 
 
 @kernel
-def enter_last_bits(position: Int32Matrix, last: UInt8Vector) -> None:
+def enter_last_bits(vertex: Int32Matrix, n: int, last: UInt8Vector) -> None:
     """Enter the last two bits of each coordinate: they distinguish the vertices of a cell, upper from lower."""
-    for i in range(len(position)):
+    for i in range(len(vertex)):
         bits = 0
-        for axis in range(position.shape[1]):
-            bits |= (position[i, axis] & 3) << 2 * axis
+        for axis in range(n):
+            bits |= (np.int64(vertex[i, axis]) & 3) << 2 * axis
         last[i] = bits
 
 

@@ -34,7 +34,9 @@ def original(field: Samples, *, measured: bool = True) -> Contour:
     signs = field.signs.reshape(-1)[flat]
     flat = flat[signs.any(axis=1) & ~signs.all(axis=1)]
     used, index = np.unique(flat, return_inverse=True)
-    position = np.stack(np.unravel_index(used, shape), axis=-1).reshape(-1, n)
+    vertex = np.zeros((len(used), 4), np.int32)
+    vertex[:, :n] = np.stack(np.unravel_index(used, shape), axis=-1).reshape(-1, n)
+    vertex[:, 3] = field.signs.reshape(-1)[used]
     decoded = field if isinstance(field, DecodedSamples) else None
     edges, places = (np.zeros((0, 2), np.int64), np.zeros(0)) if decoded is None else _known_edges(decoded, used)
     numbered = decoded is None or decoded.number is not None
@@ -43,10 +45,9 @@ def original(field: Samples, *, measured: bool = True) -> Contour:
         # beside an infinite sample the crossing is at the finite one, as beside a large one (`Samples.between`)
         values = np.where(np.isinf(values), np.copysign(_LARGE, values), values)
     leaves = Leaves(
-        shape=shape, isovalue=field.isovalue, position=position.astype(np.int32),
-        above=field.signs.reshape(-1)[used], value=values,
+        shape=shape, isovalue=field.isovalue, vertex=vertex, value=values,
         simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,
-        edges=edges, edge_offset=places, edge_room=np.zeros(len(places)),
+        edges=edges, edge_offset=places, edge_parts=np.ones(len(places), np.int64),
         whole=None if field.gone is None else partial(whole_cells_of, field.gone),
     )
     return draw(leaves, measured=measured)

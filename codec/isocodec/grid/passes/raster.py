@@ -67,7 +67,7 @@ MOST_SAMPLES = 1 << 28
 class RasterWalk(Registers):
     """The next sample, whether the flag of the block that it begins has been coded, and whether samples were known.
 
-    ``near`` are the signs nearest before the sample ``ahead`` of the row, which is -1 if they are not those of a sample.
+    ``near`` are the signs nearest before the sample ``ahead`` of the row; -1 if they are those of none.
     """
 
     row: int
