@@ -35,7 +35,7 @@ HASH_BITS = 16
 _WORD = 25
 """Samples in a word of what is hashed; there are two words."""
 _FACTORS = 0x9E3779B1, 0x85EBCA77
-_SURE_NEAR = 12
+_SURE_NEAR, _SURE_SEEN = 12, 6
 _FAR = range(-8, 9)
 _BEFORE = sorted((i * i + j * j, i, j) for i in _FAR for j in _FAR if (i, j) < (0, 0))[: NEAR[-1]]
 """The samples nearest before a sample: their distances squared, and those along both axes."""
@@ -48,7 +48,7 @@ _PLACES = 2 * MOST_LOGIT + 2 >> BUCKET
 CONTEXT = Layout({
     "block": (8, 0.5, 0),
     "near": (len(NEAR) << HASH_BITS, 0.5, 0),
-    "sure": (_PLACES << _SURE_NEAR, 0.5, 6),
+    "sure": (_PLACES << _SURE_NEAR, 0.5, _SURE_SEEN),
 })
 _FIRST_NEAR, _FIRST_SURE = CONTEXT.firsts("near", "sure")
 _SEEN = 16
@@ -125,13 +125,12 @@ def _pattern() -> NDArray[np.int64]:
     return (np.arange(1 << _ROWS)[:, None] >> np.arange(_ROWS) & 1).dot(bits).T.copy()
 
 
-@cache
 def _models() -> NDArray[np.int32]:
     """See `SampleRows`."""
-    prob, seen = CONTEXT.begun()
-    middles = (np.arange(len(prob) - _FIRST_SURE) % _PLACES << BUCKET) + (1 << BUCKET >> 1)
-    prob[_FIRST_SURE:] = shipped_logistic().squash[middles]
-    return (prob | seen << _SEEN).astype(np.int32)[_FIRST_NEAR:]
+    model = np.full(CONTEXT.count - _FIRST_NEAR, ONE >> 1, np.int32)
+    sure = shipped_logistic().squash[(np.arange(_PLACES) << BUCKET) + (1 << BUCKET >> 1)]
+    model[_FIRST_SURE - _FIRST_NEAR :].reshape(-1, _PLACES)[:] = sure | _SURE_SEEN << _SEEN
+    return model
 
 
 def new_raster(shape: tuple[int, ...], known: bool) -> SampleRows:
@@ -140,7 +139,7 @@ def new_raster(shape: tuple[int, ...], known: bool) -> SampleRows:
     walk.known, walk.ahead = known, -1
     columns = np.zeros(shape[1] + 2 * REACH, np.uint8)
     blocks = np.zeros((shape[1] - 1 >> BLOCK_SHIFT) + 1, np.uint8)
-    return SampleRows(walk, _pattern(), columns, blocks, _models().copy(), np.zeros(16, np.int64))
+    return SampleRows(walk, _pattern(), columns, blocks, _models(), np.zeros(16, np.int64))
 
 
 def raster_bytes(shape: tuple[int, ...]) -> int:
