@@ -38,6 +38,51 @@ def test_methods_are_made_with_the_first_object():
         one.size = 2  # type: ignore[misc]
 
 
+@pytest.mark.parametrize("parameters", [
+    {}, {"frozen": True}, {"eq": False}, {"repr": False}, {"frozen": True, "eq": False}, {"kw_only": True},
+])
+def test_methods_do_what_those_of_the_standard_library_do(parameters):
+    def made(decorate):
+        @decorate(**parameters)
+        class Each:
+            size: int = 1
+            note: str = dataclasses.field(default="", repr=False, compare=False)
+            key: int = dataclasses.field(default=0, hash=False)
+
+        return Each
+
+    one, other = made(dataclass), made(dataclasses.dataclass)
+    values = [{}, {"size": 2}, {"note": "x"}, {"key": 3}, {"size": 2, "key": 3}]
+
+    def seen(cls):
+        """What objects are told apart by, and their texts but for addresses."""
+        objects = [cls(**some) for some in values]
+        texts = [repr(each) if "repr" not in parameters else "" for each in objects]
+        pairs = [(a == b, a != b) for a in objects for b in objects]
+        hashable = cls.__hash__ is not None
+        alike = [hash(a) == hash(b) for a in objects for b in objects] if hashable else []
+        return texts, pairs, hashable, alike, objects[0] == 1, repr(objects[0]).startswith("<")
+
+    assert seen(one) == seen(other)
+
+
+def test_methods_that_a_class_has_stay():
+    @dataclass(frozen=True)
+    class Named:
+        size: int
+
+        def __repr__(self):
+            return "named"
+
+        def __eq__(self, other):
+            return True
+
+        def __hash__(self):
+            return 7
+
+    assert repr(Named(1)) == "named" and Named(1) == Named(2) and hash(Named(1)) == 7
+
+
 def test_fields_are_known_before():
     @dataclass(kw_only=True)
     class Late:

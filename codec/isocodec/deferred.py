@@ -6,12 +6,48 @@ A command uses a third of the dataclasses that it imports.
 from __future__ import annotations
 
 import dataclasses
+from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any
 
 __all__ = ["dataclass"]
 
 _WAITING: dict[type, dict[str, Any]] = {}
 """Classes without their methods so far, with the parameters of `dataclasses.dataclass`."""
+
+
+@recursive_repr()
+def _text(self: Any) -> str:
+    """``__repr__`` as `dataclasses.dataclass` makes it, of any class."""
+    shown = (each.name for each in dataclasses.fields(self) if each.repr)
+    return f"{type(self).__qualname__}({', '.join(f'{name}={getattr(self, name)!r}' for name in shown)})"
+
+
+def _equal(self: Any, other: object) -> bool:
+    """``__eq__``, likewise."""
+    if type(other) is not type(self):
+        return NotImplemented
+    compared = [each.name for each in dataclasses.fields(self) if each.compare]
+    return tuple(getattr(self, name) for name in compared) == tuple(getattr(other, name) for name in compared)
+
+
+def _hashed(self: Any) -> int:
+    """``__hash__``, likewise."""
+    hashed = (each for each in dataclasses.fields(self) if (each.compare if each.hash is None else each.hash))
+    return hash(tuple(getattr(self, each.name) for each in hashed))
+
+
+def _make(cls: type, parameters: dict[str, Any]) -> None:
+    """Make a dataclass; methods that can be the same for all classes are not compiled for this one."""
+    own, rest = vars(cls), dict(parameters)
+    shown, compared = rest.pop("repr", True), rest.pop("eq", True)
+    hash_is_own = own.get("__hash__") is not None or ("__hash__" in own and "__eq__" not in own)
+    if shown and "__repr__" not in own:
+        cls.__repr__ = _text  # type: ignore[method-assign]
+    if compared and not hash_is_own:
+        cls.__hash__ = _hashed if rest.get("frozen") else None  # type: ignore[assignment]
+    if compared and "__eq__" not in own:
+        cls.__eq__ = _equal  # type: ignore[assignment]
+    dataclasses.dataclass(**rest, repr=False, eq=False)(cls)
 
 
 def _complete(cls: type) -> None:
@@ -21,7 +57,7 @@ def _complete(cls: type) -> None:
         if parameters is not None:
             for name in _PLACES:
                 delattr(each, name)
-            dataclasses.dataclass(**parameters)(each)
+            _make(each, parameters)
 
 
 def _begin(self: Any, *values: Any, **named: Any) -> None:
@@ -47,7 +83,7 @@ _PLACES = {"__init__": _begin, "__setstate__": _restore, "__dataclass_fields__":
 
 
 def _deferred(cls: type | None = None, /, **parameters: Any) -> Any:
-    """Take the place of `dataclasses.dataclass`, with the same parameters but ``slots``."""
+    """Take the place of `dataclasses.dataclass`, with its parameters ``repr``, ``eq``, ``frozen`` and ``kw_only``."""
     if cls is None:
         return lambda decorated: _deferred(decorated, **parameters)
     if "__init__" in vars(cls):
