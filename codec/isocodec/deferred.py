@@ -22,7 +22,7 @@ def _text(self: Any) -> str:
     return f"{type(self).__qualname__}({', '.join(f'{name}={getattr(self, name)!r}' for name in shown)})"
 
 
-def _equal(self: Any, other: object) -> bool:
+def _equal(self: Any, other: Any) -> bool:
     """``__eq__``, likewise."""
     if type(other) is not type(self):
         return NotImplemented
@@ -41,12 +41,15 @@ def _make(cls: type, parameters: dict[str, Any]) -> None:
     own, rest = vars(cls), dict(parameters)
     shown, compared = rest.pop("repr", True), rest.pop("eq", True)
     hash_is_own = own.get("__hash__") is not None or ("__hash__" in own and "__eq__" not in own)
+    methods: dict[str, Any] = {}
     if shown and "__repr__" not in own:
-        cls.__repr__ = _text  # type: ignore[method-assign]
+        methods["__repr__"] = _text
     if compared and not hash_is_own:
-        cls.__hash__ = _hashed if rest.get("frozen") else None  # type: ignore[assignment]
+        methods["__hash__"] = _hashed if rest.get("frozen") else None
     if compared and "__eq__" not in own:
-        cls.__eq__ = _equal  # type: ignore[assignment]
+        methods["__eq__"] = _equal
+    for name, method in methods.items():
+        setattr(cls, name, method)
     dataclasses.dataclass(**rest, repr=False, eq=False)(cls)
 
 

@@ -152,7 +152,7 @@ def cells_of_leaves(
 def enter_last_bits(vertex: Int32Matrix, n: int, last: UInt8Vector) -> None:
     """Enter the last two bits of each coordinate: they distinguish the vertices of a cell, upper from lower."""
     for i in range(len(vertex)):
-        bits = 0
+        bits = np.int64(0)
         for axis in range(n):
             bits |= (np.int64(vertex[i, axis]) & 3) << 2 * axis
         last[i] = bits
