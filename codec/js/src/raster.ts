@@ -36,6 +36,9 @@ export function check({ n, last }: Grid, meter: Meter, leans: boolean): void {
 /** Weights of opinions, by how many contexts have been used. */
 export const WEIGHTS: readonly number[] = Array.from({ length: NEAR.length * (NEAR.length + 1) }, () => 22000);
 
+/** Models of signs. */
+export const SIGN_MODELS = SURE + 32 * 4096;
+
 /** The models of flags as a raster layer begins. */
 export const flagModels = (): Contexts => ({ p: new Uint16Array(BLOCKS).fill(ONE / 2), seen: new Uint8Array(BLOCKS) });
 
@@ -44,7 +47,6 @@ export function enterModels(model: Int32Array): void {
   model.fill(ONE / 2, 0, SURE);
   for (let i = SURE; i < SIGN_MODELS; i++) model[i] = squash[128 * (i % 32) + 64]! | (6 << SEEN);
 }
-export const SIGN_MODELS = SURE + 32 * 4096;
 
 const WIDE = 2 * REACH + 1;
 /** Distances of the nearest samples before a sample along both axes. */
@@ -67,7 +69,7 @@ BEFORE.forEach(([a, b], k) => {
 export class Raster {
   row = 0;
   readonly next: Leaves;
-  private readonly model = new Int32Array(SIGN_MODELS);
+  private readonly model: Int32Array;
   private readonly weights = Int32Array.from(WEIGHTS);
   private readonly models = flagModels();
   /** Signs of the last rows in each column, the last one lowest. */
@@ -83,6 +85,7 @@ export class Raster {
     const { grid: { last, phases }, meter } = t;
     check(t.grid, meter, t.lean !== undefined);
     meter.take(last[1] + 1 + 2 * REACH + 4 * SIGN_MODELS);
+    this.model = new Int32Array(SIGN_MODELS);
     enterModels(this.model);
     this.columns = new Uint8Array(last[1] + 1 + 2 * REACH);
     this.flags = new Uint8Array(Math.floor(last[1] / BLOCK) + 1);

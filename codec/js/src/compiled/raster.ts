@@ -9,9 +9,9 @@ import type { Arr, Machine, Registers } from "./machine.js";
 
 /** A raster layer that goes on: its progress, and a coder with models of its own. */
 export interface RasterRun {
-  readonly own: { 
-    readonly walk: Registers<"known">; readonly pattern: Arr; readonly columns: Arr; readonly blocks: Arr; readonly model: Arr;
-    readonly square: Arr;
+  readonly own: {
+    readonly walk: Registers<"known" | "ahead">; readonly pattern: Arr; readonly columns: Arr; readonly blocks: Arr;
+    readonly model: Arr; readonly square: Arr;
   };
   readonly coder: Coder;
   /** Give all memory back. */
@@ -32,12 +32,13 @@ export function beginRaster(m: Machine, grid: Grid, meter: Meter, leans: boolean
   for (let i = 0; i < WEIGHTS.length; i += NEAR.length)
     for (let j = 0; j < MOST_OPINIONS; j++) padded.push(WEIGHTS[i]!);
   const own = {
-    walk: m.registers<"known">("RasterWalk"),
+    walk: m.registers<"known" | "ahead">("RasterWalk"),
     pattern: m.numbers(Array.from(HIGH, (high, i) => high * 2 ** LOW_BITS + LOW[i]!), [2 * REACH + 1, 2 ** (REACH + 1)]),
     columns: m.array("uint8", [grid.last[1] + 1 + 2 * REACH]), blocks: m.array("uint8", [Math.floor(grid.last[1] / BLOCK) + 1]),
     model, square: m.array("int64", [16]),
   };
   own.walk.set("known", known ? 1 : 0);
+  own.walk.set("ahead", -1);
   const [prob, counts] = [m.numbers(p), m.numbers(seen)];
   const blend = {
     ...coder.blend, mix: m.numbers(padded, [NEAR.length + 1, MOST_OPINIONS]), squash: m.small("int32", squash), stretch: m.small("int16", stretch),
