@@ -39,7 +39,7 @@ class Leaves:
     edge_offset : (E,) float64
         Place of the crossing as a fraction of the way from the first end, within (0, 1).
     edge_parts : (E,) int64
-        Parts of the edge, in the middle of one of which it is.
+        Parts that the edge is divided into; the place is the middle of one of them.
     whole : callable, optional
         Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All
         do if not given.

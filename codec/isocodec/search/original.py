@@ -44,6 +44,7 @@ def original(field: Samples, *, measured: bool = True) -> Contour:
     if values is not None:
         # beside an infinite sample the crossing is at the finite one, as beside a large one (`Samples.between`)
         values = np.where(np.isinf(values), np.copysign(_LARGE, values), values)
+    # parts are for smoothing, which this drawing is not for
     leaves = Leaves(
         shape=shape, isovalue=field.isovalue, vertex=vertex, value=values,
         simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,

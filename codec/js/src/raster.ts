@@ -177,7 +177,7 @@ export class Raster {
     const x = Math.min(Math.max(Math.floor(sum / 65536), -2047), 2047) + 2047, mixed = squash[x]!;
     const sure = SURE + 32 * (first >> (WORD - 12)) + (x >> 7), bit = coder.raw((mixed + (model[sure]! & (ONE - 1))) >> 1);
     if (bit < 0) return bit;
-    // 48 of a million: below 2^31 in 3 of 65536
+    // a rate of 48 / 2^20; as 3 / 2^16 the products stay below 2^31
     const error = ((bit << 16) - mixed) * 3;
     for (let i = 0; i < NEAR.length; i++) {
       const w = weights[o + i]! + ((error * said[i]!) >> 16);
