@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
 from typing import NamedTuple
 
@@ -12,8 +13,16 @@ from .leaves import WholeCells
 
 _GRAIN = 1 << 30
 """Points of cut pieces are merged if they agree to within this fraction of a cell."""
+_TOGETHER = 1 << 12
+"""Cells that are cut at a time."""
+_CUT, _KEPT = 250, 800
+"""Bytes that are taken for each piece while some are cut, and for each that is kept."""
+_TIME = 16
+"""Bytes that count for each piece ever made: what bounds memory bounds the time, too."""
 Pieces = NDArray[np.float64]
 """(M, n, n) corners of segments or triangles."""
+Check = Callable[[int], None]
+"""Raises an error if there is not room for so many bytes beside those that are held."""
 
 
 class Clipped(NamedTuple):
@@ -33,18 +42,19 @@ class Clipped(NamedTuple):
 
 
 def clipped(
-    points: NDArray[np.float64], cells: NDArray[np.int64], shape: tuple[int, ...], whole: WholeCells
+    points: NDArray[np.float64], cells: NDArray[np.int64], shape: tuple[int, ...], whole: WholeCells, check: Check
 ) -> Clipped:
     """Cut the points and cells of a drawing where planes of the grid separate whole unit cells from others.
 
-    Pieces that lie in whole cells are unchanged; unused points are removed.
+    Pieces that lie in whole cells are unchanged; unused points are removed. ``check`` is asked for the bytes of what
+    cutting makes: a large cell of a coarse mesh lies in many unit cells.
     """
-    pieces, owner = _unit_pieces(points[cells])
-    kept = _in_whole_cell(pieces, shape, whole)
-    untouched = np.ones(len(cells), np.bool_)
-    untouched[owner[~kept]] = False
-    cut = kept & ~untouched[owner]
-    pieces, owner = pieces[cut], owner[cut]
+    cutting = _Cutting(shape, whole, check)
+    kept = [cutting.of(points[cells[i : i + _TOGETHER]]) for i in range(0, max(len(cells), 1), _TOGETHER)]
+    cutting.ask(0)
+    untouched = np.concatenate([some for some, _, _ in kept])
+    pieces = np.concatenate([some for _, some, _ in kept])
+    owner = np.concatenate([i * _TOGETHER + some for i, (_, _, some) in enumerate(kept)])
     if len(shape) == 2:
         pieces, owner = _joined(pieces, owner)
     stays = cells[untouched]
@@ -65,21 +75,46 @@ def clipped(
     return Clipped(np.concatenate([points[used], both[order]]), out, used)
 
 
-def _unit_pieces(pieces: Pieces) -> tuple[Pieces, NDArray[np.int64]]:
-    """Cut pieces by the planes of the grid, each into one unit cell; returns parts and their pieces, in order."""
-    owner = np.arange(len(pieces))
-    for axis in range(pieces.shape[2]):
-        while True:
-            low = np.floor(pieces[:, :, axis].min(axis=1, initial=np.inf))
-            high = np.ceil(pieces[:, :, axis].max(axis=1, initial=-np.inf))
-            wide = high - low > 1
-            if not wide.any():
-                break
-            plane = low[wide] + (high - low)[wide] // 2
-            parts, part_owner = (_cut_segments if pieces.shape[2] == 2 else _cut_triangles)(pieces[wide], plane, axis)
-            owner = np.concatenate([owner[~wide], owner[wide][part_owner]])
-            pieces = np.concatenate([pieces[~wide], parts])
-    return pieces, owner
+class _Cutting:
+    """Cells of a drawing, cut into unit cells, some at a time."""
+
+    def __init__(self, shape: tuple[int, ...], whole: WholeCells, check: Check) -> None:
+        self._shape, self._whole, self._check = shape, whole, check
+        self._made = self._kept = 0
+
+    def of(self, corners: Pieces) -> tuple[NDArray[np.bool_], Pieces, NDArray[np.int64]]:
+        """Find which of some cells stay as they are, and cut the others: the parts that stay of these, and their cells.
+        """
+        pieces, owner = self._unit_pieces(corners)
+        kept = _in_whole_cell(pieces, self._shape, self._whole)
+        untouched = np.ones(len(corners), np.bool_)
+        untouched[owner[~kept]] = False
+        cut = kept & ~untouched[owner]
+        self._made += len(pieces)
+        self._kept += int(cut.sum())
+        return untouched, pieces[cut], owner[cut]
+
+    def ask(self, pieces: int) -> None:
+        """Ask for room for so many pieces at once, beside those kept so far."""
+        self._check(max(_CUT * pieces + _KEPT * self._kept, _TIME * (self._made + pieces)))
+
+    def _unit_pieces(self, pieces: Pieces) -> tuple[Pieces, NDArray[np.int64]]:
+        """Cut pieces by the planes of the grid, each into one unit cell; returns parts and their pieces, in order."""
+        owner = np.arange(len(pieces))
+        for axis in range(pieces.shape[2]):
+            while True:
+                low = np.floor(pieces[:, :, axis].min(axis=1, initial=np.inf))
+                high = np.ceil(pieces[:, :, axis].max(axis=1, initial=-np.inf))
+                wide = high - low > 1
+                if not wide.any():
+                    break
+                self.ask(len(pieces) + 2 * int(wide.sum()))
+                plane = low[wide] + (high - low)[wide] // 2
+                cut = _cut_segments if pieces.shape[2] == 2 else _cut_triangles
+                parts, part_owner = cut(pieces[wide], plane, axis)
+                owner = np.concatenate([owner[~wide], owner[wide][part_owner]])
+                pieces = np.concatenate([pieces[~wide], parts])
+        return pieces, owner
 
 
 def _crossing(a: NDArray[np.float64], b: NDArray[np.float64], plane: NDArray[np.float64], axis: int) -> Pieces:

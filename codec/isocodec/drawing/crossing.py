@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..deferred import dataclass
-from ..kernel import kernel
+from ..kernel import inlined, kernel
 from ..kernel.types import BoolVector, FloatMatrix, FloatVector, Int32Matrix, IntMatrix, IntVector, IntVolume
 from .leaves import Leaves
 
@@ -216,13 +216,19 @@ def edge_points(leaves: Leaves, edges: NDArray[np.integer], ratio: NDArray[np.fl
     return out
 
 
+@inlined
+def place_on(vertex, edges, ratio, i, axis):
+    """Coordinate of the point on an edge, so far along it from its first end."""
+    low, high = np.int64(vertex[edges[i, 0], axis]), np.int64(vertex[edges[i, 1], axis])
+    return low + ratio[i] * (high - low)
+
+
 @kernel
 def enter_points(vertex: Int32Matrix, edges: Int32Matrix, ratio: FloatVector, out: FloatMatrix) -> None:
     """Enter the points (P, n) so far along edges from their first ends."""
     for i in range(len(edges)):
         for axis in range(out.shape[1]):
-            low, high = np.int64(vertex[edges[i, 0], axis]), np.int64(vertex[edges[i, 1], axis])
-            out[i, axis] = low + ratio[i] * (high - low)
+            out[i, axis] = place_on(vertex, edges, ratio, i, axis)
 
 
 def edge_ends(leaves: Leaves, edges: NDArray[np.integer]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..grid.lattice.tables import cube_exponent
-from .clipping import clipped
+from .clipping import Check, clipped
 from .contour import Contour
 from .crossing import Drawn, enter_points
 from .full_grid import draw_grid
@@ -18,9 +18,16 @@ from .separation import apart
 from .simplices import draw_simplices
 from .smoothing import smoothed
 
+_SMOOTHED = 260
+"""Bytes that smoothing takes for each point."""
+
+
+def unlimited(size: int) -> None:
+    """There is room for any drawing."""
+
 
 def draw(
-    leaves: Leaves, *, complete: bool = True, smooth: int = 0, measured: bool = False
+    leaves: Leaves, *, complete: bool = True, smooth: int = 0, measured: bool = False, check: Check = unlimited
 ) -> Contour:
     """Draw the isocontour (n = 2) or isosurface (n = 3) that runs through mixed leaf simplices.
 
@@ -40,6 +47,9 @@ def draw(
     measured : bool
         Leave points at ends of edges, where samples equal the isovalue: an encoder measures distances from there.
         Otherwise they are moved into their edges (`isocodec.drawing.separation.apart`).
+    check : callable
+        Is given the bytes that are needed beside those of a drawing that is neither smoothed nor cut, before they are
+        taken, and raises an error if that is too much.
 
     Returns
     -------
@@ -51,10 +61,12 @@ def draw(
     OptionError
         If the field does not have 2 or 3 axes.
     """
-    return _drawn(leaves, complete, smooth, measured)[0]
+    return _drawn(leaves, complete, smooth, measured, check)[0]
 
 
-def draw_with_ends(leaves: Leaves, *, complete: bool = True) -> tuple[Contour, NDArray[np.int64]]:
+def draw_with_ends(
+    leaves: Leaves, *, complete: bool = True, check: Check = unlimited
+) -> tuple[Contour, NDArray[np.int64]]:
     """Draw as `draw` does, and also return the samples between which the first points lie.
 
     Returns
@@ -64,11 +76,13 @@ def draw_with_ends(leaves: Leaves, *, complete: bool = True) -> tuple[Contour, N
         Ends of the edges of the first E points; other points lie inside cells, or where pieces were cut at missing
         samples.
     """
-    contour, edges = _drawn(leaves, complete, 0, False)
+    contour, edges = _drawn(leaves, complete, 0, False, check)
     return contour, leaves.position[edges].astype(np.int64)
 
 
-def _drawn(leaves: Leaves, complete: bool, smooth: int, measured: bool) -> tuple[Contour, NDArray[np.int32]]:
+def _drawn(
+    leaves: Leaves, complete: bool, smooth: int, measured: bool, check: Check
+) -> tuple[Contour, NDArray[np.int32]]:
     """The contour, and the vertices at the ends of the edges of its first points."""
     n = len(leaves.shape)
     if n not in (2, 3):
@@ -82,9 +96,10 @@ def _drawn(leaves: Leaves, complete: bool, smooth: int, measured: bool) -> tuple
     enter_points(leaves.vertex, edges, drawn.ratio, points[: len(edges)])
     points[len(edges) :] = drawn.centres
     if smooth:
+        check(_SMOOTHED * len(points))
         points = smoothed(leaves, drawn._replace(part=apart(drawn.part)), points, smooth)
     if leaves.whole is not None and not leaves.full:
-        points, cells, kept = clipped(points, cells, tuple(leaves.shape), leaves.whole)
+        points, cells, kept = clipped(points, cells, tuple(leaves.shape), leaves.whole, check)
         edges = edges[kept[kept < len(edges)]]
     return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete, masked=masked), edges
 

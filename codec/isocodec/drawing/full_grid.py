@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernel import kernel
-from ..kernel.types import Int32Matrix, IntMatrix, IntVector, IntVolume, UInt8Vector
-from .crossing import Drawn, PatternTable, edge_points, ratios_at
+from ..kernel import inlined, kernel
+from ..kernel.types import FloatMatrix, FloatVector, Int32Matrix, IntMatrix, IntVector, IntVolume, UInt8Vector
+from .crossing import Drawn, PatternTable, place_on, ratios_at
 from .cube import cube_table
 from .leaves import Leaves
 from .unit_cells import UnitCells, cells_of_leaves, cells_of_pages, differ, enter_last_bits
@@ -28,15 +28,15 @@ def draw_grid(leaves: Leaves, parts: bool = True) -> tuple[Drawn, NDArray[np.boo
     number = grid.find(leaves.edges)
     grid.release()
     ratio, part = ratios_at(leaves, grid.edges, number, parts)
-    centres, cells = np.zeros((0, len(leaves.shape))), grid.cells
-    if len(grid.owner):
-        first = np.flatnonzero(np.diff(grid.owner, prepend=-1))
-        count = np.diff(first, append=len(grid.owner))
-        around = edge_points(leaves, grid.edges[grid.sides[:, 0]], ratio[grid.sides[:, 0]])
-        centres = np.add.reduceat(around, first) / count[:, None]
-        fans = np.column_stack([grid.sides, len(grid.edges) + np.repeat(np.arange(len(first)), count)])
-        cells = np.concatenate([cells, fans])
-    return Drawn(centres, cells, grid.edges, ratio, part), grid.drawn
+    cells, fans = grid.cells, grid.fans.whole()
+    centres = np.zeros((grid.centres, len(leaves.shape)))
+    if grid.centres:
+        _enter_centres(leaves.vertex, grid.edges, ratio, fans, centres)
+        rows = cells.room(len(fans))
+        rows[: len(fans)] = fans
+        rows[: len(fans), 2] += len(grid.edges)
+        cells.used += len(fans)
+    return Drawn(centres, cells.whole(), grid.edges, ratio, part), grid.drawn
 
 
 class _Rows:
@@ -70,12 +70,13 @@ class _Grid:
     ----------
     edges : (E, 2) int32
         Vertices at their ends, the lower first.
-    cells : (M, n) int64
+    cells : rows of n int64
         Segments or triangles between points on edges, by numbers of these.
-    sides : (S, 2) int64
-        Sides of polygons around points in the middle of cells, by numbers of points on edges.
-    owner : (S,) int64
-        Numbers of their cells, ascending.
+    fans : rows of 3 int32
+        Sides of polygons around points in the middle of cells, by numbers of points on edges, and the number of the
+        point in the middle.
+    centres : int
+        Points in the middle of cells.
     drawn : (M,) bool
         Simplices whose cells have all their mixed leaves; empty where cells come from the known vertices.
     """
@@ -86,8 +87,8 @@ class _Grid:
         self._last = np.empty(len(leaves.vertex), np.uint8)
         enter_last_bits(leaves.vertex, n, self._last)
         self._number = np.full((len(leaves.vertex), n), -1, np.int32)
-        edges, cells, sides = _Rows(2, np.int32), _Rows(n, np.int64), _Rows(2, np.int64)
-        counts = []
+        self._met, self.cells, self.fans = _Rows(2, np.int32), _Rows(n, np.int64), _Rows(3, np.int32)
+        self.centres = 0
         self.drawn = np.zeros(0, np.bool_)
         if leaves.known is None:
             found, self.drawn = cells_of_leaves(self._last, leaves.above, leaves.simplices, table)
@@ -98,28 +99,43 @@ class _Grid:
             if leaves.whole is not None:
                 low = leaves.position[some.corners[:, 0]] - (some.upper[:, None] >> np.arange(n) & 1)
                 some = some.some(leaves.whole(low))
-            self._enter(table.cells, some, edges, cells)
-            counts.append(self._enter(table.fans, some, edges, sides))
-        self.edges, self.cells, self.sides = edges.whole(), cells.whole(), sides.whole()
-        sizes = np.concatenate([np.zeros(0, np.uint8), *counts])
-        self.owner = np.repeat(np.arange(len(sizes)), sizes)
+            self._enter(table.cells, some)
+            self._enter_fans(table.fans, some)
+        self.edges = self._met.whole()
 
     def release(self) -> None:
         """Free what only the making of cells and `find` need."""
         del self._last, self._number
 
-    def _enter(self, table: PatternTable, cells: UnitCells, edges: _Rows, rows: _Rows) -> NDArray[np.uint8]:
-        """Append the rows of a table for cells, and the edges that they are the first to meet; how many rows of each.
-        """
-        count = table.count[cells.pattern]
-        total, corners = int(count.sum()), cells.corners.shape[1]
+    def _enter(self, table: PatternTable, cells: UnitCells) -> None:
+        """Append the rows of a table for cells, and the edges that they are the first to meet."""
+        total = int(table.count[cells.pattern].sum())
         if total:
-            edges.room(corners * (corners.bit_length() - 1) // 2 * len(cells.pattern))
-            edges.used = _enter_rows(
-                table.edges, table.first, cells, self._number, edges.array, edges.used, rows.room(total)
+            self._room(cells)
+            rows = self.cells.room(total)
+            self._met.used = _enter_cells(
+                table.edges, table.first, cells, self._number, self._met.array, self._met.used, rows
             )
-            rows.used += total
-        return count
+            self.cells.used += total
+
+    def _enter_fans(self, table: PatternTable, cells: UnitCells) -> None:
+        """Append the polygons of cells that have one, likewise."""
+        count = table.count[cells.pattern]
+        total = int(count.sum())
+        if total:
+            self._room(cells)
+            rows = self.fans.room(total)
+            rows[:total, 2] = self.centres + np.repeat(np.cumsum(count > 0) - 1, count)
+            self._met.used = _enter_sides(
+                table.edges, table.first, cells, self._number, self._met.array, self._met.used, rows
+            )
+            self.fans.used += total
+            self.centres += int(np.count_nonzero(count))
+
+    def _room(self, cells: UnitCells) -> None:
+        """Room for all edges of cells."""
+        corners = cells.corners.shape[1]
+        self._met.room(corners * (corners.bit_length() - 1) // 2 * len(cells.pattern))
 
     def find(self, stated: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers of edges (S, 2) of the mesh among ``edges``, or -1."""
@@ -128,11 +144,8 @@ class _Grid:
         return out
 
 
-@kernel
-def _enter_rows(
-    table: IntVolume, first: IntVector, cells: UnitCells, number: Int32Matrix, edges: Int32Matrix, met: int,
-    rows: IntMatrix,
-) -> int:
+@inlined
+def _append(table, first, cells, number, edges, met, rows):
     """Enter the rows of all cells as numbers of edges, which are given as these are met; returns how many were.
 
     ``number`` has that of the edge that leaves a vertex upwards along an axis, or -1.
@@ -157,6 +170,40 @@ def _enter_rows(
                 rows[row, 1 - j if mirrored and j < 2 else j] = number[a, np.uint64(axis)]
             row += 1
     return met
+
+
+@kernel
+def _enter_cells(
+    table: IntVolume, first: IntVector, cells: UnitCells, number: Int32Matrix, edges: Int32Matrix, met: int,
+    rows: IntMatrix,
+) -> int:
+    """Enter segments or triangles; as `_append`."""
+    return _append(table, first, cells, number, edges, met, rows)
+
+
+@kernel
+def _enter_sides(
+    table: IntVolume, first: IntVector, cells: UnitCells, number: Int32Matrix, edges: Int32Matrix, met: int,
+    rows: Int32Matrix,
+) -> int:
+    """Enter sides of polygons; as `_append`."""
+    return _append(table, first, cells, number, edges, met, rows)
+
+
+@kernel
+def _enter_centres(
+    vertex: Int32Matrix, edges: Int32Matrix, ratio: FloatVector, fans: Int32Matrix, centres: FloatMatrix
+) -> None:
+    """Enter the means (C, 3) of the corners of polygons, whose sides follow one another."""
+    first = 0
+    for i in range(len(fans)):
+        centre, edge = fans[i, 2], fans[i, 0]
+        for axis in range(3):
+            centres[centre, axis] += place_on(vertex, edges, ratio, edge, axis)
+        if i + 1 == len(fans) or fans[i + 1, 2] != centre:
+            for axis in range(3):
+                centres[centre, axis] /= i + 1 - first
+            first = i + 1
 
 
 @kernel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -43,7 +43,7 @@ def contour_of(
         leaves = _leaves_of(tube, isovalue, header, budget, holes)
         if through_holes:
             leaves = replace(leaves, whole=None)
-        drawn = draw(leaves, complete=complete, smooth=rounds)
+        drawn = draw(leaves, complete=complete, smooth=rounds, check=_beside(tube, budget))
         contour = replace(drawn, origin_above=tube.origin_above)
     return replace(contour, metadata=dict(metadata))
 
@@ -56,11 +56,17 @@ def _leaves_of(tube: Tube, isovalue: float, header: Header, budget: Budget, hole
     )
 
 
+def _beside(tube: Tube, budget: Budget) -> Callable[[int], None]:
+    """Check whether there is room for some bytes beside those of a tube's drawing."""
+    return lambda size: budget.check(drawing_bytes(tube) + size)
+
+
 def ends_of(
     tube: Tube, isovalue: float, header: Header, complete: bool, budget: Budget, holes: Holes | None
 ) -> tuple[Contour, NDArray[np.int64]]:
     """Draw the contour of a tube; also returns the samples between which its points lie: see `draw_with_ends`."""
-    contour, ends = draw_with_ends(_leaves_of(tube, isovalue, header, budget, holes), complete=complete)
+    leaves = _leaves_of(tube, isovalue, header, budget, holes)
+    contour, ends = draw_with_ends(leaves, complete=complete, check=_beside(tube, budget))
     return replace(contour, origin_above=tube.origin_above), ends
 
 
