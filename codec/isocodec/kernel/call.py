@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -70,17 +71,19 @@ class Kernel:
             raise IndexError(f"kernel {self.name}: an index out of bounds, or another fault")
         return self._returned(results)
 
-    def _returned(self, results: Any) -> Any:
+    @functools.cached_property
+    def _returned(self) -> Callable[[Any], Any]:
+        """Reader of the slots of results, chosen once: kernels are called often."""
         match self.signature.result:
             case None:
-                return None
+                return lambda results: None
             case tuple() as several:
-                return tuple(results[: len(several)])
+                return lambda results: tuple(results[: len(several)])
             case kind if kind == FLOAT:
-                return ctypes.c_double.from_buffer(results).value
+                return lambda results: ctypes.c_double.from_buffer(results).value
             case kind if kind == BOOL:
-                return bool(results[0] & 1)
-        return results[0]
+                return lambda results: bool(results[0] & 1)
+        return operator.itemgetter(0)
 
     def _unfit(self, arguments: tuple[Any, ...]) -> KernelError:
         """Error for arguments that cannot be packed."""

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from isospec.tables import MOST_LOGIT
 
 from ...entropy.context_layout import Layout, opinion_coder, shipped_logistic
-from ...entropy.guesses import LEARNING
-from ...entropy.mixer import BUCKET, MIX_SHIFT, MOST_MIX, RATE_SHIFT
-from ...entropy.range_coder import ENCODE, ONE, Coder, adapted, code, emit, logit_of
+from ...entropy.lanes import LANES, LOGIT, MODEL, PLACE, ROOM, SEEN, adapt_together, hear_at, learn_together
+from ...entropy.mixer import BUCKET, MIX_SHIFT
+from ...entropy.range_coder import ENCODE, ONE, Coder, adapted, code, emit
 from ...kernel import DONE, GROW, inlined, kernel, record
 from ...kernel.prefetch import prefetch
-from ...kernel.types import Int32Vector, IntMatrix, IntVector, Registers, UInt8Vector
+from ...kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector, Registers, UInt8Vector
 from ..lattice.access import vertex
 from ..lattice.store import get
 from ..tube.leaf_list import push
@@ -51,8 +51,6 @@ CONTEXT = Layout({
     "sure": (_PLACES << _SURE_NEAR, 0.5, _SURE_SEEN),
 })
 _FIRST_NEAR, _FIRST_SURE = CONTEXT.firsts("near", "sure")
-_SEEN = 16
-"""Bits of a model's probability, below how many symbols it has seen."""
 _LINE = 16
 """Models in a line of a processor's cache."""
 _WEIGHT = 22000
@@ -94,6 +92,10 @@ class SampleRows(NamedTuple):
         Probability of a 1, and above its bits the symbols seen, of each of the contexts behind those of blocks.
     square : (16,) int64
         Class of the simplex of a unit square by the parities of its least corner and the corner off its diagonal.
+    mix : (contexts + 1, 8) int32
+        Weights of opinions, by how many contexts have been seen before; 0 beyond the contexts.
+    lane : (32,) int32
+        Models of the contexts of a sample: see `entropy.lanes`; 0 beyond the contexts.
     """
 
     walk: RasterWalk
@@ -102,6 +104,8 @@ class SampleRows(NamedTuple):
     blocks: UInt8Vector
     model: Int32Vector
     square: IntVector
+    mix: Int32Matrix
+    lane: Int32Vector
 
 
 def refusal(shape: tuple[int, ...], leans: bool) -> str:
@@ -129,7 +133,7 @@ def _models() -> NDArray[np.int32]:
     """See `SampleRows`."""
     model = np.full(CONTEXT.count - _FIRST_NEAR, ONE >> 1, np.int32)
     sure = shipped_logistic().squash[(np.arange(_PLACES) << BUCKET) + (1 << BUCKET >> 1)]
-    model[_FIRST_SURE - _FIRST_NEAR :].reshape(-1, _PLACES)[:] = sure | _SURE_SEEN << _SEEN
+    model[_FIRST_SURE - _FIRST_NEAR :].reshape(-1, _PLACES)[:] = sure | _SURE_SEEN << SEEN
     return model
 
 
@@ -139,7 +143,11 @@ def new_raster(shape: tuple[int, ...], known: bool) -> SampleRows:
     walk.known, walk.ahead = known, -1
     columns = np.zeros(shape[1] + 2 * REACH, np.uint8)
     blocks = np.zeros((shape[1] - 1 >> BLOCK_SHIFT) + 1, np.uint8)
-    return SampleRows(walk, _pattern(), columns, blocks, _models(), np.zeros(16, np.int64))
+    mix = np.zeros((len(NEAR) + 1, LANES), np.int32)
+    mix[:, : len(NEAR)] = _WEIGHT
+    return SampleRows(
+        walk, _pattern(), columns, blocks, _models(), np.zeros(16, np.int64), mix, np.zeros(ROOM, np.int32)
+    )
 
 
 def raster_bytes(shape: tuple[int, ...]) -> int:
@@ -148,8 +156,8 @@ def raster_bytes(shape: tuple[int, ...]) -> int:
 
 
 def raster_coder(coder: Coder) -> Coder:
-    """Models of blocks, and weights of opinions, apart from those of other layers; the run is that of ``coder``."""
-    own = opinion_coder(Layout({"block": (_FIRST_NEAR, 0.5, 0)}), len(NEAR) + 1, _WEIGHT)
+    """Models of blocks, apart from those of other layers; the run is that of ``coder``."""
+    own = opinion_coder(Layout({"block": (_FIRST_NEAR, 0.5, 0)}), 0, 0)
     return own._replace(reg=coder.reg, buf=coder.buf)
 
 
@@ -195,7 +203,7 @@ def _ask(st, cd, rs, i, j):
 def _read(model, at):
     """Probability of a 1 by a model, and how many symbols it has seen."""
     e = np.int64(model[np.uint64(at)])
-    return e & ONE - 1, e >> _SEEN
+    return e & ONE - 1, e >> SEEN
 
 
 @inlined
@@ -203,7 +211,7 @@ def _adapt(cd, model, at, bit):
     """Adapt a model, as ``range_coder.adapt``."""
     p, seen = _read(model, at)
     p, seen = adapted(cd, p, seen, bit)
-    model[np.uint64(at)] = p | seen << _SEEN
+    model[np.uint64(at)] = p | seen << SEEN
 
 
 @inlined
@@ -257,18 +265,12 @@ def _look_ahead(rs, j):
 def code_sign(cd, rs, j, bit):
     """Code the sign of sample j of a row by those nearest before it, and note it; as ``code``."""
     pattern = rs.walk.near if rs.walk.ahead == j else _near(rs, j)
-    used = np.int64(0)
-    row = cd.blend.row
+    lane, used, total = rs.lane, np.int64(0), 0
     for i in range(len(NEAR)):
-        at = _context(pattern, i)
-        near, seen = _read(rs.model, at)
-        used += np.int64(seen > 0)
-        row[2 * i] = at
-        row[2 * i + 1] = logit_of(cd, near, seen)
-    mix = cd.blend.mix[np.uint64(used)]
-    total = 0
+        used += np.int64(hear_at(cd, lane, i, rs.model, _context(pattern, i)) > 0)
+    mix = rs.mix[np.uint64(used)]
     for i in range(len(NEAR)):
-        total += mix[i] * row[2 * i + 1]
+        total += lane[LOGIT + i] * np.int64(mix[i])
     place = MOST_LOGIT + min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
     p = np.int64(cd.blend.squash[np.uint64(place)])
     sure = _first_sure(pattern) + (place >> BUCKET)
@@ -279,10 +281,10 @@ def code_sign(cd, rs, j, bit):
     _note(rs, j, bit)
     # what was learnt here is entered meanwhile
     _look_ahead(rs, j + 1)
-    error = ((bit << 16) - p) * LEARNING
+    learn_together(lane, mix, (bit << 16) - p)
+    adapt_together(lane, bit, len(cd.rate) - 1)
     for i in range(len(NEAR)):
-        mix[i] = min(max(mix[i] + ((error * row[2 * i + 1]) >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
-        _adapt(cd, rs.model, row[2 * i], bit)
+        rs.model[np.uint64(lane[PLACE + i])] = lane[MODEL + i]
     _adapt(cd, rs.model, sure, bit)
     return bit
 
