@@ -42,8 +42,8 @@ def draw_grid(leaves: Leaves, parts: bool = True) -> tuple[Drawn, NDArray[np.boo
 class _Rows:
     """Rows of numbers, in an array that grows in place: there is no moment at which two are there."""
 
-    def __init__(self, width: int, dtype: type[np.integer]) -> None:
-        self.array: NDArray[Any] = np.empty((0, width), dtype)
+    def __init__(self, width: int, dtype: type[np.integer], first: int = 0) -> None:
+        self.array: NDArray[Any] = np.empty((first, width), dtype)
         self.used = 0
 
     def room(self, count: int) -> NDArray[Any]:
@@ -87,7 +87,10 @@ class _Grid:
         self._last = np.empty(len(leaves.vertex), np.uint8)
         enter_last_bits(leaves.vertex, n, self._last)
         self._number = np.full((len(leaves.vertex), n), -1, np.int32)
-        self._met, self.cells, self.fans = _Rows(2, np.int32), _Rows(n, np.int64), _Rows(3, np.int32)
+        # about as many as there are of smooth contours: to grow takes longer than to fill
+        half = len(leaves.vertex) // 2
+        self._met = _Rows(2, np.int32, half * n // 2)
+        self.cells, self.fans = _Rows(n, np.int64, half if n == 2 else half * 5 // 2), _Rows(3, np.int32)
         self.centres = 0
         self.drawn = np.zeros(0, np.bool_)
         if leaves.known is None:

@@ -59,7 +59,7 @@ _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 1
 """Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
 _PLACED = {2: 120, 3: 135}
 """Bytes for each leaf of the full grid if the file states where the curve crosses each edge."""
-_UNLISTED = {2: (70, 44, 24), 3: (30, 80, 24)}
+_UNLISTED = {2: (70, 44, 24), 3: (8, 82, 24)}
 """Bytes of each where leaves are not listed."""
 _CORNERS, _CHILDREN = 8, 16
 """Most corners that a diamond makes known, and most children that it has."""

@@ -15,8 +15,8 @@ _KEY_BITS = 63
 _PLANE, (_SHORT, _, _LONG) = BLOCK[2][0], BLOCK[3]
 _DIGIT = 11
 """Bits by which numbers are sorted at a time."""
-_DIGITS = 1 << _DIGIT
-COUNTS = _DIGITS + 1
+DIGITS = 1 << _DIGIT
+COUNTS = DIGITS + 1
 """Numbers that `sort` counts."""
 
 
@@ -90,11 +90,11 @@ def sort(key, count, bits, place):
     for shift in range(0, bits, _DIGIT):
         place[:] = 0
         for i in range(count):
-            place[np.uint64((key[row, i] >> shift & _DIGITS - 1) + 1)] += 1
-        for number in range(_DIGITS):
+            place[np.uint64((key[row, i] >> shift & DIGITS - 1) + 1)] += 1
+        for number in range(DIGITS):
             place[number + 1] += place[number]
         for i in range(count):
-            digit = np.uint64(key[row, i] >> shift & _DIGITS - 1)
+            digit = np.uint64(key[row, i] >> shift & DIGITS - 1)
             key[1 - row, place[digit]] = key[row, i]
             place[digit] += 1
         row = 1 - row

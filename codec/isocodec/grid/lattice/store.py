@@ -18,6 +18,8 @@ from .tables import PAGE_SHIFT
 
 PAGES, SHIFT, RECENT = 0, 1, 4
 """Places in ``Store.head``: number of pages, the page's edge along the axes (log2), pages remembered."""
+PAGES_AROUND = 11
+"""Numbers that ``pages_around`` enters."""
 _WAYS = 64
 _Y, _Z = 23, 44
 """Bits of a page's key at which its second and third coordinate begin."""
@@ -247,7 +249,7 @@ def pages_around(store, x, y, z, far, deep, near):
     """Enter the pages within ``far`` of (x, y, z) along the first two axes, and ``deep`` along the third.
 
     At most two along each axis, the last axis the fastest; -1 for a missing one. Behind the eight of them the
-    place of the first.
+    place of the first: ``PAGES_AROUND`` numbers.
     """
     a, b, c = store.head[SHIFT], store.head[SHIFT + 1], store.head[SHIFT + 2]
     x0, y0, z0 = (x - far) >> a, (y - far) >> b, (z - deep) >> c
@@ -259,6 +261,13 @@ def pages_around(store, x, y, z, far, deep, near):
                     page = max(_page(store, i << a, j << b, k << c), np.int64(-1))
                 near[np.uint64((i - x0) << 2 | (j - y0) << 1 | (k - z0))] = page
     near[8], near[9], near[10] = x0, y0, z0
+
+
+@inlined
+def reaches_two(store, far):
+    """Whether what is within ``far`` of a place lies in two pages along each axis at most."""
+    a, b, c = store.head[SHIFT], store.head[SHIFT + 1], store.head[SHIFT + 2]
+    return 2 * far <= np.int64(1) << (min(a, b, c) if c > 0 else min(a, b))
 
 
 @inlined

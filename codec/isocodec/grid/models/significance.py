@@ -16,7 +16,7 @@ from ...kernel import DONE, GROW, inlined, inner
 from ...kernel.types import Integer
 from ..lattice.access import dimension
 from ..lattice.grid import phase_of
-from ..lattice.store import full, get, get_around, pages_around, spot
+from ..lattice.store import PAGES_AROUND, full, get, get_around, pages_around, spot
 from ..tube.state import SIGNIFICANCE
 from . import contexts as ctx
 from .magnitude import bits
@@ -165,7 +165,7 @@ def _see_cells(st, cd, first, n, x, y, z):
     row = cd.blend.row
     count = row[0]
     far, deep = (2, 0) if n == 2 else (1, 1)
-    near = st.scratch[:11]
+    near = st.scratch[:PAGES_AROUND]
     pages_around(st.crowd, x, y, z, far, deep, near)
     for i in range(x - far, x + far + 1):
         for j in range(y - far, y + far + 1):

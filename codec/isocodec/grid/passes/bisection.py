@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...kernel import inlined, inner
+from ...kernel.bit_length import bit_length
 from ...kernel.types import Integer
 from ..lattice.access import child_bits, delta, dimension, factor
 from ..lattice.access import corners as corner_count
@@ -14,7 +15,7 @@ from ..lattice.access import members as member_count
 from ..lattice.diamond import corner_position, existing
 from ..lattice.grid import clamped
 from ..lattice.simplex import exists
-from ..lattice.store import page_with, spot
+from ..lattice.store import PAGES_AROUND, get_around, page_with, pages_around, reaches_two, spot
 from ..tube.leaf_list import child_at, push_children
 from ..tube.state import entry, learn_at
 
@@ -59,6 +60,14 @@ def look(st, diamond):
                 known |= np.int64(e != 0) << i
                 above |= (e & 1) << i
             return Known(whole, members, corners, known, above)
+        if reaches_two(st.known, g):
+            near = st.scratch[:PAGES_AROUND]
+            pages_around(st.known, x, y, z, g, g if dimension(t) == 3 else 0, near)
+            for i in range(corner_count(t, kind)):
+                e = get_around(st.known, near, *corner_position(st.grid, diamond, i))
+                known |= np.int64(e != 0) << i
+                above |= (e & 1) << i
+            return Known(whole, members, corners, known, above)
     for i in range(corner_count(t, kind)):
         if (corners >> i) & 1:
             x, y, z = corner_position(st.grid, diamond, i)
@@ -86,18 +95,17 @@ def with_middle(st, diamond, seen, sign):
 @inlined
 def _corners_learn(st, diamond, above, fresh):
     """Make corners known that are not, in order; False if one became known with another sign since it was looked up."""
-    i = np.int64(0)
     agree = True
-    while fresh >> i:
-        if fresh >> i & 1:
-            x, y, z = clamped(st.grid, *corner_position(st.grid, diamond, i))
-            page, cell = spot(st.known, x, y, z)
-            e = np.int64(st.known.pages[np.uint64(page), np.uint64(cell)])
-            if e == 0:
-                learn_at(st, page, cell, x, y, z, (above >> i) & 1)
-            elif (e ^ above >> i) & 1:
-                agree = False
-        i += 1
+    while fresh != 0:
+        i = bit_length(fresh & -fresh) - 1
+        fresh &= fresh - 1
+        x, y, z = clamped(st.grid, *corner_position(st.grid, diamond, i))
+        page, cell = spot(st.known, x, y, z)
+        e = np.int64(st.known.pages[np.uint64(page), np.uint64(cell)])
+        if e == 0:
+            learn_at(st, page, cell, x, y, z, (above >> i) & 1)
+        elif (e ^ above >> i) & 1:
+            agree = False
     return agree
 
 

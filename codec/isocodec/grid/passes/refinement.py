@@ -12,11 +12,12 @@ import numpy as np
 from ...entropy.mixer import mixing
 from ...entropy.range_coder import ENCODE, ONE, Coder, code
 from ...kernel import BAD, DONE, GROW, inlined, kernel
+from ...kernel.bit_length import bit_length
 from ...kernel.types import Int32Matrix, IntMatrix, IntVector
 from ..lattice.access import below, dimension, middle, twins, vertex
 from ..lattice.diamond import diamond_at, existing, middle_position
 from ..lattice.grid import clamped, cycle_of, phase_of
-from ..lattice.order import key_bits, order_key, point_of, sort
+from ..lattice.order import DIGITS, key_bits, order_key, point_of, sort
 from ..lattice.simplex import middle_at
 from ..lattice.store import get, put, spot
 from ..lattice.vertex_set import IN, KEPT, has
@@ -181,34 +182,42 @@ def _sign(st, cd, diamond, seen):
     return sign
 
 
+@inlined
+def _list_key(key, count, last, one):
+    """List a key, unless it is among the last ones; how many there are then."""
+    at = np.uint64(one & DIGITS - 1)
+    if last[at] == one:
+        return count
+    last[at] = one
+    key[0, np.uint64(count)] = one
+    return count + 1
+
+
 @kernel
 def activate(st: State, key: IntMatrix, place: IntVector, active: Int32Matrix) -> int:
     """List the middles of the leaves of the round's level, in order and each once; how many these are.
 
-    ``key`` (2, M) is room for as many numbers as there are leaves, ``place`` for those that `sort` counts.
+    ``key`` (2, M) is room for as many numbers as there are leaves, ``place`` for those that `sort` counts. Leaves with
+    the same middle are near one another: until they are sorted, ``place`` has the last keys, and most are found there.
     """
     t, count = st.grid.tables, 0
     n = dimension(t)
     r, bits = phase_of(n, st.counters.level), cycle_of(n, st.counters.level) + 2
+    place[:] = -1
     for i in range(st.counters.leaves):
         code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
         if level_of(code, level) != st.counters.level:
             continue
         b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
         if code >= 0:
-            w0, w1, w2 = middle(t, r, code, b0, b1, b2)
-            key[0, count] = order_key(n == 2, bits, w0, w1, w2)
-            count += 1
+            count = _list_key(key, count, place, order_key(n == 2, bits, *middle(t, r, code, b0, b1, b2)))
             continue
         kind, children = unpacked(code)
-        c = np.int64(0)
-        while children >> c:
+        while children != 0:
+            c = bit_length(children) - 1
             # children of a diamond share middles
-            if children >> c & 1 and not children & twins(t, kind, c):
-                w0, w1, w2 = below(t, kind, c, b0, b1, b2)
-                key[0, count] = order_key(n == 2, bits, w0, w1, w2)
-                count += 1
-            c += 1
+            children &= ~(np.int64(1) << c | np.int64(twins(t, kind, c)))
+            count = _list_key(key, count, place, order_key(n == 2, bits, *below(t, kind, c, b0, b1, b2)))
     row = sort(key, count, key_bits(n == 2, bits), place)
     found = 0
     for i in range(count):

@@ -409,7 +409,7 @@ class Tube:
         st = self.state
         found = int(st.counters.held)
         self._hold(state_bytes(st, self._mark), _ACTIVE * found)
-        active = np.zeros((found, 5), np.int32)
+        active = np.empty((found, 5), np.int32)
         key, place = np.empty((2, found), np.int64), np.empty(COUNTS, np.int64)
         st.counters.active = refinement.activate(st, key, place, active)
         self.state = st._replace(active=active[: st.counters.active].copy())
