@@ -137,7 +137,7 @@ def speed(argument: str, profile: str, repeat: int, calibration: Calibration) ->
             alone["decode"] = max(alone["decode"], calibration.measure("decode"))
             took, decoder = best(1, lambda: decoded(data))  # noqa: B023
             seconds["decode"] = min(seconds["decode"], took)
-            took, _ = best(1, decoder.drawn)
+            took, _ = best(1, decoder.contour)
             seconds["draw"] = min(seconds["draw"], took)
         assert decoder is not None
         symbols = sum(decoder.symbols.values())
