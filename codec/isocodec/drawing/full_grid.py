@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -102,43 +103,29 @@ class _Grid:
             if leaves.whole is not None:
                 low = leaves.position[some.corners[:, 0]] - (some.upper[:, None] >> np.arange(n) & 1)
                 some = some.some(leaves.whole(low))
-            self._enter(table.cells, some)
-            self._enter_fans(table.fans, some)
+            self._enter(table.cells, some, self.cells, _enter_cells)
+            count = self._enter(table.fans, some, self.fans, _enter_sides)
+            rows = self.fans.array[self.fans.used - int(count.sum()) : self.fans.used]
+            rows[:, 2] = self.centres + np.repeat(np.cumsum(count > 0) - 1, count)
+            self.centres += int(np.count_nonzero(count))
         self.edges = self._met.whole()
 
     def release(self) -> None:
         """Free what only the making of cells and `find` need."""
         del self._last, self._number
 
-    def _enter(self, table: PatternTable, cells: UnitCells) -> None:
-        """Append the rows of a table for cells, and the edges that they are the first to meet."""
-        total = int(table.count[cells.pattern].sum())
+    def _enter(
+        self, table: PatternTable, cells: UnitCells, rows: _Rows, enter: Callable[..., int]
+    ) -> NDArray[np.uint8]:
+        """Append the rows of a table for cells, and the edges that they are the first to meet; how many rows of each.
+        """
+        count, met = table.count[cells.pattern], self._met
+        total, corners = int(count.sum()), cells.corners.shape[1]
         if total:
-            self._room(cells)
-            rows = self.cells.room(total)
-            self._met.used = _enter_cells(
-                table.edges, table.first, cells, self._number, self._met.array, self._met.used, rows
-            )
-            self.cells.used += total
-
-    def _enter_fans(self, table: PatternTable, cells: UnitCells) -> None:
-        """Append the polygons of cells that have one, likewise."""
-        count = table.count[cells.pattern]
-        total = int(count.sum())
-        if total:
-            self._room(cells)
-            rows = self.fans.room(total)
-            rows[:total, 2] = self.centres + np.repeat(np.cumsum(count > 0) - 1, count)
-            self._met.used = _enter_sides(
-                table.edges, table.first, cells, self._number, self._met.array, self._met.used, rows
-            )
-            self.fans.used += total
-            self.centres += int(np.count_nonzero(count))
-
-    def _room(self, cells: UnitCells) -> None:
-        """Room for all edges of cells."""
-        corners = cells.corners.shape[1]
-        self._met.room(corners * (corners.bit_length() - 1) // 2 * len(cells.pattern))
+            met.room(corners * (corners.bit_length() - 1) // 2 * len(cells.pattern))
+            met.used = enter(table.edges, table.first, cells, self._number, met.array, met.used, rows.room(total))
+            rows.used += total
+        return count
 
     def find(self, stated: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers of edges (S, 2) of the mesh among ``edges``, or -1."""
