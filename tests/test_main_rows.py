@@ -26,7 +26,8 @@ from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_R
 from isocodec.grid.models.refinement_signs import Before, Expected, see_middle
 from isocodec.grid.models.significance import CUBE, NODE, SLOT, Node, count_cells, see_crowd
 from isocodec.grid.models.trained import members, shipped_models
-from isocodec.grid.models.value_bits import Nearby, nearby_samples, see_nearby
+from isocodec.grid.models.value_bits import Nearby, see_nearby
+from isocodec.grid.models.value_rows import counted, go_to_row, rows_of_list
 from isocodec.grid.passes.bisection import look
 from isocodec.grid.passes.values import enter_told
 from isocodec.grid.tube.capacity import NOTHING
@@ -109,7 +110,7 @@ def test_rows_of_values_nearby(shape, planes):
     assert b"".join(encoder)
     tube = encoder.frame.strands[0].tube
     state, active = tube.state, tube.estimates._active
-    near = nearby_samples(state, tube.numbers, active, n)
+    rows = rows_of_list(state, active, *counted(state, active))
     number, left = tube.estimates.number.copy(), tube.estimates.left.copy()
     p = int(left[active].max())
     rng = np.random.default_rng(planes)
@@ -124,7 +125,8 @@ def test_rows_of_values_nearby(shape, planes):
         v = active[i]
         if left[v] != p + 1:
             continue
-        see_nearby(state, cd, Nearby(near, told, NOTHING, NOTHING), *ints(i), number, *ints(v, p))
+        state.value.row = go_to_row(rows, 0, i)
+        see_nearby(state, cd, Nearby(rows, told, NOTHING, NOTHING), number, *ints(v, p))
         here = np.array(state.vertex[v, :n], np.int64)
 
         def near_value(*step, here=here, v=v):

@@ -70,7 +70,7 @@ def cubed(
     bare = _bisected(promise, reduction, tolerance, exponent, lead, offsets, most / SAVED if loose else most)
     if bare is None:
         return None
-    kept = _slackened(promise, tolerance, bare) if loose else bare
+    kept = _slackened(promise, tolerance, bare, most) if loose else bare
     return kept if kept.size <= most else None
 
 
@@ -100,13 +100,13 @@ def _bisected(
     return None
 
 
-def _slackened(promise: Promise, tolerance: float, bare: Kept) -> Kept:
-    """Give the mesh as much slack as the promise allows."""
+def _slackened(promise: Promise, tolerance: float, bare: Kept, most: float) -> Kept:
+    """Give the mesh as much slack as the promise allows, unless it takes more than ``most`` bytes with more slack."""
     slack = MeshSlack(promise.phi, tolerance, promise.fixed)
     for _ in range(MOST_TIGHTENED):
         plan: Plan = [*bare.plan[:-1], (*bare.plan[-1], None, slack)]
         size, contour = promise.trial(plan)
-        if size >= bare.size:
+        if size >= bare.size or size > most:
             break
         places = _faults(promise, contour, tolerance)
         if not len(places):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,8 +109,18 @@ def in_parts(count: int, work: Callable[[slice], object]) -> None:
         work(slice(0, count))
         return
     ends = [count * i // parts for i in range(parts + 1)]
-    with ThreadPoolExecutor(parts) as pool:
-        list(pool.map(lambda i: work(slice(ends[i], ends[i + 1])), range(parts)))
+    list(_threads().map(lambda i: work(slice(ends[i], ends[i + 1])), range(parts)))
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    """Threads for parts, kept: a search needs them hundreds of times."""
+    return ThreadPoolExecutor(processors())
+
+
+if hasattr(os, "register_at_fork"):
+    # a process that is forked off has none of them
+    os.register_at_fork(after_in_child=_threads.cache_clear)
 
 
 def processors() -> int:

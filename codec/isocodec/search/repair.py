@@ -27,25 +27,39 @@ SHARES = {2: 1.0, 3: 0.5}
 
 
 class Course:
-    """Bytes of the best mesh so far by the number of places too far away on its way: what the others aim at."""
+    """Bytes of meshes so far by the number of places too far away on their ways.
+
+    Those of the best one are what the others aim at. One that takes no fewer than another one that was given up ends
+    as that did.
+    """
 
     def __init__(self) -> None:
         self.best: dict[int, int] = {}
+        self.lost: dict[int, int] = {}
         self.now: dict[int, int] = {}
 
     def behind(self, places: int, size: int) -> bool:
-        """Whether a mesh takes clearly more bytes than the best one did; notes it."""
+        """Whether a mesh takes clearly more bytes than the best one did, or no fewer than one given up; notes it."""
         self.now[places] = size
-        known = sorted(self.best)
-        if len(self.now) <= SURE or not known or places > known[-1]:
+        if len(self.now) <= SURE:
             return False
-        return bool(size > BEHIND * np.interp(places, known, [self.best[k] for k in known]) + NOISE)
+        return size > BEHIND * _at(self.best, places) + NOISE or size >= _at(self.lost, places)
 
     def done(self, better: bool) -> None:
         """The end of a way."""
         if better:
             self.best = self.now
+        elif self.now:
+            self.lost = self.now
         self.now = {}
+
+
+def _at(way: dict[int, int], places: int) -> float:
+    """Bytes of a way at a number of places; infinite before it."""
+    known = sorted(way)
+    if not known or places > known[-1]:
+        return math.inf
+    return float(np.interp(places, known, [way[k] for k in known]))
 
 
 @dataclass(frozen=True)

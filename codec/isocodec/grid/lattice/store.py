@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernel import inlined, kernel, record
+from ...kernel import inlined, inner, kernel, record
 from ...kernel.types import Array, Int8Matrix, IntMatrix, IntVector, Member, UInt8Matrix
 from .tables import PAGE_SHIFT
 
@@ -25,8 +25,8 @@ _Y, _Z = 23, 44
 """Bits of a page's key at which its second and third coordinate begin."""
 _FIRST = 64
 """Pages that a store begins with: small files need no more."""
-_LARGE = 1 << 24
-"""Bytes from which on an array grows by half of what it has."""
+_SMALL, _LARGE = 1 << 17, 1 << 24
+"""Up to so many bytes an array grows to four times of what it has, from the other number on by half of it."""
 
 
 Pages = NDArray[np.int32] | NDArray[np.int8] | NDArray[np.uint8]
@@ -34,7 +34,7 @@ Pages = NDArray[np.int32] | NDArray[np.int8] | NDArray[np.uint8]
 
 @record
 class Store(NamedTuple):
-    """``table`` holds a key and a page number a row."""
+    """``table`` holds a key and a page number a row. Pages that have not come into being hold anything."""
 
     head: IntVector
     table: IntMatrix
@@ -48,28 +48,29 @@ Bytes = Annotated[Store, Member("pages", Int8Matrix)]
 def new_store(n: int) -> Store:
     """An empty store for n axes: pages of 32 x 32 or 8 x 8 x 8 entries."""
     edge = PAGE_SHIFT[n]
-    return _empty(n, edge, 0, np.zeros((_FIRST, 1 << n * edge), np.int32))
+    return _empty(n, edge, 0, np.int32)
 
 
 def new_counts(n: int) -> Store:
     """A store for cells of all sizes, which may lie apart from each other: pages of 8 x 8 or 4 x 4 x 4 entries."""
     edge = 3 if n == 2 else 2
-    return _empty(n, edge, 0, np.zeros((_FIRST, 1 << n * edge), np.int32))
+    return _empty(n, edge, 0, np.int32)
 
 
 def new_flags(n: int) -> Store:
     """Make a store of entries that take a byte."""
-    store = new_store(n)
-    return store._replace(pages=store.pages.astype(np.uint8))
+    return _empty(n, PAGE_SHIFT[n], 0, np.uint8)
 
 
 def new_board(n: int) -> Store:
     """A store whose entries take a byte: pages of 32 x 32 or 16 x 16 x 16. The first one stays empty."""
     edge = 5 if n == 2 else 4
-    return _empty(n, edge, 1, np.zeros((_FIRST, 1 << n * edge), np.int8))
+    return _empty(n, edge, 1, np.int8)
 
 
-def _empty(n: int, edge: int, used: int, pages: Pages) -> Store:
+def _empty(n: int, edge: int, used: int, dtype: type[np.integer]) -> Store:
+    pages = np.empty((_FIRST, 1 << n * edge), dtype)
+    pages[:used] = 0
     head = np.full(RECENT + 2 * _WAYS, -1, np.int64)
     head[:RECENT] = (used, edge, edge, edge if n == 3 else 0)
     return Store(head, np.full((4 * _FIRST, 2), -1, np.int64), pages)
@@ -116,7 +117,9 @@ def spare(size: int, count: int) -> int:
 
     Small ones grow by a large factor, since that is fast; large ones by a small one, since memory is limited.
     """
-    return 3 * count if size < _LARGE else count // 2
+    if size <= _SMALL:
+        return 3 * count
+    return count if size < _LARGE else count // 2
 
 
 def grown(store: Store, room: int, factor: int = 4) -> Store:
@@ -131,7 +134,7 @@ def resized(store: Store, size: Size) -> Store:
     if size.pages <= len(pages) and size.rows <= len(table):
         return store
     if size.pages > len(pages):
-        pages = np.zeros((size.pages, pages.shape[1]), pages.dtype)
+        pages = np.empty((size.pages, pages.shape[1]), pages.dtype)
         pages[:used] = store.pages[:used]
     if size.rows > len(table):
         table = np.full((size.rows, 2), -1, np.int64)
@@ -141,8 +144,8 @@ def resized(store: Store, size: Size) -> Store:
 
 def copied(store: Store, bits: int) -> Store:
     """Copy the store, with these bits of its entries only."""
-    pages = np.zeros_like(store.pages)
     used = int(store.head[PAGES])
+    pages = np.empty_like(store.pages)
     np.bitwise_and(store.pages[:used], bits, out=pages[:used])
     return Store(store.head.copy(), store.table.copy(), pages)
 
@@ -223,7 +226,6 @@ def page_or_first(store, x, y, z):
 @inlined
 def wipe(store):
     """Forget all entries but the first page's."""
-    store.pages[: store.head[PAGES]] = 0
     store.table[:] = -1
     store.head[RECENT:] = -1
     store.head[PAGES] = 1
@@ -294,13 +296,21 @@ def spot(store, x, y, z):
     """Page and cell of (x, y, z), to be read and set; the caller has made sure of room for a page."""
     page = _page(store, x, y, z)
     if page < 0:
-        h = -1 - page
-        page = store.head[PAGES]
-        entry = store.table[np.uint64(h)]
-        entry[0] = x >> store.head[SHIFT] | (y >> store.head[SHIFT + 1]) << _Y | (z >> store.head[SHIFT + 2]) << _Z
-        entry[1] = page
-        store.head[PAGES] = page + 1
+        page = _new_page(store, -1 - page, x, y, z)
     return page, _cell(store, x, y, z)
+
+
+@inner
+def _new_page(store, h, x, y, z):
+    """Begin the page of (x, y, z), which belongs at a place of the table, with no entry set."""
+    page = store.head[PAGES]
+    entry = store.table[np.uint64(h)]
+    entry[0] = x >> store.head[SHIFT] | (y >> store.head[SHIFT + 1]) << _Y | (z >> store.head[SHIFT + 2]) << _Z
+    entry[1] = page
+    store.head[PAGES] = page + 1
+    entries = store.pages[np.uint64(page)]
+    entries[:] = 0
+    return page
 
 
 @inlined

@@ -6,22 +6,19 @@ would save: everything is computed, and what is not known is overwritten.
 
 from __future__ import annotations
 
-from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...entropy.mixer import blended, mixing
 from ...entropy.range_coder import code_below
-from ...kernel import inlined, kernel, record
-from ...kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
+from ...kernel import inlined, record
+from ...kernel.types import IntVector
 from ..lattice.access import dimension
-from ..tube.ranks import Ranks, number_at
-from ..tube.state import State
 from . import contexts as ctx
 from .magnitude import CLASSES, FINE, ROUGH, bits, mean, row_of
 from .network_rows import VALUE_KIND, VALUE_NET, VALUE_ROW, VALUE_SLOTS
+from .value_rows import ValueRows, find_around
 
 
 @record
@@ -30,52 +27,18 @@ class Nearby(NamedTuple):
 
     Attributes
     ----------
-    near : (A, S) int32
-        See `nearby_samples`; without rows off the full grid.
+    rows : ValueRows
+        Those of the list, by which samples nearby are found; none off the full grid.
     told : (A + 1,) int64
         What is known of each value of the list (`packed`), and last the entry for all others.
     least, most : (V,) int64
         Bounds of the numbers of all vertices; without rows where none are known.
     """
 
-    near: Int32Matrix
+    rows: ValueRows
     told: IntVector
     least: IntVector
     most: IntVector
-
-
-def nearby_samples(st: State, numbers: Ranks, active: NDArray[np.int64], n: int) -> NDArray[np.int32]:
-    """Places in the list of the vertices near each vertex of a list, or the list's length, (A, S).
-
-    For each axis those 1 before, 1 behind, 2 before and 2 behind, then for each two axes the four across.
-    """
-    unit = np.eye(3, dtype=np.int64)
-    steps = [unit[axis] * far for axis in range(n) for far in (-1, 1, -2, 2)]
-    for a, b in combinations(range(n), 2):
-        steps += [unit[a] * i + unit[b] * j for i, j in product((-1, 1), repeat=2)]
-    listed = np.full(len(st.vertex) + 1, len(active), np.int32)
-    listed[active] = np.arange(len(active))
-    out = np.empty((len(active), len(steps)), np.int32)
-    _enter_nearby(st, numbers, active, listed, np.array(steps), out)
-    return out
-
-
-@kernel
-def _enter_nearby(
-    st: State, numbers: Ranks, active: IntVector, listed: Int32Vector, steps: IntMatrix, out: Int32Matrix
-) -> None:
-    """Enter the places of the vertices so many steps from each of the list.
-
-    ``listed`` has the place of each vertex and, last, that of none.
-    """
-    box = st.grid
-    for i in range(len(active)):
-        v = active[i]
-        for k in range(len(steps)):
-            x, y, z = st.vertex[v, 0] + steps[k, 0], st.vertex[v, 1] + steps[k, 1], st.vertex[v, 2] + steps[k, 2]
-            inside = min(x, y, z) >= 0 and x <= box.last0 and y <= box.last1 and z <= box.last2
-            u = number_at(numbers, x, y, z) if inside else np.int64(-1)
-            out[i, k] = listed[u]
 
 
 SAME, OTHER, AXES = range(3)
@@ -103,6 +66,13 @@ def _told(told, way, j):
 
 
 @inlined
+def _known(told, way, j):
+    """As `_told`, but whether anything is known of it; twice the middle is 0 if not."""
+    middle, lack = _told(told, way, j)
+    return middle, np.int64(lack != UNKNOWN)
+
+
+@inlined
 def _show(row, count, first, slot, place, lack, bound, p):
     """List a candidate for twice the number, if it is known; returns how many rows there are."""
     far = place - bound
@@ -112,18 +82,19 @@ def _show(row, count, first, slot, place, lack, bound, p):
 
 
 @inlined
-def see_nearby(st, cd, nearby, i, number, v, p):
-    """List what is known of whether bit p of the number of vertex v, the i-th of the list, is 1."""
+def see_nearby(st, cd, nearby, number, v, p):
+    """List what is known of whether bit p of the number of vertex v, the present one of the list, is 1."""
     n = dimension(st.grid.tables)
     first, slots = (_FIRST_2, _SLOTS_2) if n == 2 else (_FIRST_3, _SLOTS_3)
-    near, told, row = nearby.near, nearby.told, cd.blend.row
+    told, row = nearby.told, cd.blend.row
     bound = (2 * number[v] + 1) << (p + 1)
     fine, rows = np.int64(0), np.int64(0)
-    if len(near) > 0:
+    if len(nearby.rows.first) > 0:
         way = np.int64(1 if st.vertex[v, 3] else -1)
         same, other, same_count, other_count = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
         same_lack, other_lack = np.int64(0), np.int64(0)
-        around = near[np.uint64(i)]
+        find_around(st, nearby.rows, st.value.row, v)
+        around = nearby.rows.around
         next_to = st.scratch[: 4 * n]
         for a in range(n):
             slot = AXES + 3 * a
@@ -177,30 +148,32 @@ def _guessed(st, nearby, v):
     """
     n = dimension(st.grid.tables)
     way = np.int64(1 if st.vertex[v, 3] else -1)
-    told, around = nearby.told, nearby.near[np.uint64(st.value.item)]
+    find_around(st, nearby.rows, st.value.row, v)
+    told, around = nearby.told, nearby.rows.around
     next_to = st.scratch[: 4 * n]
     total, count, beyond, lines = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     same, some = np.int64(0), np.int64(0)
     for a in range(n):
-        for s in range(2):
-            x, lack = _told(told, way, around[np.uint64(4 * a + s)])
-            next_to[4 * a + 2 * s], next_to[4 * a + 2 * s + 1] = x, lack
-            if lack != UNKNOWN:
-                if x > 0:
-                    same, some = same + x, some + 1
-                far, lack = _told(told, way, around[np.uint64(4 * a + 2 + s)])
-                if lack != UNKNOWN:
-                    beyond, lines = beyond + 2 * x - far, lines + 1
-        if max(next_to[4 * a + 1], next_to[4 * a + 3]) != UNKNOWN:
-            total, count = total + max((next_to[4 * a] + next_to[4 * a + 2]) >> 1, np.int64(0)), count + 1
+        before, there = _known(told, way, around[np.uint64(4 * a)])
+        behind, here = _known(told, way, around[np.uint64(4 * a + 1)])
+        next_to[4 * a], next_to[4 * a + 1], next_to[4 * a + 2], next_to[4 * a + 3] = before, there, behind, here
+        same += max(before, np.int64(0)) + max(behind, np.int64(0))
+        some += np.int64(before > 0) + np.int64(behind > 0)
+        far, line = _known(told, way, around[np.uint64(4 * a + 2)])
+        beyond, lines = beyond + (there & line) * (2 * before - far), lines + (there & line)
+        far, line = _known(told, way, around[np.uint64(4 * a + 3)])
+        beyond, lines = beyond + (here & line) * (2 * behind - far), lines + (here & line)
+        total += (there & here) * max((before + behind) >> 1, np.int64(0))
+        count += there & here
     o = 4 * n
     for a in range(n - 1):
         for b in range(a + 1, n):
             for k in range(4):
-                x, y = 4 * a + (k & 2), 4 * b + 2 * (k & 1)
-                far, lack = _told(told, way, around[np.uint64(o + k)])
-                if max(lack, next_to[x + 1], next_to[y + 1]) != UNKNOWN:
-                    total, count = total + max(next_to[x] + next_to[y] - far, np.int64(0)), count + 1
+                x, y = np.uint64(4 * a + (k & 2)), np.uint64(4 * b + 2 * (k & 1))
+                far, plane = _known(told, way, around[np.uint64(o + k)])
+                plane &= next_to[x + np.uint64(1)] & next_to[y + np.uint64(1)]
+                total += plane * max(next_to[x] + next_to[y] - far, np.int64(0))
+                count += plane
             o += 4
     if some > 0:
         total, count = total + same // some, count + 1
@@ -226,10 +199,10 @@ def code_value_bit(st, cd, nearby, number, v, p, bit):
     walk = st.value
     context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + walk.before
     if mixing(cd):
-        see_nearby(st, cd, nearby, walk.item, number, v, p)
+        see_nearby(st, cd, nearby, number, v, p)
         return blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
     below = context
-    if len(nearby.near) > 0:
+    if len(nearby.rows.first) > 0:
         guess = _guessed(st, nearby, v)
         if guess >= 0:
             far = ((guess - ((2 * number[v] + 1) << (p + 1))) * 4) >> (p + 1)

@@ -14,7 +14,8 @@ from ..lattice.implied import implied_edges
 from ..lattice.order import EDGE_BLOCK, in_order
 from ..models.crossing_candidates import Crossings
 from ..models.crossings_nearby import beside_grid, beside_leaves, nothing_beside
-from ..models.value_bits import Nearby, nearby_samples
+from ..models.value_bits import Nearby
+from ..models.value_rows import counted, no_rows, rows_bytes, rows_of_list
 from ..tube.capacity import NOTHING, no_numbers
 from ..tube.leaf_vertices import drawn, drawn_bytes
 from ..tube.ranks import Ranks, enter_numbers_at
@@ -25,8 +26,6 @@ from .offsets import offsets
 
 _VALUES, _VALUES_TAKEN = 96, 240
 """Bytes that listing values takes at most for each vertex, and where an earlier isovalue has some."""
-_NEARBY = {2: 60, 3: 108}
-"""Bytes of what is near a vertex that has a value."""
 _EDGES_GRID, _LEAVES = 240, {2: 480, 3: 480}
 """Bytes that listing offsets takes at most for each edge of the full grid, and for each leaf elsewhere."""
 UNBOUNDED = np.int64(1 << 62)
@@ -95,7 +94,7 @@ class Estimates:
         self._leaves = np.zeros((0, self.n + 1), np.int64), NOTHING
         self._full = False
         self._wanted = NOTHING
-        self._near = np.zeros((0, 0), np.int32)
+        self._rows = no_rows()
         self._told = NOTHING
         self._length = NOTHING
         self._rising = np.zeros(0, np.bool_)
@@ -111,7 +110,7 @@ class Estimates:
         """Let go of what only further layers need: the layers decoded stay."""
         self.truth = self.place = self.slack = self._lean = None
         self._wanted = NOTHING
-        self._near = np.zeros((0, 0), np.int32)
+        self._rows = no_rows()
         self._active = self._told = self._least = self._most = NOTHING
         self._length = self._target = self._slack = NOTHING
         self._rising = np.zeros(0, np.bool_)
@@ -123,7 +122,8 @@ class Estimates:
 
     def _hold(self, passing: int) -> None:
         """Count the memory of the lists, and what making the next ones takes for a moment."""
-        lists: list[NDArray[Any]] = [*self._leaves, *self._beside, self._numbers.first, self._numbers.vertex]
+        lists: list[NDArray[Any]] = [*self._leaves, *self._beside, *self._rows]
+        lists += [self._numbers.first, self._numbers.vertex]
         lists += [v for v in vars(self).values() if isinstance(v, np.ndarray)]
         self._budget.hold(self, sum(array.nbytes for array in lists), passing)
 
@@ -161,7 +161,7 @@ class Estimates:
             active = np.unique(self.leaves(st)[0])
             self._active = active[in_order(st.vertex[active, : self.n])]
         self._active_mesh = int(st.counters.meshes)
-        self._near = np.zeros((0, 0), np.int32)
+        self._rows = no_rows()
         self._wanted = np.zeros(count if self.truth else 0, np.int64)
         if self.truth:
             above = st.vertex[self._active, 3] != 0
@@ -226,13 +226,14 @@ class Estimates:
 
     def code_values(self, st: State, cd: Coder) -> int:
         """Go on with a layer of values."""
-        if self._full and not len(self._near):
-            self._hold(_NEARBY[self.n] * len(self._active) + 4 * len(st.vertex) + self._numbers_bytes(st))
-            self._near = nearby_samples(st, self.numbers(st), self._active, self.n)
+        if self._full and not len(self._rows.first):
+            rows, blocks = counted(st, self._active)
+            self._hold(rows_bytes(self.n, rows, blocks) + 8 * len(self._active))
+            self._rows = rows_of_list(st, self._active, rows, blocks)
             self._told = np.empty(len(self._active) + 1, np.int64)
             values.enter_told(st, self._active, self.number, self.left, self._told)
             self._hold(0)
-        nearby = Nearby(self._near, self._told, self._least, self._most)
+        nearby = Nearby(self._rows, self._told, self._least, self._most)
         return int(values.values(st, cd, nearby, self._active, self.number, self.left, self._plane, self._wanted))
 
     def begin_offsets(self, st: State, full: bool, parts: int, unit: int) -> None:

@@ -184,21 +184,23 @@ def _sign(st, cd, diamond, seen):
 
 @inlined
 def _list_key(key, count, last, one):
-    """List a key, unless it is among the last ones; how many there are then."""
+    """List a key, unless it is among the last ones, or there is no room; how many there are then, room or not."""
     at = np.uint64(one & DIGITS - 1)
     if last[at] == one:
         return count
     last[at] = one
-    key[0, np.uint64(count)] = one
+    if count < key.shape[1]:
+        key[0, np.uint64(count)] = one
     return count + 1
 
 
 @kernel
-def activate(st: State, key: IntMatrix, place: IntVector, active: Int32Matrix) -> int:
-    """List the middles of the leaves of the round's level, in order and each once; how many these are.
+def list_middles(st: State, key: IntMatrix, place: IntVector) -> int:
+    """List the middles of the leaves of the round's level in order, each once; how many there are.
 
-    ``key`` (2, M) is room for as many numbers as there are leaves, ``place`` for those that `sort` counts. Leaves with
-    the same middle are near one another: until they are sorted, ``place`` has the last keys, and most are found there.
+    They are in row 0 of ``key`` (2, M), as numbers of ``order_key``. If M is too small, nothing is listed; returned is
+    then how large it must be, less than 0. Leaves with the same middle are near one another: until they are sorted,
+    ``place`` has the last keys, and most are found there; then it has the numbers that `sort` counts.
     """
     t, count = st.grid.tables, 0
     n = dimension(t)
@@ -218,14 +220,27 @@ def activate(st: State, key: IntMatrix, place: IntVector, active: Int32Matrix) -
             # children of a diamond share middles
             children &= ~(np.int64(1) << c | np.int64(twins(t, kind, c)))
             count = _list_key(key, count, place, order_key(n == 2, bits, *below(t, kind, c, b0, b1, b2)))
+    if count > key.shape[1]:
+        return -count
     row = sort(key, count, key_bits(n == 2, bits), place)
-    found = 0
+    found, before = 0, np.int64(-1)
     for i in range(count):
-        if i == 0 or key[row, i] != key[row, i - 1]:
-            w0, w1, w2 = point_of(n == 2, bits, np.int64(key[row, i]))
-            active[found, 0], active[found, 1], active[found, 2] = w0, w1, w2
+        one = key[row, i]
+        if one != before:
+            key[0, found] = one
             found += 1
+        before = one
     return found
+
+
+@kernel
+def enter_middles(st: State, key: IntMatrix, active: Int32Matrix) -> None:
+    """Enter the middles that are listed in row 0 of ``key``, as many as ``active`` has rows."""
+    n = dimension(st.grid.tables)
+    bits = cycle_of(n, st.counters.level) + 2
+    for i in range(len(active)):
+        w0, w1, w2 = point_of(n == 2, bits, np.int64(key[0, i]))
+        active[i, 0], active[i, 1], active[i, 2] = w0, w1, w2
 
 
 @kernel

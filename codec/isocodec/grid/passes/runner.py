@@ -29,9 +29,11 @@ from ..tube.capacity import (
     at_rest,
     first_state,
     no_numbers,
+    longest,
     no_store,
     state_bytes,
     wider_state,
+    without_room,
     without_rounds,
 )
 from ..tube.holes import Holes
@@ -51,8 +53,10 @@ from . import new_components, refinement
 from . import raster as raster_pass
 from .geometry import Estimates
 
-_SEED, _ACTIVE = 200, 56
-"""Most bytes that sorting takes of a leaf at which a base begins, and of a leaf whose middle is active."""
+_SEED, _MIDDLE = 200, 36
+"""Most bytes that sorting takes of a leaf at which a base begins, and of a middle."""
+_SHARED, _FEW = {2: 3, 3: 6}, 64
+"""Twice the number of leaves that mostly share a middle, and middles that there is room for anyway."""
 _REASONS = {
     base_pass.NO_START: ("5.3.2", "a component starts in a simplex that does not exist or was visited before"),
     base_pass.NOT_CROSSED: ("5.3.3", "a component starts in a simplex that the curve does not cross"),
@@ -407,12 +411,16 @@ class Tube:
         """The middles of all leaves of the level become active."""
         self._fresh()
         st = self.state
-        found = int(st.counters.held)
-        self._hold(state_bytes(st, self._mark), _ACTIVE * found)
-        active = np.empty((found, 5), np.int32)
-        key, place = np.empty((2, found), np.int64), np.empty(COUNTS, np.int64)
-        st.counters.active = refinement.activate(st, key, place, active)
-        self.state = st._replace(active=active[: st.counters.active].copy())
+        # rarely fewer leaves share a middle
+        found = -(int(st.counters.held) * 2 // _SHARED[self.n] + _FEW)
+        place = np.empty(COUNTS, np.int64)
+        while found < 0:
+            self._hold(state_bytes(st, self._mark), -_MIDDLE * found)
+            key = np.empty((2, -found), np.int64)
+            found = refinement.list_middles(st, key, place)
+        st.counters.active = found
+        self.state = st._replace(active=np.empty((found, 5), np.int32))
+        refinement.enter_middles(self.state, key, self.state.active)
         self._hold(state_bytes(self.state, self._mark), 0)
         self._running = "refinement"
 
@@ -473,6 +481,9 @@ class Tube:
         self.state.counters.meshes += 1
         if self.full:
             self.state = without_rounds(self.state)
+            self._hold(state_bytes(self.state, self._mark), longest(self.state))
+            for state in without_room(self.state):
+                self.state = state
             self._hold(state_bytes(self.state, self._mark), 0)
 
     def _grow(self) -> None:

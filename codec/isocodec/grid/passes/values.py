@@ -8,6 +8,7 @@ from ...entropy.range_coder import ENCODE, Coder
 from ...kernel import DONE, kernel
 from ...kernel.types import IntVector
 from ..models.value_bits import UNKNOWN, Nearby, code_value_bit, implied_bit, packed
+from ..models.value_rows import go_to_row
 from ..tube.state import VALUE_BIT, State
 
 
@@ -28,6 +29,8 @@ def values(
         if left[v] <= plane:
             walk.item += 1
             continue
+        if len(nearby.rows.first) > 0:
+            walk.row = go_to_row(nearby.rows, walk.row, walk.item)
         p = left[v] - 1
         bit = implied_bit(nearby, number, v, p)
         if bit < 0:

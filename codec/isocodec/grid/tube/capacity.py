@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -212,6 +212,21 @@ def without_rounds(st: State) -> State:
     return st._replace(below=st.below[:0].copy(), crowd=first.crowd, board=first.board)
 
 
+def longest(st: State) -> int:
+    """Bytes that `without_room` takes at most on the way."""
+    return max(st.vertex.nbytes, st.leaf.nbytes, bytes_of(st.known), bytes_of(st.mesh))
+
+
+def without_room(st: State) -> Iterator[State]:
+    """Let go of the room that arrays have to grow, of one after the other."""
+    for name, count in (("vertex", st.counters.vertices), ("leaf", st.counters.leaves)):
+        st = st._replace(**{name: _shorter(getattr(st, name), int(count))})
+        yield st
+    for name in ("known", "mesh"):
+        st = st._replace(**{name: _trimmed(getattr(st, name))})
+        yield st
+
+
 def at_rest(st: State) -> State:
     """Copy the state without what only further layers need; the mesh, and what others may lean on, stays.
 
@@ -219,16 +234,17 @@ def at_rest(st: State) -> State:
     """
     n, counters = int(st.grid.tables[0]), st.counters
     return without_rounds(st)._replace(
-        known=_trimmed(st.known), mesh=_trimmed(st.mesh), vertex=st.vertex[: counters.vertices].copy(),
-        leaf=st.leaf[: counters.leaves].copy(), active=st.active[:0].copy(),
+        known=_trimmed(st.known), mesh=_trimmed(st.mesh), vertex=_shorter(st.vertex, int(counters.vertices)),
+        leaf=_shorter(st.leaf, int(counters.leaves)), active=st.active[:0].copy(),
         path=st.path[:0].copy(), stack=st.stack[:0].copy(), soft=no_store(n), lean=no_lean(n),
         truth=np.zeros((0, 0, 0), np.bool_), chosen=_first_arrays(n).chosen,
     )
 
 
 def _trimmed(store: Store) -> Store:
-    """Copy the store with no more pages than it has filled."""
-    return Store(store.head.copy(), store.table.copy(), store.pages[: store.head[PAGES]].copy())
+    """The store with no more pages than it has filled: a copy, unless it has no others."""
+    used = int(store.head[PAGES])
+    return store if used == len(store.pages) else Store(store.head, store.table, store.pages[:used].copy())
 
 
 class _First(NamedTuple):
@@ -255,17 +271,22 @@ def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
 
 
 def wider(array: NDArray, size: int) -> NDArray:
-    """Extend an array to ``size`` rows, the new ones zero; the array itself if it has as many."""
+    """Extend an array to ``size`` rows, of which the new ones hold anything; the array itself if it has as many."""
     if size == len(array):
         return array
-    out = np.zeros((size, *array.shape[1:]), array.dtype)
+    out = np.empty((size, *array.shape[1:]), array.dtype)
     out[: len(array)] = array
     return out
 
 
+def _shorter(array: NDArray, size: int) -> NDArray:
+    """A copy of the first ``size`` rows; the array itself if it has no others."""
+    return array if size == len(array) else array[:size].copy()
+
+
 def _rows(width: int, most: int) -> NDArray[np.int32]:
     """An array that begins with some rows: small files need no more; never longer than the limit ``most``."""
-    return np.zeros((min(ROWS, most), width), np.int32)
+    return np.empty((min(ROWS, most), width), np.int32)
 
 
 def _length(array: NDArray, needed: int, most: int) -> int:

@@ -172,9 +172,10 @@ class TreeWalk(Registers):
 
 
 class ValueWalk(Registers):
-    """The next item of the list of values, and the symbol before."""
+    """The next item of the list of values, its row on the full grid, and the symbol before."""
 
     item: int
+    row: int
     before: int
 
 

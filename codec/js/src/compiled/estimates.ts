@@ -18,6 +18,21 @@ const UNBOUNDED = 2 ** 62, MOST_TAKEN = 2 ** 53;
 /** Corners of a diamond and its middle. */
 const CORNERS = 11;
 
+/** Samples of a row of a block, rows of a block, blocks around one and that block, rows around a row. */
+const ROW = 64, ROWS = 64, AROUND = 27, BESIDE = [11, 23];
+
+/** Rows of the samples of a list, in order. */
+interface ValueRows {
+  readonly first: Arr;
+  readonly rank: Arr;
+  readonly beside: Arr;
+  readonly around: Arr;
+}
+
+const noRows = (m: Machine): ValueRows => ({
+  first: m.array("int32", [0]), rank: m.array("uint8", [0, ROW]), beside: m.array("int32", [0, 0]), around: m.array("int32", [0]),
+});
+
 /** What an isovalue leans on: its estimates and its state; how many steps it lies below, if they are few enough. */
 export interface Earlier {
   readonly on: { readonly estimates: Estimates; readonly state: State };
@@ -39,7 +54,8 @@ export class Estimates {
   private least: Arr;
   private most: Arr;
   private active: Arr;
-  private near: Arr;
+  /** Rows of the list of vertices on the full grid. */
+  private rows: ValueRows;
   private told: Arr;
   private full = false;
   private plane = 0;
@@ -61,7 +77,7 @@ export class Estimates {
     const none = (this.none = m.array("int64", [0]));
     this.number = this.left = this.least = this.most = this.active = this.told = this.length = none;
     this.parts = this.offset = none;
-    this.near = m.array("int32", [0, 0]);
+    this.rows = noRows(m);
     this.edges = this.earlierParts = m.array("int64", [0, 2]);
     this.leafRows = m.array("int64", [0, n + 1]);
     this.leafLevels = none;
@@ -114,7 +130,28 @@ export class Estimates {
       this.active = this.ordered(st, [...found], inOrder);
     }
     this.activeMesh = st.counters.get("meshes");
-    this.near = this.instead(this.near, m.array("int32", [0, 0]));
+    this.setRows(noRows(m));
+  }
+
+  private setRows(rows: ValueRows): void {
+    Object.values(this.rows).forEach((array) => this.m.release(array));
+    this.rows = rows;
+  }
+
+  /** Make the rows of the list of vertices on the full grid: samples near one of them follow from these. */
+  private listRows(st: State): void {
+    const { m, n, active } = this, counts = m.array("int64", [2]);
+    m.call("models_value_rows_count_rows", st, active, counts);
+    const count = m.number(counts, 0), blocks = m.number(counts, 1);
+    const rows = {
+      first: m.array("int32", [count + 1]), rank: m.array("uint8", [count + 1, ROW]), beside: m.array("int32", [count, BESIDE[n - 2]!]),
+      around: m.array("int32", [STEPS[n - 2]!.length / 3]),
+    };
+    const key = m.array("int64", [blocks]), row = m.array("int32", [blocks, ROWS]), near = m.array("int64", [AROUND]);
+    m.call("models_value_rows_enter_rows", st, active, key, row, rows);
+    m.call("models_value_rows_enter_beside", st, key, row, near, rows.beside);
+    [counts, key, row, near].forEach((array) => m.release(array));
+    this.setRows(rows);
   }
 
   /** For each vertex what is known of the next samples along each axis. */
@@ -205,20 +242,13 @@ export class Estimates {
 
   /** Go on with a layer of values. */
   codeValues(st: State, cd: Coder): number {
-    const { m, n, active } = this;
-    if (this.full && !this.near.shape[0] && active.size) {
-      const around = STEPS[n - 2]!, by = m.numbers(around, [around.length / 3, 3]), listed = m.array("int32", [st.vertex.shape[0]! + 1]);
-      const places = m.words(listed).fill(active.size);
-      for (let i = 0; i < active.size; i++) places[m.number(active, i)] = i;
-      this.near = this.instead(this.near, m.array("int32", [active.size, around.length / 3]));
-      const numbers = numbered(m, st);
-      m.call("models_value_bits__enter_nearby", st, numbers, active, listed, by, this.near);
-      letGo(m, numbers);
+    const { m, active } = this;
+    if (this.full && !this.rows.first.size) {
+      this.listRows(st);
       this.told = this.instead(this.told, m.array("int64", [active.size + 1]));
       m.call("passes_values_enter_told", st, active, this.number, this.left, this.told);
-      [by, listed].forEach((array) => m.release(array));
     }
-    const nearby = { near: this.near, told: this.told, least: this.least, most: this.most };
+    const nearby = { rows: this.rows, told: this.told, least: this.least, most: this.most };
     return m.call("passes_values_values", st, cd, nearby, active, this.number, this.left, this.plane, this.none);
   }
 
@@ -342,9 +372,9 @@ export class Estimates {
   /** No further layer will come: only what has been told is kept. */
   rest(): void {
     const { m, n, beside } = this;
-    for (const array of [this.near, this.active, this.told, this.least, this.most, this.length, this.rising, this.earlierParts,
+    for (const array of [this.active, this.told, this.least, this.most, this.length, this.rising, this.earlierParts,
       this.leafRows, this.leafLevels, ...Object.values(beside)]) m.release(array);
-    this.near = m.array("int32", [0, 0]);
+    this.setRows(noRows(m));
     this.active = this.told = this.least = this.most = this.length = this.leafLevels = this.none;
     this.rising = m.array("bool", [0]);
     this.earlierParts = m.array("int64", [0, 2]);

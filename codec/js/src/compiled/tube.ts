@@ -314,13 +314,13 @@ export class CompiledStrand implements Strand, Run {
   private refine(): void {
     this.fresh("refinement");
     const { state, shared: { m } } = this, count = this.count("held");
-    const key = m.array("int64", [2, count]), place = m.array("int64", [PLACES]), room = m.array("int32", [count, 5]);
-    const found = m.call("passes_refinement_activate", state, key, place, room), active = m.array("int32", [found, 5]);
-    m.words(active).set(m.words(room).subarray(0, 5 * found));
-    for (const array of [key, place, room]) m.release(array);
+    const key = m.array("int64", [2, count]), place = m.array("int64", [PLACES]);
+    const found = m.call("passes_refinement_list_middles", state, key, place), active = m.array("int32", [found, 5]);
     this.counters.set("active", found);
     m.release(state.active);
     this.state = { ...state, active };
+    m.call("passes_refinement_enter_middles", this.state, key, active);
+    for (const array of [key, place]) m.release(array);
   }
 
   /** Go on with the layer begun: it is done, or bytes or symbols are lacking. */
