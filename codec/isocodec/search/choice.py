@@ -20,11 +20,12 @@ from .tolerance import parts_on, pitches
 from .windows import windows
 
 AHEAD = 1.05
-"""A candidate that takes so many times the bytes of the best one so far is given up."""
+"""A candidate that takes so many times the bytes of the best one so far on windows is given up."""
 CLOSE = 1.06
 """The second best on windows is tried on the whole field, too, if it takes at most so many times the bytes there."""
 FAR = 1.01
-"""Finer pitches of offsets on a mesh are left out after one that takes so many times the best bytes."""
+"""Finer pitches of offsets on a mesh are left out after one that takes so many times the best bytes. On the whole field
+such a candidate is given up: nothing is tried again."""
 
 
 def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
@@ -33,7 +34,7 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     if promise.full_level > 0:
         parts = [] if promise.leans or topology else windows(promise, tolerance)
         sites = [_Site(part, tolerance) for part in parts] or [whole]
-        sizes = _sizes(sites, _candidates(promise, tolerance, topology))
+        sizes = _sizes(sites, _candidates(promise, tolerance, topology), AHEAD if parts else FAR)
     ranking = sorted(sizes, key=lambda candidate: sizes[candidate])
     best: Found = (math.inf, [])
     for i, candidate in enumerate([*ranking, _GRID]):
@@ -82,14 +83,15 @@ def _candidates(promise: Promise, tolerance: float, topology: bool) -> Iterator[
     yield [_Candidate(None, pitch) for pitch in fitted]
 
 
-def _sizes(sites: Sequence[_Site], candidates: Iterator[list[_Candidate]]) -> dict[_Candidate, float]:
-    """Bytes of the candidates that keep to the tolerance on all sites."""
+def _sizes(sites: Sequence[_Site], candidates: Iterator[list[_Candidate]], ahead: float) -> dict[_Candidate, float]:
+    """Bytes of the candidates that keep to the tolerance on all sites, and take less than ``ahead`` times the fewest.
+    """
     best, totals = [math.inf] * len(sites), dict[_Candidate, float]()
     for alike in candidates:
         for candidate in alike:
-            sums = _sums(sites, candidate, best)
+            sums = _sums(sites, candidate, [ahead * least for least in best])
             for site in sites:
-                site.course.done(sums[-1:] < best[-1:] and len(sums) == len(best))
+                site.done(sums[-1:] < best[-1:] and len(sums) == len(best))
             if len(sums) < len(best):
                 break
             totals[candidate] = sums[-1]
@@ -100,15 +102,15 @@ def _sizes(sites: Sequence[_Site], candidates: Iterator[list[_Candidate]]) -> di
     return totals
 
 
-def _sums(sites: Sequence[_Site], candidate: _Candidate, best: Sequence[float]) -> list[float]:
+def _sums(sites: Sequence[_Site], candidate: _Candidate, most: Sequence[float]) -> list[float]:
     """Bytes that a candidate takes on the first site, on the first two, and so on.
 
-    It ends where the candidate does not keep to the tolerance, or is behind the ``best`` one.
+    It ends where the candidate does not keep to the tolerance, or takes more than the ``most`` so far.
     """
     sums: list[float] = []
-    for site, least in zip(sites, best, strict=True):
+    for site, limit in zip(sites, most, strict=True):
         before = sums[-1] if sums else 0.0
-        found = site.found(candidate, AHEAD * least - before)
+        found = site.found(candidate, limit - before)
         if found is None:
             break
         sums.append(before + found[0])
@@ -124,14 +126,15 @@ class _Site:
     promise : Promise
     tolerance : float
     topology : bool
-    course : Course
-        Of the repairs so far.
+    course, cubes : Course
+        Of the repairs so far, and of squares or cubes.
     """
 
     promise: Promise
     tolerance: float
     topology: bool = False
     course: Course = field(default_factory=Course)
+    cubes: Course = field(default_factory=lambda: Course(aims=False))
     _known: dict[_Candidate, Found] = field(default_factory=dict)
     _loose: Chosen | None = None
 
@@ -144,6 +147,11 @@ class _Site:
             self._known[candidate] = found
         return self._known[candidate] if self._known[candidate][0] <= most else None
 
+    def done(self, better: bool) -> None:
+        """The end of a candidate."""
+        self.course.done(better)
+        self.cubes.done(better)
+
     def _made(self, candidate: _Candidate, most: float) -> Found | None:
         promise, tolerance = self.promise, self.tolerance
         if candidate == _GRID:
@@ -154,7 +162,8 @@ class _Site:
             return None
         start, lead = even_start(promise, candidate.exponent)
         if candidate.pitch is None:
-            return _found(cubed(promise, promise.reduction(start), tolerance, candidate.exponent, lead, most))
+            size = candidate.exponent
+            return _found(cubed(promise, promise.reduction(start), tolerance, size, lead, most, self.cubes))
         reduction = promise.reduction(start)
         return _found(repaired(promise, reduction, tolerance, candidate.pitch, lead, most=most, course=self.course))
 
@@ -164,6 +173,8 @@ class _Site:
         assert candidate.pitch is not None
         if self._loose is None:
             self._loose = loose_start(promise, tolerance, self.topology)
+            # it has its places elsewhere than even meshes
+            self.course.lost = {}
         reduction = promise.reduction(self._loose)
         kept = repaired(promise, reduction, tolerance, candidate.pitch, most=HOPELESS * most, course=self.course)
         if kept is None:

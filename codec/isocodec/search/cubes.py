@@ -19,7 +19,7 @@ from ..grid.layers.plan import Entry
 from .mesh_slack import MeshSlack
 from .promise import Promise, onto
 from .reduction import Reduction, distinct
-from .repair import MOST_REPAIRS, Kept, Plan
+from .repair import MOST_REPAIRS, Course, Kept, Plan
 from .tolerance import EDGE
 
 LARGEST = 8.0
@@ -47,7 +47,8 @@ def parts_of(tolerance: float, exponent: int) -> int:
 
 
 def cubed(
-    promise: Promise, reduction: Reduction, tolerance: float, exponent: int, lead: Plan, most: float = math.inf
+    promise: Promise, reduction: Reduction, tolerance: float, exponent: int, lead: Plan, most: float = math.inf,
+    course: Course | None = None,
 ) -> Kept | None:
     """A mesh of squares or cubes that keeps a promise; None if none does, or if it takes more than ``most`` bytes.
 
@@ -62,12 +63,15 @@ def cubed(
     lead : plan
         Layers that lead to the uniform mesh.
     most : float
+    course : Course, optional
+        Meshes that are behind on this are given up.
     """
     parts = parts_of(tolerance, exponent)
     # a single part needs no symbols
     offsets: Entry | None = ("offsets", parts, exponent) if parts > 1 else None
     loose = promise.free and offsets is not None
-    bare = _bisected(promise, reduction, tolerance, exponent, lead, offsets, most / SAVED if loose else most)
+    plan = lead, [] if offsets is None else [offsets]
+    bare = _bisected(promise, reduction, tolerance, 2 << exponent, plan, most / SAVED if loose else most, course)
     if bare is None:
         return None
     kept = _slackened(promise, tolerance, bare, most) if loose else bare
@@ -75,21 +79,23 @@ def cubed(
 
 
 def _bisected(
-    promise: Promise, reduction: Reduction, tolerance: float, exponent: int, lead: Plan, offsets: Entry | None,
-    most: float,
+    promise: Promise, reduction: Reduction, tolerance: float, reach: int, layers: tuple[Plan, Plan], most: float,
+    course: Course | None,
 ) -> Kept | None:
-    """The mesh, leaves of which are bisected where the curve is too far away."""
-    behind = [] if offsets is None else [offsets]
+    """The mesh, leaves of which are bisected where the curve is too far away; ``layers`` are those around it."""
+    lead, behind = layers
     places: NDArray[np.float64] | None = None
     for _ in range(MOST_REPAIRS):
         plan = [*lead, onto(reduction.chosen, lead), *behind]
         size, contour = promise.trial(plan)
         if size > most:
             return None
-        if places is None or not len(places := promise.excess_near(contour, tolerance, places, 2 << exponent)):
+        if places is None or not len(places := promise.excess_near(contour, tolerance, places, reach)):
             places = _faults(promise, contour, tolerance)
         if not len(places):
             return Kept(size, plan, reduction.chosen)
+        if course and course.behind(len(places), size):
+            return None
         leaves = reduction.leaves_at(places)
         if size + LEAF * len(distinct(promise.n, leaves)[0]) > most:
             return None

@@ -29,21 +29,27 @@ SHARES = {2: 1.0, 3: 0.5}
 class Course:
     """Bytes of meshes so far by the number of places too far away on their ways.
 
-    Those of the best one are what the others aim at. One that takes no fewer than another one that was given up ends
-    as that did.
+    One that takes no fewer than another one that was given up ends as that did.
+
+    Parameters
+    ----------
+    aims : bool
+        Whether the others have to keep up with the best one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, aims: bool = True) -> None:
+        self.aims = aims
         self.best: dict[int, int] = {}
         self.lost: dict[int, int] = {}
         self.now: dict[int, int] = {}
 
     def behind(self, places: int, size: int) -> bool:
-        """Whether a mesh takes clearly more bytes than the best one did, or no fewer than one given up; notes it."""
+        """Whether a mesh takes clearly more bytes than the best one did, or no fewer than a lost one; notes them."""
         self.now[places] = size
         if len(self.now) <= SURE:
             return False
-        return size > BEHIND * _at(self.best, places) + NOISE or size >= _at(self.lost, places)
+        late = self.aims and size > BEHIND * _at(self.best, places) + NOISE
+        return late or size >= _at(self.lost, places)
 
     def done(self, better: bool) -> None:
         """The end of a way."""
