@@ -18,6 +18,7 @@ from isocodec.entropy.network import weighed
 from isocodec.entropy.range_coder import DECODE, ENCODE, Coder, CoderRegisters, finish, start
 from isocodec.grid.lattice.access import dimension
 from isocodec.grid.lattice.diamond import diamond_at
+from isocodec.grid.lattice.order import in_order
 from isocodec.grid.lattice.store import get
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.models.contexts import CONTEXTS
@@ -46,7 +47,7 @@ from isocodec.grid.models.refinement_signs import anchored
 from isocodec.grid.models.significance import BIRTH, count_cells
 from isocodec.grid.models.trained import members, shipped_models
 from isocodec.grid.passes.bisection import look
-from isocodec.grid.tube.capacity import MOST_AROUND
+from isocodec.grid.tube.state import learn
 from isocodec.kernel import DONE
 from isocodec.search.strategy import grid_plan
 from isocodec.stream.encoder import encoder_of
@@ -349,11 +350,9 @@ def _around(state, cd, w):
     """List the rows; the sign that they are relative to. Of the diamond's corners the board has what the store has."""
     clear(cd)
     diamond, seen = _diamond(state, w)
-    w0, w1, w2 = diamond.w0, diamond.w1, diamond.w2
-    look_around(state, w0, w1, w2)
     assert corners_around(state, diamond, seen.corners) == (seen.known, seen.above)
     here = anchored(state, diamond, seen)
-    see_around(state, cd, diamond.phase, here)
+    see_around(state, cd, diamond, here)
     return here
 
 
@@ -400,8 +399,49 @@ def test_rows_of_known_vertices_around(shape, back):
     assert seen > 0
 
 
-def test_there_is_room_for_all_vertices_around_a_middle():
-    assert max(AROUND.values()) == MOST_AROUND
+def _three(position):
+    """A position along three axes, as kernels take it."""
+    return [np.int64(x) for x in (*position, 0)[:3]]
+
+
+@pytest.mark.parametrize("shape", [(150, 141), (34, 3), (19, 17, 140), (2, 9, 12)])
+@pytest.mark.parametrize("back", [1, 4])
+def test_copied_part_of_the_board_keeps_up_with_it(shape, back):
+    """Around all middles of a block that follow one another, with vertices that become known, images beyond the box."""
+    n, full = len(shape), len(shape) * cube_exponent(shape)
+    encoder = encoder_of(smooth(shape, 5), 0.1, layers=[("base", 0), ("refine", full - back)])
+    assert b"".join(encoder)
+    tube = encoder.frame.strands[0].tube
+    rng = np.random.default_rng(back)
+    g, far = int(tube.state.counters.edge) // 2, {2: 7, 3: 4}[n]
+    last = (np.array(shape) - 1) // g + 1
+    middles = [w for w in rng.integers(0, last + 1, (3000, n)) if w[0] % 2]
+    middles = np.array(middles)[in_order(np.array(middles))]
+    active = np.zeros((len(middles), 5), np.int32)
+    active[:, :n] = middles
+    tube.state = tube.state._replace(active=active)
+    tube.state.counters.active = len(active)
+    copies = 0
+    for number in rng.choice(len(middles), 60):
+        tube.state.counters.coded = number
+        new = np.minimum(rng.integers(0, last + 1, (4, n)) * g, np.array(shape) - 1)
+        new[0] = np.minimum(middles[number] * g, np.array(shape) - 1)
+        tube._grow()
+        for x in new:
+            position = _three(x)
+            if not get(tube.state.known, *position):
+                learn(tube.state, *position, np.int64(rng.integers(2)))
+        while not survey(tube.state):
+            tube._grow()
+        state, w = tube.state, _three(middles[number])
+        before = state.window.copy()
+        at = look_around(state, *w)
+        copies += not np.array_equal(state.window, before)
+        for step in [np.zeros(n, int), *rng.integers(-far, far + 1, (20, n))]:
+            p = [int(a + b) + 32 for a, b in zip(w, step, strict=False)]
+            there = step @ {2: [80, 1], 3: [1280, 80, 1]}[n]
+            assert state.near[at + there] == get(state.board, *_three(p))
+    assert copies > 0
 
 
 @pytest.mark.parametrize("shape", [(24, 31), (9, 7, 8), (17, 3)])

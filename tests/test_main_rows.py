@@ -21,7 +21,7 @@ from isocodec.grid.lattice.vertex_set import IN, KEPT, OUT
 from isocodec.grid.models.base_signs import see_behind
 from isocodec.grid.models.corner_patterns import CLASSES
 from isocodec.grid.models.mesh_questions import Question, see_mesh
-from isocodec.grid.models.neighbourhood import look_around, nearest_vertices, survey
+from isocodec.grid.models.neighbourhood import nearest_vertices, survey
 from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROW, TREE_ROW, VALUE_ROW
 from isocodec.grid.models.refinement_signs import Before, Expected, see_middle
 from isocodec.grid.models.significance import CUBE, NODE, SLOT, Node, count_cells, see_crowd
@@ -53,7 +53,6 @@ def _sign(st, cd, w0, w1, w2, crossed, row):
     survey(st)
     r = st.counters.level % dimension(st.grid.tables)
     diamond = diamond_at(st.grid, np.int64(st.counters.edge), np.int64(r), w0, w1, w2)
-    look_around(st, w0, w1, w2)
     see_middle(st, cd, diamond, look(st, diamond), Expected(crossed, *ints(1, 0, row)), Before(*ints(-1, 0)))
 
 

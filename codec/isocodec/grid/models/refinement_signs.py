@@ -123,7 +123,7 @@ def see_middle(st, cd, diamond, seen, expected, before):
     r, crossed = diamond.phase, expected.crossed
     clear(cd)
     here = anchored(st, diamond, seen)
-    see_around(st, cd, r, here)
+    see_around(st, cd, diamond, here)
     target = expected.guess if crossed else 1 - expected.guess
     manner = _FIRST_2[np.uint64(r)] + _MANNER_2 if plane else _FIRST_3[np.uint64(r)] + _MANNER_3
     see(cd, manner + min(bits(st.counters.edge) - 1, 8))

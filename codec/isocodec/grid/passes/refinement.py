@@ -23,7 +23,7 @@ from ..lattice.store import get, put, spot
 from ..lattice.vertex_set import IN, KEPT, has
 from ..models import contexts as ctx
 from ..models.mesh_questions import OF_LEAF, Question, ask, nearby
-from ..models.neighbourhood import corners_around, look_around
+from ..models.neighbourhood import corners_around
 from ..models.refinement_signs import (
     Before,
     anchored,
@@ -65,7 +65,6 @@ def _look(st, cd, diamond):
         return look(st, diamond)
     w0, w1, w2 = diamond.w0, diamond.w1, diamond.w2
     whole, members, corners = existing(st.grid, diamond.edge, diamond.phase, diamond.kind, w0, w1, w2)
-    look_around(st, w0, w1, w2)
     known, above = corners_around(st, diamond, corners)
     return Known(whole, members, corners, known, above)
 

@@ -34,6 +34,7 @@ from .state import (
     FRAME,
     GATE,
     MOST_ANCESTORS,
+    MOST_NEAR,
     MOSTLY,
     STEP_CELLS,
     STEP_LEAVES,
@@ -50,8 +51,8 @@ from .state import (
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
-MOST_LEVELS, MOST_POINTS, MOST_AROUND, SCRATCH = 80, 20, 112, 128
-"""Turns of a path, points of a curve and vertices around a middle that are remembered, and passing numbers, at most."""
+MOST_LEVELS, MOST_POINTS, SCRATCH = 80, 20, 128
+"""Turns of a path and points of a curve that are remembered, and passing numbers, at most."""
 ROWS = 2048
 STEP_GATES = 128
 """Gates for which a base's stack has room after it has grown: many more than a step pushes."""
@@ -102,7 +103,7 @@ def first_state(
         no_store(n),
         np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
-        turns, trail, early, candidates, window, np.zeros(MOST_AROUND, np.int32), scratch, stack,
+        turns, trail, early, candidates, window, np.empty(MOST_NEAR, np.int8), scratch, stack,
     )
 
 
@@ -219,12 +220,13 @@ def longest(st: State) -> int:
 
 def without_room(st: State) -> Iterator[State]:
     """Let go of the room that arrays have to grow, of one after the other."""
-    for name, count in (("vertex", st.counters.vertices), ("leaf", st.counters.leaves)):
-        st = st._replace(**{name: _shorter(getattr(st, name), int(count))})
-        yield st
-    for name in ("known", "mesh"):
-        st = st._replace(**{name: _trimmed(getattr(st, name))})
-        yield st
+    st = st._replace(vertex=_shorter(st.vertex, int(st.counters.vertices)))
+    yield st
+    st = st._replace(leaf=_shorter(st.leaf, int(st.counters.leaves)))
+    yield st
+    st = st._replace(known=_trimmed(st.known))
+    yield st
+    yield st._replace(mesh=_trimmed(st.mesh))
 
 
 def at_rest(st: State) -> State:
@@ -236,7 +238,7 @@ def at_rest(st: State) -> State:
     return without_rounds(st)._replace(
         known=_trimmed(st.known), mesh=_trimmed(st.mesh), vertex=_shorter(st.vertex, int(counters.vertices)),
         leaf=_shorter(st.leaf, int(counters.leaves)), active=st.active[:0].copy(),
-        path=st.path[:0].copy(), stack=st.stack[:0].copy(), soft=no_store(n), lean=no_lean(n),
+        path=st.path[:0].copy(), near=st.near[:0].copy(), stack=st.stack[:0].copy(), soft=no_store(n), lean=no_lean(n),
         truth=np.zeros((0, 0, 0), np.bool_), chosen=_first_arrays(n).chosen,
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 from isospec.elements import ELEMENTS
 
 from ...kernel import inlined, record
-from ...kernel.types import BoolVolume, Int32Matrix, Int32Vector, IntMatrix, IntVector, Registers
+from ...kernel.types import BoolVolume, Int8Vector, Int32Matrix, IntMatrix, IntVector, Registers
 from ..lattice.access import vertex
 from ..lattice.grid import Grid, clamped, position
 from ..lattice.store import Bytes, Flags, Store, full, get, spot
@@ -200,6 +200,8 @@ STEP_LEAVES = 24
 """Most simplices that one step adds."""
 STEP_CELLS = 26
 """Most pages of the crowd that one step adds."""
+MOST_NEAR = 20480
+"""Entries of ``State.near``."""
 
 
 @record
@@ -259,8 +261,8 @@ class State(NamedTuple):
     trail: IntVector  # last points of the curve, two numbers a point
     early: IntVector  # first points of the component, likewise
     candidates: IntVector  # for a crossing, see models.crossing_candidates
-    window: IntVector  # the pages of the board around the last middle, see models.neighbourhood
-    place: Int32Vector  # where the vertices around it lie on the board
+    window: IntVector  # main profile: which part of the board is copied, see models.neighbourhood
+    near: Int8Vector  # that part
     scratch: IntVector  # a step's intermediate results
     stack: IntVector  # of the running pass
 

@@ -64,7 +64,7 @@ export interface State {
   readonly early: Arr;
   readonly candidates: Arr;
   readonly window: Arr;
-  readonly place: Arr;
+  readonly near: Arr;
   readonly scratch: Arr;
   readonly stack: Arr;
 }
@@ -83,8 +83,8 @@ const VERTICES = 16, LEAVES = 24, CELLS = 26, GATES = 128;
 const MOST_LEAVES = 2 ** 28;
 /** Entries of turns, censuses, trail, early points, candidates, window, scratch. */
 const SIZES = [80, 80, 40, 40, 80, 10, 128];
-/** Vertices around a middle that the main profile sees. */
-const AROUND = 112;
+/** Entries of the part of the board that is copied. */
+const NEAR = 20480;
 
 /** States of a file: what all of them share. */
 export class States {
@@ -122,7 +122,7 @@ export class States {
       active: m.array("int32", [0, 5]), mesh: newFlags(m, n), crowd: newCounts(m, n), censuses, board: newBoard(m, n), path: m.array("int64", [ANCESTORS, 4]), chosen: this.chosen,
       lean: lean ?? noLean, hole: noLean, soft: this.noStore, truth: m.array("bool", [0, 0, 0]), base,
       refinement: m.registers("RefinementWalk"), tree: m.registers("TreeWalk"), value: m.registers("ValueWalk"), digit: m.registers("DigitWalk"),
-      turns, trail, early, candidates, window, place: m.array("int32", [AROUND]), scratch, stack: m.array("int64", [STACK]),
+      turns, trail, early, candidates, window, near: m.array("int8", [NEAR]), scratch, stack: m.array("int64", [STACK]),
     };
   }
 
@@ -161,12 +161,12 @@ export class States {
   atRest(st: State): State {
     const { m, noLean } = this, none = m.array("int64", [0]);
     for (const store of [st.crowd, st.board, ...(st.soft === this.noStore ? [] : [st.soft])]) release(m, store);
-    for (const array of [st.below, st.active, st.path, st.stack]) m.release(array);
+    for (const array of [st.below, st.active, st.path, st.near, st.stack]) m.release(array);
     const trimmed = (store: Store): Store => ({ ...store, pages: this.longer(store.pages, m.number(store.head, PAGES)) });
     return {
       ...st, known: trimmed(st.known), mesh: trimmed(st.mesh), vertex: this.longer(st.vertex, st.counters.get("vertices")),
       leaf: this.longer(st.leaf, st.counters.get("leaves")), crowd: this.noStore, board: this.noBoard, below: m.array("int32", [0, 5]),
-      active: m.array("int32", [0, 5]), path: m.array("int64", [0, 4]), stack: none, soft: this.noStore, lean: noLean,
+      active: m.array("int32", [0, 5]), path: m.array("int64", [0, 4]), near: m.array("int8", [0]), stack: none, soft: this.noStore, lean: noLean,
     };
   }
 
@@ -177,6 +177,6 @@ export class States {
     for (const store of [st.known, st.mesh, st.crowd, st.board, st.soft]) if (!shared.includes(store)) release(m, store);
     const walks = [st.counters, st.base, st.refinement, st.tree, st.value, st.digit].map((walk) => walk.array);
     for (const array of [...walks, st.tally, st.calm, st.valueBits, st.vertex, st.leaf, st.below, st.active, st.path, st.turns, st.censuses, st.trail, st.early,
-      st.candidates, st.window, st.place, st.scratch, st.stack]) m.release(array);
+      st.candidates, st.window, st.near, st.scratch, st.stack]) m.release(array);
   }
 }
