@@ -67,7 +67,7 @@ def _told(told, way, j):
 
 @inlined
 def _known(told, way, j):
-    """As `_told`, but whether anything is known of it; twice the middle is 0 if not."""
+    """Twice that middle, 0 if nothing is known of the value; whether anything is."""
     middle, lack = _told(told, way, j)
     return middle, np.int64(lack != UNKNOWN)
 
