@@ -25,8 +25,8 @@ _Y, _Z = 23, 44
 """Bits of a page's key at which its second and third coordinate begin."""
 _FIRST = 64
 """Pages that a store begins with: small files need no more."""
-_SMALL, _LARGE = 1 << 17, 1 << 24
-"""Up to so many bytes an array grows to four times of what it has, from the other number on by half of it."""
+_LARGE = 1 << 24
+"""Bytes from which on an array grows by half of what it has."""
 
 
 Pages = NDArray[np.int32] | NDArray[np.int8] | NDArray[np.uint8]
@@ -117,9 +117,7 @@ def spare(size: int, count: int) -> int:
 
     Small ones grow by a large factor, since that is fast; large ones by a small one, since memory is limited.
     """
-    if size <= _SMALL:
-        return 3 * count
-    return count if size < _LARGE else count // 2
+    return 3 * count if size < _LARGE else count // 2
 
 
 def grown(store: Store, room: int, factor: int = 4) -> Store:

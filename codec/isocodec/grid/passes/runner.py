@@ -28,12 +28,10 @@ from ..tube.capacity import (
     NOTHING,
     at_rest,
     first_state,
-    longest,
     no_numbers,
     no_store,
     state_bytes,
     wider_state,
-    without_room,
     without_rounds,
 )
 from ..tube.holes import Holes
@@ -481,9 +479,6 @@ class Tube:
         self.state.counters.meshes += 1
         if self.full:
             self.state = without_rounds(self.state)
-            self._hold(state_bytes(self.state, self._mark), longest(self.state))
-            for state in without_room(self.state):
-                self.state = state
             self._hold(state_bytes(self.state, self._mark), 0)
 
     def _grow(self) -> None:

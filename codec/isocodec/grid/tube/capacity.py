@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -211,22 +211,6 @@ def without_rounds(st: State) -> State:
     """Let go of what only rounds of refinement need: on the full grid none come."""
     first = _first_arrays(int(st.grid.tables[0]))
     return st._replace(below=st.below[:0].copy(), crowd=first.crowd, board=first.board)
-
-
-def longest(st: State) -> int:
-    """Bytes that `without_room` takes at most on the way."""
-    return max(st.vertex.nbytes, st.leaf.nbytes, bytes_of(st.known), bytes_of(st.mesh))
-
-
-def without_room(st: State) -> Iterator[State]:
-    """Let go of the room that arrays have to grow, of one after the other."""
-    st = st._replace(vertex=_shorter(st.vertex, int(st.counters.vertices)))
-    yield st
-    st = st._replace(leaf=_shorter(st.leaf, int(st.counters.leaves)))
-    yield st
-    st = st._replace(known=_trimmed(st.known))
-    yield st
-    yield st._replace(mesh=_trimmed(st.mesh))
 
 
 def at_rest(st: State) -> State:
