@@ -127,20 +127,26 @@ def unproven(buckets, stack, last):
         o = stack[depth]
         x, y, z = (o[0] + o[3] + o[6]) / 3.0, (o[1] + o[4] + o[7]) / 3.0, (o[2] + o[5] + o[8]) / 3.0
         radius = np.sqrt(max(apart(o, 0, x, y, z), apart(o, 3, x, y, z), apart(o, 6, x, y, z)))
-        found = proven = last >= 0 and _proves(buckets.flat, last, o, radius, near(buckets.flat, last, x, y, z), limit)
+        found = proven = last >= 0 and _far_corner(buckets.flat, last, o, 0, squared) < 0
         bucket = -1 if proven else bucket_of(buckets, x, y, z)
         if bucket >= 0:
+            far = 0
             for k in range(buckets.first[bucket], buckets.first[bucket + 1]):
                 item = np.int64(buckets.items[k])
                 if _beyond(buckets.ball, item, x, y, z, limit):
                     continue
-                if found and _useless(buckets.ball, item, o, x, y, z, radius, limit):
+                if found:
+                    if _useless(buckets.ball, item, o, x, y, z, radius, limit):
+                        continue
+                elif near(buckets.flat, 9 * item, x, y, z) > squared:
                     continue
-                d = near(buckets.flat, 9 * item, x, y, z)
-                found = found or d <= squared
-                if _proves(buckets.flat, 9 * item, o, radius, d, limit):
+                found = True
+                # the corner that the one before did not reach is likely beyond the next one, too
+                corner = _far_corner(buckets.flat, 9 * item, o, far, squared)
+                if corner < 0:
                     proven, last = True, 9 * item
                     break
+                far = corner
         if proven:
             continue
         if not found or radius < SMALLEST or depth + 2 > len(stack):
@@ -183,17 +189,16 @@ def cross(source: FloatMatrix, buckets: Buckets, out: BoolVector, places: FloatM
 
 
 @inner
-def _proves(flat, j, o, radius, d, limit):
-    """Whether one of the target's pieces, at the squared distance ``d`` from the centre, proves a piece."""
-    if np.sqrt(d) + radius <= limit:
-        return True
-    squared = limit * limit
-    return (
-        d <= squared
-        and near(flat, j, o[0], o[1], o[2]) <= squared
-        and near(flat, j, o[3], o[4], o[5]) <= squared
-        and near(flat, j, o[6], o[7], o[8]) <= squared
-    )
+def _far_corner(flat, j, o, first, squared):
+    """A corner of a piece that is farther than the limit from one of the target's, from the ``first`` one on; or -1.
+
+    Without one that proves the piece.
+    """
+    for i in range(first, first + 9, 3):
+        corner = i if i < 9 else i - 9
+        if near(flat, j, o[corner], o[corner + 1], o[corner + 2]) > squared:
+            return corner
+    return -1
 
 
 @inner
