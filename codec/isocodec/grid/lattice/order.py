@@ -38,7 +38,15 @@ def in_order(
     for column, width in zip(columns, bits, strict=True):
         key <<= width
         key |= column
-    return np.argsort(key, kind="stable")
+    own = len(key).bit_length()
+    if sum(bits) + own > _KEY_BITS:
+        return np.argsort(key, kind="stable")
+    # with the row's number behind it each key is another one: sorted in a third of the time
+    key <<= own
+    key |= np.arange(len(key))
+    key.sort()
+    key &= (1 << own) - 1
+    return key
 
 
 @inlined
