@@ -99,10 +99,11 @@ def clamped(position, shape):
     return tuple(min(max(int(x), 0), size - 1) for x, size in zip(position, shape, strict=True))
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", [*SHAPES, (70, 140), (3, 67), (9, 17, 135)])
 @pytest.mark.parametrize("planes", [1, 4])
 def test_rows_of_values_nearby(shape, planes):
-    """Half of the vertices told as far as ``p``, the others one bit less."""
+    """Half of the vertices told as far as ``p``, the others one bit less; within blocks of the order and across them.
+    """
     n = len(shape)
     field = np.rint(smooth(shape, 5) * 200).astype(np.int64)
     encoder = encoder_of(field, 20.5, layers=[*grid_plan(n, n * cube_exponent(shape), None), ("values", planes)])
@@ -120,7 +121,7 @@ def test_rows_of_values_nearby(shape, planes):
     place = {tuple(map(int, state.vertex[v, :n])): v for v in active}
     slots = {2: 9, 3: 14}[n]
     cd = coder(n)
-    for i in rng.choice(len(active), 60):
+    for i in rng.choice(len(active), 400):
         v = active[i]
         if left[v] != p + 1:
             continue
