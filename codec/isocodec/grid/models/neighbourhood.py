@@ -172,8 +172,8 @@ def _along_rows(plane, x, y, z):
 @inlined
 def _near_at(plane, window, x, y, z):
     """Place on the copied part of the board."""
-    slice_ = _ROW if plane else _SLICE
-    return (x - window[_ORIGIN]) * slice_ + (y - window[_ORIGIN + 1]) * _ROW + z - window[_ORIGIN + 2]
+    at = (x - window[_ORIGIN]) * (_ROW if plane else _SLICE)
+    return at + (y - window[_ORIGIN + 1]) * _ROW + z - window[_ORIGIN + 2]
 
 
 @inlined
