@@ -66,7 +66,7 @@ def cubed(
     course : Course, optional
         Meshes that are behind on this are given up.
     """
-    parts = parts_of(tolerance, exponent)
+    parts, course = parts_of(tolerance, exponent), course or Course(aims=False)
     # a single part needs no symbols
     offsets: Entry | None = ("offsets", parts, exponent) if parts > 1 else None
     loose = promise.free and offsets is not None
@@ -74,13 +74,13 @@ def cubed(
     bare = _bisected(promise, reduction, tolerance, 2 << exponent, plan, most / SAVED if loose else most, course)
     if bare is None:
         return None
-    kept = _slackened(promise, tolerance, bare, most) if loose else bare
+    kept = _slackened(promise, tolerance, bare, most, course) if loose else bare
     return kept if kept.size <= most else None
 
 
 def _bisected(
     promise: Promise, reduction: Reduction, tolerance: float, reach: int, layers: tuple[Plan, Plan], most: float,
-    course: Course | None,
+    course: Course,
 ) -> Kept | None:
     """The mesh, leaves of which are bisected where the curve is too far away; ``layers`` are those around it."""
     lead, behind = layers
@@ -89,15 +89,18 @@ def _bisected(
         plan = [*lead, onto(reduction.chosen, lead), *behind]
         size, contour = promise.trial(plan)
         if size > most:
+            course.lose(size, most)
             return None
         if places is None or not len(places := promise.excess_near(contour, tolerance, places, reach)):
             places = _faults(promise, contour, tolerance)
         if not len(places):
             return Kept(size, plan, reduction.chosen)
-        if course and course.behind(len(places), size):
+        if course.behind(len(places), size):
             return None
         leaves = reduction.leaves_at(places)
-        if size + LEAF * len(distinct(promise.n, leaves)[0]) > most:
+        least = size + LEAF * len(distinct(promise.n, leaves)[0])
+        if least > most:
+            course.lose(least, most)
             return None
         if not reduction.restore(places, share=SHARE[promise.n], leaves=leaves):
             # curves that are not coded yet may still be crossed
@@ -106,12 +109,14 @@ def _bisected(
     return None
 
 
-def _slackened(promise: Promise, tolerance: float, bare: Kept, most: float) -> Kept:
+def _slackened(promise: Promise, tolerance: float, bare: Kept, most: float, course: Course) -> Kept:
     """Give the mesh as much slack as the promise allows, unless it takes more than ``most`` bytes with more slack."""
     slack = MeshSlack(promise.phi, tolerance, promise.fixed)
     for _ in range(MOST_TIGHTENED):
         plan: Plan = [*bare.plan[:-1], (*bare.plan[-1], None, slack)]
         size, contour = promise.trial(plan)
+        if size > most:
+            course.lose(size, most)
         if size >= bare.size or size > most:
             break
         places = _faults(promise, contour, tolerance)

@@ -20,6 +20,8 @@ MOST_REPAIRS = 64
 BEHIND, NOISE, SURE = 1.03, 12, 3
 """A mesh is given up that takes so many times the bytes, and so many more, that the best one took at as many places,
 after some turns."""
+CLEAR = 1.01
+"""One that would take so many times the bytes allowed is lost clearly: meshes that come near it end near it, too."""
 LEAF = 0.25
 """Bytes that a leaf costs at least, with all that comes of it, where the curve is too far away."""
 SHARES = {2: 1.0, 3: 0.5}
@@ -29,7 +31,8 @@ SHARES = {2: 1.0, 3: 0.5}
 class Course:
     """Bytes of meshes so far by the number of places too far away on their ways.
 
-    One that takes no fewer than another one that was given up ends as that did.
+    Those of the best one are what the others aim at. One that takes no fewer than another one that was lost clearly is
+    lost, too: they become the same mesh nearly.
 
     Parameters
     ----------
@@ -42,22 +45,27 @@ class Course:
         self.best: dict[int, int] = {}
         self.lost: dict[int, int] = {}
         self.now: dict[int, int] = {}
+        self._clear = False
 
     def behind(self, places: int, size: int) -> bool:
         """Whether a mesh takes clearly more bytes than the best one did, or no fewer than a lost one; notes them."""
         self.now[places] = size
         if len(self.now) <= SURE:
             return False
-        late = self.aims and size > BEHIND * _at(self.best, places) + NOISE
-        return late or size >= _at(self.lost, places)
+        follows = places >= min(self.lost, default=0) and size >= _at(self.lost, places)
+        return follows or (self.aims and size > BEHIND * _at(self.best, places) + NOISE)
+
+    def lose(self, least: float, most: float) -> None:
+        """Note that a mesh is given up that would take at least so many bytes, where at most so many are allowed."""
+        self._clear = least > CLEAR * most
 
     def done(self, better: bool) -> None:
         """The end of a way."""
         if better:
             self.best = self.now
-        elif self.now:
+        elif self._clear:
             self.lost = self.now
-        self.now = {}
+        self.now, self._clear = {}, False
 
 
 def _at(way: dict[int, int], places: int) -> float:
@@ -100,7 +108,7 @@ def repaired(
     """
     fitted: Fitted | None = None
     faults: Faults | None = None
-    stuck = False
+    course, stuck = course or Course(), False
     for _ in range(MOST_REPAIRS):
         mesh = reduction.chosen
         fitted = promise.placed(mesh, *pitch, tolerance, fitted, lead=lead, faults=faults)
@@ -114,11 +122,11 @@ def repaired(
             if not len(places) and size <= most:
                 return Kept(size, plan, mesh)
             faults = Faults(fitted.drawing, places, faults.pieces)
-        if size > most or (course and course.behind(len(places), size)):
-            return None
         leaves = reduction.leaves_at(places)
-        hopeless = size + LEAF * len(distinct(promise.n, leaves)[0]) > most
-        if hopeless or stuck:
+        least = size + LEAF * len(distinct(promise.n, leaves)[0])
+        if least > most:
+            course.lose(least, most)
+        if least > most or stuck or course.behind(len(places), size):
             return None
         # where no more can be put back the curve may still keep its promise, but for curves that are not coded yet
         stuck = not reduction.restore(places, share=SHARES[promise.n], leaves=leaves)
