@@ -1,8 +1,8 @@
 """Pieces of a curve or surface sorted into buckets, and which of them lies near a place or a piece (spec annex G.3).
 
 A piece is proven to lie within a limit of the others if all its vertices lie within the limit of one segment or
-triangle (distance to a convex set is convex), or if its centre does with the piece's radius to spare; otherwise it is
-halved. What is not proven counts as too far: bounds err on the safe side.
+triangle (distance to a convex set is convex); otherwise it is halved. What is not proven counts as too far: bounds err
+on the safe side.
 """
 
 from __future__ import annotations
@@ -190,9 +190,9 @@ def cross(source: FloatMatrix, buckets: Buckets, out: BoolVector, places: FloatM
 
 @inner
 def _far_corner(flat, j, o, first, squared):
-    """A corner of a piece that is farther than the limit from one of the target's, from the ``first`` one on; or -1.
+    """The first corner of a piece, beginning at ``first``, that is too far from one of the target's pieces.
 
-    Without one that proves the piece.
+    If no corner is, -1: the target's piece proves this one.
     """
     for i in range(first, first + 9, 3):
         corner = i if i < 9 else i - 9

@@ -110,14 +110,15 @@ def _bisected(
 
 
 def _slackened(promise: Promise, tolerance: float, bare: Kept, most: float, course: Course) -> Kept:
-    """Give the mesh as much slack as the promise allows, unless it takes more than ``most`` bytes with more slack."""
+    """Give the mesh as much slack as the promise allows; it is left without if it takes more than ``most`` bytes so."""
     slack = MeshSlack(promise.phi, tolerance, promise.fixed)
     for _ in range(MOST_TIGHTENED):
         plan: Plan = [*bare.plan[:-1], (*bare.plan[-1], None, slack)]
         size, contour = promise.trial(plan)
         if size > most:
             course.lose(size, most)
-        if size >= bare.size or size > most:
+            break
+        if size >= bare.size:
             break
         places = _faults(promise, contour, tolerance)
         if not len(places):

@@ -13,6 +13,7 @@ EDGE_BLOCK = {2: (2, 2), 3: BLOCK[3]}
 """Edges of the blocks that crossed edges lie in: like crossings follow one another along a curve."""
 _KEY_BITS = 63
 _PLANE, (_SHORT, _, _LONG) = BLOCK[2][0], BLOCK[3]
+assert _PLANE == BLOCK[2][1] == _LONG and BLOCK[3][1] == _SHORT
 _DIGIT = 11
 """Bits by which numbers are sorted at a time."""
 DIGITS = 1 << _DIGIT
@@ -47,6 +48,19 @@ def in_order(
     key.sort()
     key &= (1 << own) - 1
     return key
+
+
+@inlined
+def along_rows(plane, x, y, z):
+    """Coordinates with the last axis, along which the rows of a block run, as the third; those of a plane have no y."""
+    return (x, np.int64(0), y) if plane else (x, y, z)
+
+
+@inlined
+def block_of(plane, x, y, z):
+    """Coordinates of the block of a lattice point, in blocks; both as of ``along_rows``."""
+    short = _PLANE if plane else _SHORT
+    return x >> short, y >> short, z >> _LONG
 
 
 @inlined

@@ -34,7 +34,7 @@ Pages = NDArray[np.int32] | NDArray[np.int8] | NDArray[np.uint8]
 
 @record
 class Store(NamedTuple):
-    """``table`` holds a key and a page number a row. Pages that have not come into being hold anything."""
+    """``table`` holds a key and a page number a row. Pages not yet begun hold arbitrary numbers."""
 
     head: IntVector
     table: IntMatrix

@@ -11,7 +11,7 @@ from ...kernel import constant, inlined, inner
 from ..lattice.access import corners as corner_count
 from ..lattice.access import dimension
 from ..lattice.grid import cycle_of
-from ..lattice.order import BLOCK
+from ..lattice.order import BLOCK, along_rows, block_of
 from ..lattice.store import full, page_or_first, put, wipe
 from ..lattice.tables import MOST_CORNERS, START, mesh_tables
 from ..tube.state import MOST_NEAR
@@ -153,7 +153,7 @@ def _enter(st, x, y, z, entry):
     plane = dimension(st.grid.tables) == 2
     put(st.board, _MARGIN + x, _MARGIN + y, np.int64(0) if plane else _MARGIN + z, entry)
     window, reach = st.window, _REACH_2 if plane else _REACH_3
-    x, y, z = _along_rows(plane, x, y, z)
+    x, y, z = along_rows(plane, x, y, z)
     deep = 0 if plane else reach
     if (
         window[_COPIED] and window[_LOW] - reach <= x <= window[_HIGH] + reach
@@ -164,23 +164,10 @@ def _enter(st, x, y, z, entry):
 
 
 @inlined
-def _along_rows(plane, x, y, z):
-    """Coordinates as of rows of a block along the last axis; a plane is a single slice of them."""
-    return (x, np.int64(0), y) if plane else (x, y, z)
-
-
-@inlined
 def _near_at(plane, window, x, y, z):
     """Place on the copied part of the board."""
     at = (x - window[_ORIGIN]) * (_ROW if plane else _SLICE)
     return at + (y - window[_ORIGIN + 1]) * _ROW + z - window[_ORIGIN + 2]
-
-
-@inlined
-def _block_of(plane, x, y, z):
-    """Coordinates of the block of a middle."""
-    short = _BLOCK_2 if plane else _SHORT_3
-    return x >> short, y >> short, z >> _BLOCK_2
 
 
 @inner
@@ -188,12 +175,12 @@ def _copy_near(st, m0, m1, m2):
     """Copy what the board has around a middle, and around those that follow it in its block."""
     plane = dimension(st.grid.tables) == 2
     window, counters = st.window, st.counters
-    b0, b1, b2 = _block_of(plane, m0, m1, m2)
+    b0, b1, b2 = block_of(plane, m0, m1, m2)
     low0, low1, low2, high0, high1, high2 = m0, m1, m2, m0, m1, m2
     for i in range(counters.coded, counters.active):
         row = st.active[np.uint64(i)]
-        x, y, z = _along_rows(plane, np.int64(row[0]), np.int64(row[1]), np.int64(row[2]))
-        c0, c1, c2 = _block_of(plane, x, y, z)
+        x, y, z = along_rows(plane, np.int64(row[0]), np.int64(row[1]), np.int64(row[2]))
+        c0, c1, c2 = block_of(plane, x, y, z)
         if c0 != b0 or c1 != b1 or c2 != b2:
             break
         low0, low1, low2 = min(low0, x), min(low1, y), min(low2, z)
@@ -243,7 +230,7 @@ def look_around(st, w0, w1, w2):
     """Find the place of a middle on the copied part of the board, with what is around it; the board is surveyed."""
     plane = dimension(st.grid.tables) == 2
     window = st.window
-    x, y, z = _along_rows(plane, w0, w1, w2)
+    x, y, z = along_rows(plane, w0, w1, w2)
     if not (
         window[_COPIED] and window[_LOW] <= x <= window[_HIGH] and window[_LOW + 1] <= y <= window[_HIGH + 1]
         and window[_LOW + 2] <= z <= window[_HIGH + 2]

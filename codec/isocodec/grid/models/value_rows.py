@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...kernel import constant, inlined, kernel, record
 from ...kernel.types import Int32Matrix, Int32Vector, IntVector, UInt8Matrix
 from ..lattice.access import dimension
-from ..lattice.order import BLOCK
+from ..lattice.order import BLOCK, along_rows, block_of
 from ..tube.state import State
 
 _SHIFT = BLOCK[3][2]
@@ -127,7 +127,7 @@ def _key(plane, b0, b1, b2):
 
 
 @inlined
-def _block_of(plane, key):
+def _block_at(plane, key):
     """Coordinates of the block of a key."""
     if plane:
         return key >> 32, np.int64(0), key & (1 << 32) - 1
@@ -137,11 +137,17 @@ def _block_of(plane, key):
 @inlined
 def _at(st, plane, v):
     """The block of a vertex, the row within it, and the place in that row."""
-    x, y, z = np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2])
+    x, y, z = along_rows(plane, np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2]))
+    key = _key(plane, *block_of(plane, x, y, z))
+    return key, _row(plane, x, y), z & LENGTH - 1
+
+
+@inlined
+def _row(plane, x, y):
+    """The row of its block that a place lies in."""
     if plane:
-        return _key(plane, x >> _SHIFT, np.int64(0), y >> _SHIFT), x & LENGTH - 1, y & LENGTH - 1
-    row = (x & (1 << _SHORT) - 1) << _SHORT | y & (1 << _SHORT) - 1
-    return _key(plane, x >> _SHORT, y >> _SHORT, z >> _SHIFT), row, z & LENGTH - 1
+        return x & ROWS - 1
+    return (x & (1 << _SHORT) - 1) << _SHORT | y & (1 << _SHORT) - 1
 
 
 @kernel
@@ -202,7 +208,7 @@ def enter_beside(st: State, key: IntVector, row: Int32Matrix, near: IntVector, b
     columns = _COLUMNS_2 if plane else _COLUMNS_3
     short = _SHIFT if plane else _SHORT
     for block in range(len(key)):
-        b0, b1, b2 = _block_of(plane, key[block])
+        b0, b1, b2 = _block_at(plane, key[block])
         for i in range(_AROUND):
             x, y, z = b0 + i // 9 - 1, b1 + i // 3 % 3 - 1, b2 + i % 3 - 1
             near[i] = _number_of(key, _key(plane, x, y, z)) if min(x, y, z) >= 0 else -1
@@ -214,8 +220,7 @@ def enter_beside(st: State, key: IntVector, row: Int32Matrix, near: IntVector, b
             for i in range(len(columns)):
                 u, w = x + columns[i, 0], y + columns[i, 1]
                 other = near[9 * (u >> short) + 3 * (w >> short) + columns[i, 2] + 13]
-                at = (u & (1 << short) - 1) if plane else (u & (1 << short) - 1) << short | w & (1 << short) - 1
-                beside[here, i] = row[other, at] if other >= 0 else none
+                beside[here, i] = row[other, _row(plane, u, w)] if other >= 0 else none
 
 
 @inlined

@@ -54,7 +54,7 @@ from .geometry import Estimates
 _SEED, _MIDDLE = 200, 36
 """Most bytes that sorting takes of a leaf at which a base begins, and of a middle."""
 _SHARED, _FEW = {2: 3, 3: 6}, 64
-"""Twice the number of leaves that mostly share a middle, and middles that there is room for anyway."""
+"""Leaves that nearly always share a middle, in halves; middles that there is room for in any case."""
 _REASONS = {
     base_pass.NO_START: ("5.3.2", "a component starts in a simplex that does not exist or was visited before"),
     base_pass.NOT_CROSSED: ("5.3.3", "a component starts in a simplex that the curve does not cross"),
@@ -409,7 +409,6 @@ class Tube:
         """The middles of all leaves of the level become active."""
         self._fresh()
         st = self.state
-        # rarely fewer leaves share a middle
         found = -(int(st.counters.held) * 2 // _SHARED[self.n] + _FEW)
         place = np.empty(COUNTS, np.int64)
         while found < 0:

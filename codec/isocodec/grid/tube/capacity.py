@@ -257,7 +257,7 @@ def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
 
 
 def wider(array: NDArray, size: int) -> NDArray:
-    """Extend an array to ``size`` rows, of which the new ones hold anything; the array itself if it has as many."""
+    """Extend an array to ``size`` rows, of which the new ones are arbitrary; the array itself if it has as many."""
     if size == len(array):
         return array
     out = np.empty((size, *array.shape[1:]), array.dtype)
