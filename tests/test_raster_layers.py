@@ -84,15 +84,13 @@ def test_bytes_of_a_small_file() -> None:
 BYTES = "8949534f0000040502210410c54a15edabe1fe"
 
 
-def test_text_is_row_by_row_unless_it_is_larger() -> None:
+def test_only_where_asked_for_by_name() -> None:
     found = page()
-    chosen, grid = isocodec.encode(found, precision="signs"), isocodec.encode(found, precision="signs", layers=2)
-    assert [layer.kind for layer in isocodec.open(chosen).info.layers] == ["raster"]
-    assert len(chosen) < 0.8 * len(grid)
-    assert (isocodec.open(chosen).above() == found).all()
-    y, x = np.ogrid[:200, :300]
-    disc = (y - 90) ** 2 + (x - 150) ** 2 < 6000
-    assert isocodec.open(isocodec.encode(disc, precision="signs")).info.layers[0].kind == "base"
+    usual, asked = isocodec.encode(found, precision="signs"), isocodec.encode(found, layers=RASTER)
+    assert {layer.kind for layer in isocodec.open(usual).info.layers} == {"base", "refine"}
+    assert [layer.kind for layer in isocodec.open(asked).info.layers] == ["raster"]
+    assert (isocodec.open(asked).above() == found).all()
+    assert len(asked) < 0.8 * len(usual)
 
 
 # --- against brute force --------------------------------------------------------------------------------------------

@@ -39,7 +39,6 @@ from ..format.program import Layer, Progress
 from ..grid.lattice.tables import cube_exponent
 from ..grid.layers.layer_writer import RUN_BYTES, LayerWriter, encoded_mask, field_tube
 from ..grid.layers.plan import Entry
-from ..grid.passes.raster import refusal
 from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from ..limits import Limits, in_units
@@ -66,8 +65,6 @@ Report = Callable[[int, int], object]
 
 FINE_SHARE = 0.25
 """With the criterion distortion, crossings are stored to within this fraction of its distance, or more precisely."""
-DENSE = 0.05
-"""From this number of crossed edges a sample on, signs of a plane may be smaller row by row."""
 LEVELS_WORTH = 0.95
 """A frame begins with the leaves of the one before if that takes less than this fraction of the bytes of levels."""
 MOST_IN_TURN = 256
@@ -425,8 +422,6 @@ class GridFrame:
         """Prepare the layers of an isovalue; returns them, and the isovalue that it is predicted from."""
         if lean is not None and self._leant_on(lean).tube.full and self._on_grid:
             return self._smaller(number, lean, progress), lean
-        if lean is None and self._on_grid and self._dense(number):
-            return self._row_by_row(number, progress), None
         if number < len(self._plans):
             plan, lean = self._plans[number]
         else:
@@ -561,26 +556,6 @@ class GridFrame:
         least = LEVELS_WORTH if lean.before and file.options.precision.signs else 1.0
         chosen, _, counters.work = trials[0] if trials[0][1] < least * trials[1][1] else trials[1]
         chosen.go_on(self._plan_of(number, lean)[len(grid) :])
-        return chosen
-
-    def _dense(self, number: int) -> bool:
-        """Whether so many edges of a plane are crossed that a raster layer may be smaller, and nothing leans on it."""
-        series, signs = self.file.series, self._fields[number].signs
-        alone = series.interval is None and (len(series.isovalues) == 1 or self.file.options.independent)
-        if not alone or refusal(self.file.header.shape, False):
-            return False
-        crossed = sum(int(np.count_nonzero(np.diff(signs, axis=axis))) for axis in range(2))
-        return crossed >= DENSE * signs.size
-
-    def _row_by_row(self, number: int, progress: Progress) -> LayerWriter:
-        """Make layers for a dense field: signs level by level or row by row, whichever is smaller."""
-        grid = strategy.grid_plan(2, self.file.full_level, None)
-        writers = []
-        for plan in (grid, [(LayerKind.RASTER,)]):
-            writer = LayerWriter(self._fields[number], self._fresh(number, None), plan, progress.begin(None))
-            writers.append((writer.trial(), writer))
-        chosen = min(writers, key=lambda each: each[0])[1]
-        chosen.go_on(self._plan_of(number, None)[len(grid) :])
         return chosen
 
     def _slack_keeps_order(self, tolerance: float | None) -> bool:
