@@ -435,6 +435,19 @@ def test_a_slice_keeps_its_spacing(tmp_path: Path) -> None:
     assert plane.in_space and np.allclose(np.linalg.norm(plane.matrix[:, :2], axis=0), (1.25, 0.75), rtol=1e-12)
 
 
+def test_frames_without_positions_keep_their_spacing(tmp_path: Path) -> None:
+    made = header(pydicom.uid.CTImageStorage, 6, 7, np.dtype("u2"))
+    made.NumberOfFrames, made.PixelSpacing, made.Modality = 5, [*BETWEEN], "CT"
+    pixels(made, RAW.astype("u2"))
+    for between in (None, 2.5):
+        if between is not None:
+            made.SpacingBetweenSlices = between
+        made.save_as(tmp_path / "a.dcm", enforce_file_format=True)
+        place = isocodec.read(tmp_path / "a.dcm").placement
+        assert (place is None) == (between is None) or not place.placed
+    assert np.allclose(place.matrix, np.diag([BETWEEN[1], BETWEEN[0], 2.5]) @ np.eye(3, 4)) and place.unit == "mm"
+
+
 def test_slices_of_one_uid_are_no_copies(tmp_path: Path) -> None:
     path = slices(tmp_path / "a", RAW, setter(SOPInstanceUID="1.2.3.4"))
     assert np.array_equal(isocodec.read(path).values, RAW.T)

@@ -15,7 +15,9 @@ from scipy.spatial import cKDTree
 import isocodec
 from isocodec import Contour, Decoder, Encoder, Frames, Limits, encode
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
+from isocodec.format.chunks import write_chunk
 from isocodec.format.events import FrameRead, IsovalueRead, PromisesRead
+from isospec.container import ChunkType
 
 ISOVALUE = 40
 
@@ -180,8 +182,8 @@ def test_memory_of_encoding_is_that_of_two_frames():
     series = Encoder(ISOVALUE, precision="signs")
     for frame in moving(6):
         series.add(frame)
-    assert series._frames._grid is not None
-    strands = series._frames._grid._before
+    assert series._frames.grid is not None
+    strands = series._frames.grid._before
     assert strands and all(strand.tube.lean is None for strand in strands)
 
 
@@ -247,8 +249,13 @@ def test_piece_by_piece_and_at_once():
     series = Encoder(ISOVALUE, interval=2)
     pieces = [series.add(frame) for frame in frames]
     assert series.frames == 6
-    assert all(pieces)
-    assert b"".join(pieces) + series.finish() == encode(Frames(frames), ISOVALUE, interval=2)
+    together = encode(Frames(frames), ISOVALUE, interval=2)
+    end = write_chunk(ChunkType.FRAME_END, b"", ancillary=True)
+    assert all(piece.endswith(end) for piece in pieces)
+    # but for the bit that marks the last chunk, and the checksum
+    places = [(frame.offset, frame.offset + frame.bytes) for frame in isocodec.open(together).info.frames]
+    assert [piece[: -len(end)] for piece in pieces[:-1]] == [together[start:stop] for start, stop in places[:-1]]
+    assert len(b"".join(pieces) + series.finish()) == len(together) + len(end) * 7
     with pytest.raises(OptionError, match="finished"):
         series.add(frames[0])
     with pytest.raises(OptionError, match="finished"):

@@ -264,6 +264,8 @@ PLACES: dict[str, tuple[Callable[[], Content], Array, str | None]] = {
     "no units, standard names": (lambda: axes(north={"standard_name": "latitude"}, east={"standard_name": "longitude"},
                                               names="a b"), GRID, DEGREES),
     "degrees alone": (lambda: axes(north={"units": "degrees"}, east={"units": "degrees"}), GRID, DEGREES),
+    "radians": (lambda: axes(np.radians(LAT), np.radians(LON), {"units": "radian", "standard_name": "latitude"},
+                             {"units": "rad", "standard_name": "longitude"}, names="clat clon"), GRID, DEGREES),
     "no units, planar": (lambda: axes(north={}, east={}, names="y x"), GRID, None),
     "packed": (lambda: axes(*[p[0] for p in (P_LAT, P_LON)], *[p[1] for p in (P_LAT, P_LON)]), GRID, DEGREES),
     "packed, unsigned": (lambda: axes(

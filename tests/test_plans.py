@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 from scipy.ndimage import gaussian_filter
+from skimage.measure import find_contours
 
 import isocodec
 from commands import BALL, HILLS, fails, ok
@@ -19,8 +21,8 @@ from isocodec.grid.layers.plan import Criteria
 from isocodec.search.original import original
 from isocodec.search.promise import Promise
 from isocodec.search.proof import hausdorff
+from isocodec.stream.plan_file import _LINES, check_plan, read_plan
 from isocodec.stream.plan_file import __doc__ as LANGUAGE
-from isocodec.stream.plan_file import check_plan, read_plan
 from isospec.container import SIGNATURE
 
 FULL = 12
@@ -199,6 +201,63 @@ def test_a_distance_that_no_mesh_but_the_full_grid_keeps() -> None:
     assert max(hausdorff(whole.points, whole.cells, found.points, found.cells)) <= 0.15 + 1e-2
 
 
+TERRAIN = np.load(Path(__file__).parent.parent / "demo/data/jacksboro_fault_dem.npz")["values"][100:200, 100:220]
+BENDS = 0.3
+NUMBERS = {"level": 6, "curvature": BENDS, "distortion": 1.5}
+CRITERIA = [f"{one.name}={NUMBERS[one.name]}" if one.name in NUMBERS else one.name for one in fields(Criteria)]
+LATER = [
+    *(f"adapt {one}" for one in CRITERIA), "refine 3", "refine", "raster", "offsets 3", "values",
+    "offsets 3\nadapt level=8", "adapt level=6\nadapt level=8\nrefine",
+]
+"""What may follow a line with criteria: every kind of layer but a base."""
+
+
+def test_all_lines_that_may_follow_are_there() -> None:
+    bases = {"base", "adaptive-base", "leaf-base"}
+    assert {line.split()[0] for text in LATER for line in text.splitlines()} | bases == set(_LINES)
+
+
+@pytest.mark.parametrize("later", LATER)
+@pytest.mark.parametrize("first", ["topology", "crossing", "topology curvature=0.5", "level=7 crossing"])
+@pytest.mark.parametrize("begin", ["adaptive-base", "adaptive-base 4", "base 2\nadapt"])
+def test_topology_and_crossings_hold_for_later_lines(begin: str, first: str, later: str) -> None:
+    """From the line on that asks for them, each layer has as many curves as the field."""
+    data = isocodec.encode(TERRAIN, 668.5, layers=f"{begin} {first}\n{later}")
+    file = isocodec.open(data)
+    kept = range(1 + begin.count("\n"), len(file.info.layers) + 1)
+    right = len(find_contours(TERRAIN.astype(float), 668.5))
+    assert right == 14 and {len(file.contour(layers=count).lines) for count in kept} == {right}
+
+
+@pytest.mark.parametrize("first", CRITERIA)
+@pytest.mark.parametrize("later", CRITERIA)
+def test_criteria_of_the_line_before(first: str, later: str) -> None:
+    """Those about any mesh might as well be given again; a distance is kept by the line that states it."""
+    text = f"adaptive-base {first}\nadapt {later}"
+    if (first, later) == ("distortion=1.5", "level=6"):
+        with pytest.raises(OptionError, match="a larger distortion or a finer level"):
+            isocodec.encode(TERRAIN, 668.5, layers=text)
+        return
+    data = isocodec.encode(TERRAIN, 668.5, layers=text)
+    name = first.partition("=")[0]
+    if name in ("topology", "crossing", "curvature") and name not in later:
+        assert isocodec.encode(TERRAIN, 668.5, layers=f"{text} {first}") == data
+    for count, line in enumerate((first, later), start=1):
+        if "distortion" in line:
+            assert far_by_shapely(data, count, TERRAIN, 668.5) <= NUMBERS["distortion"] + 1e-6
+
+
+def test_of_two_curvatures_the_least_holds() -> None:
+    texts = [f"adaptive-base curvature={BENDS}\nadapt curvature={later}" for later in (BENDS, 2 * BENDS)]
+    assert len({isocodec.encode(TERRAIN, 668.5, layers=text) for text in texts}) == 1
+
+
+def test_a_level_leaves_what_other_criteria_need() -> None:
+    bends = isocodec.encode(TERRAIN, 668.5, layers=f"adaptive-base curvature={BENDS} level=6")
+    assert isocodec.open(bends).mesh().levels.max() > 6
+    assert isocodec.open(isocodec.encode(TERRAIN, 668.5, layers="adaptive-base level=6")).mesh().levels.max() == 6
+
+
 def test_one_criterion_is_that_of_encode() -> None:
     for text, options in (
         ("crossing", {"layers": "crossing"}),
@@ -310,8 +369,6 @@ def test_a_plan_is_checked_before_the_field_is_encoded() -> None:
 
 
 def test_help_and_the_module_name_the_same_lines() -> None:
-    from isocodec.stream.plan_file import _LINES
-
     shown = ok("encode", "--plan-help")
     assert "--plan-help" in ok("encode", "--help")
     for word in _LINES:

@@ -197,6 +197,19 @@ def test_grids(grid: str, form: str, asked: str, flat: bool, tmp_path: Path) -> 
     assert np.allclose(found, places[:, : found.shape[1]], atol=1e-6) and np.allclose(numbers, values, rtol=2e-5)
 
 
+@pytest.mark.parametrize("last", [False, True])
+def test_an_array_named_as_a_component(last: bool) -> None:
+    """It comes before the component, wherever the vectors stand."""
+    data = image()
+    numbers, vectors = np.array(data.point_data["p"]), {"v": np.array(data.point_data["v"])}
+    arrays = {"v:x": numbers + 7, "v:magnitude": numbers + 2}
+    data.clear_data()
+    for name, array in ({**arrays, **vectors} if last else {**vectors, **arrays}).items():
+        data[name] = array
+    for name, array in (*arrays.items(), ("v:y", vectors["v"][:, 1])):
+        assert np.array_equal(isocodec.read(data, key=name).values.T.ravel(), array)
+
+
 def test_a_collection_with_a_folder_of_its_name(tmp_path: Path) -> None:
     """As PyVista and ParaView write it; a link in its place is not followed."""
     data = image()

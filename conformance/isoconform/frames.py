@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from isocodec import Encoder, Frames, encode
+from isocodec import Frames, encode
 from isocodec.grid.layers.plan import Entry
-from isocodec.stream.options import Layers
+from isocodec.stream.container import Ending
+from isocodec.stream.encoder import SeriesFrames
+from isocodec.stream.options import Layers, Options
 from isospec.container import ChunkType
 
 from .adaptive import SPACES
@@ -91,14 +93,14 @@ def whole() -> Iterator[Draft]:
 
 def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[Entry]) -> bytes:
     """A series in the main profile whose first frame has one plan and all others another."""
-    series = Encoder(VALUE, profile="main", layers=first)
-    data = series.add(frames[0])
-    grid = series._frames._grid
+    series, ending = SeriesFrames(VALUE, Options.of(profile="main", layers=first), None), Ending()
+    data = ending.add(series.chunks(frames[0]))
+    grid = series.grid
     assert grid is not None
     grid.file = replace(grid.file, options=replace(grid.file.options, layers=Layers.of(plan)))
     for frame in frames[1:]:
-        data += series.add(frame)
-    return data + series.finish()
+        data += ending.add(series.chunks(frame))
+    return data + ending.end()
 
 
 def _file(shape: tuple[int, ...]) -> File:

@@ -76,6 +76,7 @@ class ChunkType(IntEnum):
     FRAME = 9
     DOMAIN = 10
     TURN = 11
+    FRAME_END = 12
     SERIES = 13
 
 

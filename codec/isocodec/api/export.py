@@ -386,7 +386,7 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Expor
         decoder, number = file.held.decoded(wanted.isovalue, view)
         rows, isovalue = decoder.grid.above(number), decoder.isovalues[number]
         remarks = _others(decoder.isovalues, isovalue) if wanted.isovalue is None else []
-        placement, complete = decoder.grid.placement, decoder.complete
+        placement, complete = decoder.grid.placement, decoder.frames > decoder.frame
     else:
         rows, isovalue, remarks = file.above(wanted.isovalue, frame=wanted.view.get("frame")), wanted.isovalue, []
         if isovalue is None and file.isovalues:

@@ -15,7 +15,7 @@ from ..deferred import dataclass
 from ..drawing.window import clipped, reaching
 from ..errors import FormatError, IsoError, OptionError, TruncatedError
 from ..field.decoded_samples import LABELS
-from ..format.events import End, FrameRead, LayerComplete, MeshLayerComplete
+from ..format.events import FrameRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
@@ -152,9 +152,9 @@ class WholeFile:
 
     @property
     def frames(self) -> int:
-        """Number of frames of a series; 1 for other files."""
+        """Number of complete frames of a series; 1 for other files."""
         info = self.info
-        return 1 if info.interval is None else max(len(info.frames), 1)
+        return 1 if info.interval is None else sum(frame.complete for frame in info.frames)
 
     @property
     def complete(self) -> bool:
@@ -185,9 +185,9 @@ class WholeFile:
         decoder = self.received(None, view)
         return [clipped(one, view.window) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
 
-    def each_frame(self, smooth: bool | None) -> Iterator[list[Contour]]:
+    def each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
         """Decode the contours frame by frame; at most two frames are in memory."""
-        yield from frames_of([self.data], smooth=smooth, mesh=self.mesh_given, limits=self.limits)
+        yield from frames_of([self.data], smooth=smooth, partial=partial, mesh=self.mesh_given, limits=self.limits)
 
     def decoded(self, isovalue: float | None, view: Viewed) -> tuple[Decoder, int]:
         """Decode what a drawing of an isovalue needs; returns the decoder and the number of that isovalue."""
@@ -231,7 +231,7 @@ class WholeFile:
                     done += decoder.present == (wanted, number)
                     if done == layers:
                         return decoder
-            if view.max_bytes is None and not view.partial:
+            if view.max_bytes is None and not view.partial and decoder.frames <= wanted:
                 decoder.close()
             if not decoder.isovalues:
                 raise TruncatedError("the file ends before its curve begins", code="truncated")
@@ -282,7 +282,7 @@ class WholeFile:
             return np.ones(self.info.domain.vertices, np.bool_)
         decoder = Decoder(self.limits, only=())
         decoder.feed(memoryview(self.data)[:max_bytes])
-        if max_bytes is None:
+        if max_bytes is None and not decoder.take().frames:
             decoder.close()
         return decoder.take().grid.valid()
 
@@ -415,9 +415,9 @@ class TileFile:
         """Decode the curves or surfaces of all isovalues; see `IsoFile.contours`."""
         return [*self._windows(range(len(self.tiled.isovalues)), view)]
 
-    def each_frame(self, smooth: bool | None) -> Iterator[list[Contour]]:
+    def each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
         """Decode the contours of the only frame."""
-        yield self.contours(Viewed(smooth=smooth))
+        yield self.contours(Viewed(smooth=smooth, partial=partial))
 
     def whole(self, window: Sequence[Sequence[float]] | None = None) -> WholeFile:
         """Extract a window, or everything, as an ordinary file without tiles."""
@@ -479,8 +479,8 @@ def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessel
 
 
 def frames_of(
-    pieces: Any, *, smooth: bool | None = None, mesh: tuple[ArrayLike, ArrayLike] | None = None,
-    limits: Limits | None = None,
+    pieces: Any, *, smooth: bool | None = None, partial: bool = False,
+    mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None,
 ) -> Iterator[list[Contour]]:
     """Decode contours frame by frame from a file that arrives in pieces; at most two frames are in memory.
 
@@ -492,18 +492,21 @@ def frames_of(
     Raises
     ------
     FormatError, LimitError
-        As `Decoder`; ``TruncatedError`` after the frames that are complete.
+        As `Decoder`; ``TruncatedError`` after the frames that are complete, unless ``partial``.
     """
     decoder = Decoder(limits, mesh=mesh)
+    drawn = 0
     for piece in pieces:
         decoder.feed(piece)
         for event in decoder:
-            if isinstance(event, End) or (isinstance(event, FrameRead) and event.number == 0):
+            if decoder.frames > drawn:
+                drawn += 1
                 before = isinstance(event, FrameRead)
                 surface = decoder.contents is None or decoder.contents.kind == "surface"
                 count = 0 if surface else len(decoder.isovalues)
                 yield [decoder.contour(i, smooth=smooth, before=before) for i in range(count)]
-    decoder.close()
+    if not partial:
+        decoder.close()
 
 
 def _uniform(above: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -52,7 +52,7 @@ class IsoFile:
     isovalues : tuple of float
         In the order of the file.
     frames : int
-        Number of frames of a series; 1 for other files.
+        Number of complete frames of a series; 1 for other files.
     metadata : dict of str to str
         Notes of the file.
     complete : bool
@@ -129,7 +129,7 @@ class IsoFile:
 
     @property
     def frames(self) -> int:
-        """Number of frames of a series; 1 for other files."""
+        """Number of complete frames of a series; 1 for other files."""
         return self.held.frames
 
     @property
@@ -187,7 +187,7 @@ class IsoFile:
         through_holes : bool
             Draw the curve through missing samples, too; its course there was chosen by the encoder.
         partial : bool
-            Draw as much as there is of a truncated file.
+            Draw as much as there is of a truncated file. Complete frames of a series need no such permission.
         progress : callable, optional
             Called with the number of layers done and the total.
 
@@ -216,15 +216,23 @@ class IsoFile:
         """Decode the curves or surfaces of all isovalues, in the order of the file; see `contour`."""
         return self.held.contours(Viewed(**view))
 
-    def each_frame(self, *, smooth: bool | None = None) -> Iterator[list[Contour]]:
+    def each_frame(self, *, smooth: bool | None = None, partial: bool = False) -> Iterator[list[Contour]]:
         """Decode frame by frame; at most two frames are in memory.
+
+        Parameters
+        ----------
+        smooth : bool, optional
+            As for `contour`.
+        partial : bool
+            Stop after the last complete frame of a file that is truncated or still grows. Otherwise `TruncatedError` is
+            raised there.
 
         Yields
         ------
         list of Contour
             Curves or surfaces of all isovalues, frame by frame. A file that is not a series has one frame.
         """
-        return self.held.each_frame(smooth)
+        return self.held.each_frame(smooth, partial)
 
     def mesh(
         self, isovalue: float | None = None, *, whole: bool = False, **view: Unpack[ViewOptions]

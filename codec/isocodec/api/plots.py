@@ -212,7 +212,8 @@ def _as_decoded(
             if panels.draws(own, lambda: any(len(one.cells) for one in contours())):
                 draw(event.offset, layers[own - 1].within or None)
     try:
-        decoder.close()
+        if decoder.frames <= wanted:
+            decoder.close()
     except TruncatedError as exc:
         if not (steps.partial and numbers[0] < len(decoder.isovalues) and (own or _begun(decoder))):
             raise

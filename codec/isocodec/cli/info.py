@@ -94,7 +94,9 @@ def _facts(info: FileInfo) -> list[tuple[str, str]]:
         out.append(("mask", f"{info.mask_bytes:,} bytes"))
     if info.interval is not None:
         every = f", with a key frame every {info.interval}" if info.interval else ""
-        out.append(("frames", f"{len(info.frames)}{every}"))
+        whole = sum(frame.complete for frame in info.frames)
+        begun = "; another one has begun" if whole < len(info.frames) else ""
+        out.append(("frames", f"{whole}{every}{begun}"))
     return [*out, ("bytes", f"{info.bytes:,}"), ("overhead", f"{_number(info.overhead_bytes)} bytes")]
 
 

@@ -129,5 +129,6 @@ def _put_back(meshes: Sequence[PlannedMesh], number: int, places: NDArray[np.flo
 def _not_kept(entry: Entry, distance: float) -> OptionError:
     return OptionError(
         f"{where(entry)}no mesh was proven to stay within a distortion of {distance:g} cells", code="plan",
-        remedy="allow a larger distortion, or let offsets or values follow it that store crossings more precisely",
+        remedy="allow a larger distortion or a finer level, or let offsets or values follow it that store crossings "
+               "more precisely",
     )

@@ -219,7 +219,8 @@ class Reduction:
         crossing : bool
             Not if the tubular neighbourhood changes.
         level : int, optional
-            All vertices of this level and finer ones go that topology and crossings allow to; coarser ones stay.
+            All vertices of this level and finer ones go that topology, crossings and curvature allow to; coarser ones
+            stay.
         coarsest : int
             Vertices of coarser levels stay.
         distortion : float, optional
@@ -245,7 +246,7 @@ class Reduction:
             self.domain.counters.edge = 1 << (self.k - here // self.n)
             self._make_room()
             dm = self.domain
-            if level is not None and not asked:
+            if level is not None and not asked and curvature is None:
                 drop(dm)
                 continue
             opened = filled(lambda out: sweep(self.domain, self.busy, asked, _OPEN, out))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from isospec.container import Checksum, ChunkType
 
 from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
@@ -18,6 +21,7 @@ from ..field.meshed import Mesh
 from ..field.placement import Placement
 from ..field.sampled import Field
 from ..field.samples import Samples
+from ..format.chunks import write_chunk
 from ..search.original import original
 from ..search.rounds import rounds_for
 from ..search.tolerance import radices
@@ -83,7 +87,8 @@ def _as_smooth(options: Options, fields: Sequence[Samples], placement: Placement
 class Encoder:
     """Encodes frames of the same shape, added one by one, into a file: time steps, slices, channels.
 
-    Each frame is predicted from the one before. At most two frames are in memory.
+    Each frame is predicted from the one before. At most two frames are in memory. The file takes two bytes a frame, and
+    two at its end, more than that of `encode`: they let readers know of each frame as soon as it has arrived.
 
     Parameters
     ----------
@@ -109,8 +114,8 @@ class Encoder:
     def __init__(
         self, isovalue: Isovalues | None = None, *, progress: Report | None = None, **options: Unpack[EncodeOptions]
     ) -> None:
-        self._frames = _SeriesFrames(isovalue, Options.of(**options), progress)
-        self._ending = Ending()
+        self._frames = SeriesFrames(isovalue, Options.of(**options), progress)
+        self._checksum = 0
         self._finished = False
 
     @property
@@ -130,7 +135,8 @@ class Encoder:
         Returns
         -------
         bytes
-            More bytes of the file, which belong to this frame and to the end of the one before.
+            All bytes of this frame, for the first one with those that begin the file. What has been returned so far
+            decodes to all frames added so far.
 
         Raises
         ------
@@ -141,7 +147,7 @@ class Encoder:
             If options do not apply, or the series is finished.
         """
         self._check_open()
-        return self._ending.add(self._frames.chunks(frame))
+        return self._ended(self._frames.chunks(frame))
 
     def finish(self) -> bytes:
         """The last bytes of the file.
@@ -156,14 +162,20 @@ class Encoder:
         self._check_open()
         self._frames.check_whole()
         self._finished = True
-        return self._ending.end()
+        return self._ended([], last=True) + Checksum.build(self._checksum)
+
+    def _ended(self, chunks: list[bytes], last: bool = False) -> bytes:
+        """Chunks of a frame, and the one that marks its end."""
+        data = b"".join([*chunks, write_chunk(ChunkType.FRAME_END, b"", ancillary=True, last=last)])
+        self._checksum = zlib.crc32(data, self._checksum)
+        return data
 
     def _check_open(self) -> None:
         if self._finished:
             raise OptionError("the series is finished", code="finished", remedy="make a new Encoder")
 
 
-class _SeriesFrames:
+class SeriesFrames:
     """Makes chunks frame by frame, of fields or of values on a mesh; the first frame determines which.
 
     Parameters
@@ -172,13 +184,20 @@ class _SeriesFrames:
         As for `encode`.
     known : iterable, optional
         All frames, if they can be examined in advance.
+
+    Attributes
+    ----------
+    grid : GridFrames or None
+        Encoder of the frames, once the first one has shown that they are fields.
+    count : int
+        Number of frames encoded.
     """
 
     def __init__(
         self, isovalue: Isovalues | None, options: Options, progress: Report | None, known: Any = None
     ) -> None:
         self._isovalue, self._options, self._report, self._known = isovalue, options, progress, known
-        self._grid: GridFrames | None = None
+        self.grid: GridFrames | None = None
         self._mesh: MeshFrames | None = None
         self._first: Field | None = None
         self._found: set[float] = set()
@@ -202,16 +221,16 @@ class _SeriesFrames:
 
     def _of_grid(self, field: Field) -> list[bytes]:
         first = self._first or field
-        if self._grid is not None:
+        if self.grid is not None:
             self._check_alike(field, first)
-            file = self._grid.file
+            file = self.grid.file
             placement = placement_of_file(first, file.options)
             samples = samples_of(
                 Field(field.values, field.mask, labels=first.labels, missing=first.missing), file.series.isovalues,
                 file.options, placement, series=True,
             )
             self._found |= _inside(samples) if first.labels is not None else set()
-            return self._grid.chunks(samples)
+            return self.grid.chunks(samples)
         isovalues = levels_of(field, self._isovalue, self._options, self._known)
         options = options_of(field, self._isovalue, self._options)
         placement = placement_of_file(field, options)
@@ -223,7 +242,7 @@ class _SeriesFrames:
         # the samples themselves are no longer needed
         values = np.asarray(field.values)
         like = np.broadcast_to(np.zeros((), values.dtype), values.shape)
-        self._grid = grid
+        self.grid = grid
         self._found = _inside(samples) if field.labels is not None else set()
         self._first = Field(like, None, field.placement, labels=field.labels, missing=field.missing)
         return out
@@ -262,7 +281,7 @@ class _SeriesEncoder(ContainerEncoder):
         if frames.interval is not None:
             options = Options.of(**{**vars(options), "interval": frames.interval})
         self._given = frames
-        self._frames = _SeriesFrames(isovalue, options, progress, frames_of(frames))
+        self._frames = SeriesFrames(isovalue, options, progress, frames_of(frames))
 
     def _pieces(self) -> Iterator[bytes]:
         """Yield the pieces of the file without its checksum."""

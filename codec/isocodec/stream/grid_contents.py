@@ -136,8 +136,8 @@ class GridContents:
 
     @property
     def _complete(self) -> bool:
-        """Whether drawings show the complete file."""
-        return self._session.complete and not self._session.cut
+        """Whether drawings show everything that the file stores of their frame."""
+        return self._session.whole(self._strands.frame)
 
     @property
     def _tube(self) -> Tube | None:
@@ -291,7 +291,8 @@ class GridContents:
         """
         session = self._session
         tube = self._strands.before[number] if before else self._tube_of(number)
-        return mask_rows_of(tube, len(self._data), session.complete, last_first, session.limits, self._budget)
+        known = before or session.complete or self._complete
+        return mask_rows_of(tube, len(self._data), known, last_first, session.limits, self._budget)
 
     def valid(self) -> NDArray[np.bool_]:
         """Find which samples are valid, up to the events taken so far; all are valid if the file has no mask.
@@ -314,7 +315,7 @@ class GridContents:
         self._check_limits()
         tube, session = self._mask.tube if self._mask.holes else None, self._session
         # a mask belongs to the first frame, or there never is one
-        known = session.complete or self.outline.frame > 0
+        known = session.frames > 0
         return valid_rows_of(tube, self._header, len(self._data), known, last_first, session.limits, self._budget)
 
     def crossed(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -86,6 +86,8 @@ class FrameInfo:
         For each isovalue, the number of the isovalue of the same frame that it is predicted from.
     before : list of bool
         For each isovalue, whether it is predicted from the same isovalue of the previous frame.
+    complete : bool
+        Whether all of its bytes are there: the file ends with it, or states that it has ended.
     """
 
     offset: int
@@ -93,6 +95,7 @@ class FrameInfo:
     key: bool
     leans: list[int | None]
     before: list[bool]
+    complete: bool = True
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,7 @@ class FileInfo:
     interval : int or None
         For a series, the interval of key frames; 0 if only the first frame is one. None without frames.
     frames : list of FrameInfo
-        Frames of a series.
+        Frames of a series; the last one may not be complete.
     coordinates : str or None
         Description of the coordinates of a mapped grid; None for other grids.
     domain : DomainHead or None
@@ -251,13 +254,15 @@ class _Strands:
         fresh = Progress((self.progresses or self.before)[0].full_level, layers=layers)
         self.progresses.append(fresh.begin(None if event.lean is None else earlier[event.lean]))
 
-    def frames(self, interval: int | None, end: int) -> list[FrameInfo]:
-        """Frames of the series, with their sizes."""
+    def frames(self, interval: int | None, end: int, whole: int) -> list[FrameInfo]:
+        """Frames of the series, with their sizes; the first ``whole`` ones are complete."""
         if interval is None:
             return []
         ends = [*self.starts[1:], end]
         return [
-            FrameInfo(start, stop - start, is_key(number, interval), leans, before or [False] * len(leans))
+            FrameInfo(
+                start, stop - start, is_key(number, interval), leans, before or [False] * len(leans), number < whole
+            )
             for number, (start, stop, leans, before) in enumerate(
                 zip(self.starts, ends, self.leans, self.follows, strict=True)
             )
@@ -462,8 +467,8 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         _promised(layers, survey.promised, header, uncertain),
         survey.chunks, outline.metadata, isovalues, leans, [one.topology for one in outline.promises[: len(isovalues)]],
         survey.mask_bytes if outline.masked else None, outline.interval,
-        survey.strands.frames(outline.interval, session.at), _in_words(outline.coordinates), outline.domain,
-        kind, surface, turned=outline.turned,
+        survey.strands.frames(outline.interval, session.at, session.frames), _in_words(outline.coordinates),
+        outline.domain, kind, surface, turned=outline.turned,
     )
 
 

@@ -141,7 +141,7 @@ class MeshContents:
             self._points, found.domain.mesh.cell[leaves], found.domain.mirrored[leaves], found.strand.sign == 1,
             found.edges[:, :2], self._ratio(found),
         )
-        return Contour(points, cells, found.value, (), self._session.complete,
+        return Contour(points, cells, found.value, (), before or self._session.whole(self._wanted),
                        own_placement(notes, points.shape[1]), metadata=notes)
 
     def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
@@ -204,7 +204,7 @@ class MeshContents:
         cells = cells if whole else cells[found.leaves]
         return Tessellation(
             self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self._above(number), found.value,
-            (), self._session.complete, own_placement(self.outline.metadata, self._points.shape[1]),
+            (), self._session.whole(self._wanted), own_placement(self.outline.metadata, self._points.shape[1]),
             dict(self.outline.metadata),
         )
 

@@ -65,6 +65,8 @@ class Outline:
         For a series, the interval of key frames (see `SeriesRead`); None for a file without frames.
     frame, number : int
         The current frame and isovalue, whose layers are being read.
+    ended : bool
+        Whether a chunk has marked the end of the current frame.
     turn : range
         Numbers of the isovalues that the next chunk of layers belongs to.
     turned : bool
@@ -96,6 +98,7 @@ class Outline:
     interval: int | None = None
     frame: int = 0
     number: int = 0
+    ended: bool = False
     turn: range = range(0)
     turned: bool = False
     layered: set[int] = field(default_factory=set)
@@ -155,7 +158,7 @@ class Outline:
         if frame > self.frame:
             self.layers.clear()
             self.promises[:] = [Promises({}, False) for _ in self.promises]
-        self.frame, self.number = frame, number
+        self.frame, self.number, self.ended = frame, number, False
         self.turn = range(number, number + 1)
         before = lean == FRAME_BEFORE
         return FrameRead(behind, frame, number, number if before else lean, before)
@@ -207,6 +210,10 @@ def _frame(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
     return outline.begin_next(payload, start, behind)
 
 
+def _frame_end(outline: Outline, payload: bytes, start: int, behind: int) -> None:
+    outline.ended = outline.interval is not None
+
+
 def _metadata(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
     outline.metadata.update(read_metadata(payload))
     return MetadataRead(behind, dict(outline.metadata))
@@ -243,6 +250,7 @@ READERS: Mapping[int, Reader] = {
     ChunkType.ISOVALUE: _isovalue,
     ChunkType.SERIES: _series,
     ChunkType.FRAME: _frame,
+    ChunkType.FRAME_END: _frame_end,
     ChunkType.TURN: _turn,
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,

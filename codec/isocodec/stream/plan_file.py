@@ -31,8 +31,9 @@ A CRITERION is a condition that the coarsened mesh must meet; if several are giv
 ``crossing``: the cells that the curve crosses stay as in the full grid; ``topology``: the curve keeps its topology;
 ``distortion=D``: with the values or offsets that follow the line at once, or else with signs alone, the curve stays
 within D cells of the original, both ways, as it is decoded; ``curvature=K``: the mesh stays finest where the curve's
-mean curvature exceeds K per cell; ``level=L``: the mesh is nowhere finer than level L. Meshes of later lines contain
-those of earlier lines, whatever is stated.
+mean curvature exceeds K per cell; ``level=L``: the mesh is finer than level L only where ``crossing``, ``topology`` or
+``curvature`` keep it so. Meshes of later lines contain those of earlier lines, whatever is stated, and ``crossing``,
+``topology`` and ``curvature`` hold for them, too; ``distortion`` and ``level`` apply to the mesh of their own line.
 """
 
 from __future__ import annotations

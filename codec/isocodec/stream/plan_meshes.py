@@ -6,6 +6,7 @@ Where a criterion is a distance, the mesh keeps to it with the geometry that fol
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 from ..format.kinds import ADAPTIVE, LayerKind
 from ..grid.lattice.vertex_set import Chosen
@@ -37,13 +38,13 @@ def with_meshes(
     """
     if not any(_criteria(entry) for entry in plan):
         return plan
-    levels = _uniform_levels(plan, full_level, lean_level)
+    levels, asked = _uniform_levels(plan, full_level, lean_level), _asked(plan)
     original = promise()
     meshes: list[PlannedMesh] = []
     later: Chosen | None = None
     # the last mesh first: earlier meshes must be contained in it
     for i in range(len(plan) - 1, -1, -1):
-        entry, criteria = plan[i], _criteria(plan[i])
+        entry, criteria = plan[i], asked[i]
         if criteria is not None:
             reduction = _reduced(original, later, criteria, levels[i], known_by(plan, i))
             later = reduction.chosen
@@ -56,6 +57,24 @@ def with_meshes(
         Line(found, given.number, given.text) if isinstance(given, Line) else found
         for found, given in zip(keep(original, plan, meshes), plan, strict=True)
     ]
+
+
+def _asked(plan: Sequence[Entry]) -> list[Criteria | None]:
+    """Find for each entry the criteria of its mesh: its own, and those of earlier entries that are about any mesh.
+
+    A mesh holds those before it. Were it not to satisfy what they do, they could not either.
+    """
+    out: list[Criteria | None] = []
+    held = Criteria()
+    for own in map(_criteria, plan):
+        if own is not None:
+            curvatures = [one.curvature for one in (held, own) if one.curvature is not None]
+            held = replace(
+                own, topology=held.topology or own.topology, crossing=held.crossing or own.crossing,
+                curvature=min(curvatures, default=None),
+            )
+        out.append(None if own is None else held)
+    return out
 
 
 def _is_adaptive(entry: object) -> bool:

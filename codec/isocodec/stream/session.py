@@ -104,6 +104,17 @@ class Session:
         return self._ended
 
     @property
+    def frames(self) -> int:
+        """Number of frames that have been received with all their bytes; a file that is no series is one frame."""
+        return self.outline.frame + (self._ended or self.outline.ended)
+
+    def whole(self, frame: int | None) -> bool:
+        """Whether all layers of a frame, of the current one if None or not reached yet, have been received."""
+        now = self.outline.frame
+        drawn = now if frame is None else min(frame, now)
+        return self.frames > drawn and not (self.cut and drawn == now)
+
+    @property
     def pending(self) -> Envelope | None:
         """The incomplete chunk that begins at ``at``."""
         return self._chunk
@@ -203,6 +214,8 @@ class Session:
                 if self.cut:
                     raise FormatError("layers after a truncated run", code="cut", offset=self.at, clause="3.5.4")
                 contents.expect(chunk, self.at)
+                # further layers of a frame that was marked as ended
+                self.outline.ended &= chunk.type == ChunkType.FRAME
             self._chunk = chunk
         if not chunk.ancillary:
             event, done = contents.arrive(chunk, self.at)

@@ -50,6 +50,8 @@ class Tubes:
     progresses : list of Progress
         State of the programs of the isovalues.
     mask : MaskStrand
+    frame : int or None
+        As given.
     """
 
     def __init__(
@@ -64,7 +66,7 @@ class Tubes:
         self._outline = outline
         self._budget = budget
         self._only = only
-        self._frame = frame
+        self.frame = frame
         self._progresses_before: list[Progress] = []
         self._header: Header | None = None
         self._settled = 0
@@ -120,13 +122,13 @@ class Tubes:
     @property
     def past(self) -> bool:
         """Whether the wanted frame has been passed."""
-        return self._frame is not None and self._outline.frame > self._frame
+        return self.frame is not None and self._outline.frame > self.frame
 
     def _is_wanted(self, number: int) -> bool:
         """Whether isovalue ``number`` of the current frame is to be decoded."""
         if self._only is not None and number not in self._only:
             return False
-        interval, frame = self._outline.interval, self._frame
+        interval, frame = self._outline.interval, self.frame
         return frame is None or interval is None or self._outline.frame >= key_of(frame, interval)
 
     def begin(self, header: Header, lean: int | None, offset: int) -> None:

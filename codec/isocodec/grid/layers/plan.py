@@ -53,7 +53,8 @@ class Criteria:
     crossing : bool
         Not if the tubular neighbourhood changes.
     level : int, optional
-        No vertex of this level or a finer one stays; alone, it gives the uniform mesh.
+        No vertex of this level or a finer one stays unless topology, crossing or curvature keep it; alone, it gives the
+        uniform mesh.
     curvature : float, optional
         Where the mean curvature exceeds this, in 1 / cells, the finest mesh stays.
     distortion : float, optional

@@ -237,10 +237,12 @@ class _Dicom(OpenedVolumes):
             whole = placed_volume(to_right_front_up(self._matrix), self._whole, n)
             if whole.placed or n == 3:
                 return whole
-        between, remark = self._first.get(*_SPACINGS), SLICE if self._first.corner is not None else ""
-        if n != 2 or between is None:
-            return Placement(remark=remark or "the positions of its slices are unknown" * (n == 3))
-        return replace(placed([[float(between[1]), 0, 0], [0, float(between[0]), 0]], 2, unit="mm"), remark=remark)
+        remark = SLICE if self._first.corner is not None else "the positions of its slices are unknown" * (n == 3)
+        within, between = self._first.get(*_SPACINGS), self._first.get("SpacingBetweenSlices")
+        if within is None or (n == 3 and between is None):
+            return Placement(remark=remark)
+        steps = [float(step) for step in (within[1], within[0], between)[:n]]
+        return replace(placed(np.diag(steps) @ np.eye(n, n + 1), n, unit="mm"), remark=remark)
 
 
 # ---- Files and series ------------------------------------------------------------------------------------------------

@@ -342,16 +342,17 @@ def _arrays(attributes: Any) -> dict[str, Array]:
 
 
 def _scalars(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """Arrays of one number each; components and magnitudes of vectors have names of their own."""
+    """Arrays of one number each; components and magnitudes of vectors have names that no array has itself."""
     out: dict[str, Array] = {}
     for name, array in arrays.items():
         if array.ndim == 1 or array.shape[1] == 1:
             out[name] = array.reshape(-1)
             continue
         names = _COMPONENTS if array.shape[1] <= len(_COMPONENTS) else map(str, range(array.shape[1]))
-        out |= {f"{name}:{part}": values for values, part in zip(array.T, names, strict=False)}
+        parts = {f"{name}:{part}": values for values, part in zip(array.T, names, strict=False)}
         with np.errstate(over="ignore"):
-            out[f"{name}:magnitude"] = np.sqrt((array.astype(np.float64) ** 2).sum(axis=1))
+            parts[f"{name}:magnitude"] = np.sqrt((array.astype(np.float64) ** 2).sum(axis=1))
+        out |= {part: values for part, values in parts.items() if part not in arrays}
     return out
 
 

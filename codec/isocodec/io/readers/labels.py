@@ -29,6 +29,7 @@ _ROLES = {
 _GLOBE = {"x": ("lon", "longitude", "nav_lon", "xlong"), "y": ("lat", "latitude", "nav_lat", "xlat")}
 _GLOBE_UNITS = {role: {word for word in words if word.startswith("degree")} for role, words in _ROLES.items()}
 _NO_UNITS = ("", "none", "1", "deg", "degree", "degrees")
+_RADIANS = ("rad", "radian", "radians")
 _KILOMETRES = ("km", "kilometer", "kilometers", "kilometre", "kilometres")
 _EPSG = re.compile(r'(?:EPSG:|urn:ogc:def:crs:EPSG::|(?:AUTHORITY|ID)\["EPSG","?)(\d{4,5})"?\]*\s*$', re.IGNORECASE)
 _MOST_REPEATED = 2
@@ -46,7 +47,7 @@ class Along:
     role: str | None
     """x, y or z."""
     globe: bool
-    """Whether it is a longitude or latitude in degrees."""
+    """Whether it is a longitude or latitude, in degrees."""
     unit: str
     values: Numbers | None
     rounding: float = 0.0
@@ -58,13 +59,16 @@ class Along:
         unit, role = str(one.attrs.get("units", "")).strip(), _role(name, one.attrs)
         word, named = unit.lower(), (str(name).lower(), str(one.attrs.get("standard_name", "")).lower())
         globe = role in _GLOBE and (
-            word in _GLOBE_UNITS[role] or (word in _NO_UNITS and any(each in _GLOBE[role] for each in named))
+            word in _GLOBE_UNITS[role]
+            or (word in (*_NO_UNITS, *_RADIANS) and any(each in _GLOBE[role] for each in named))
         )
         if is_time(one) or one.dtype.kind not in "iuf":
             return cls(str(name), one.dims, role, False, unit, None)
         packing = Packing.of(one.dtype, one.attrs, one.encoding)
         found, gone = packing.samples(np.asarray(one.values))
         values = found.astype(np.float64)
+        if globe and word in _RADIANS:
+            values, unit = np.degrees(values), "degree"
         if gone is not None:
             values[gone] = np.nan
         values[np.isinf(values)] = np.nan
@@ -310,7 +314,7 @@ def _on_globe(axes: Sequence[Along | None]) -> bool:
 def _in_metres(axes: Sequence[Along | None], along: list[Numbers], mapping: Mapping[str, Any]) -> list[Numbers]:
     """Coordinates in metres, as projected systems have them, of those in kilometres or angles of a satellite."""
     height = number_of(mapping.get("perspective_point_height")) or 1.0
-    factors = {**dict.fromkeys(_KILOMETRES, 1e3), **dict.fromkeys(("rad", "radian", "radians"), height)}
+    factors = {**dict.fromkeys(_KILOMETRES, 1e3), **dict.fromkeys(_RADIANS, height)}
     return [
         values if one is None or one.role not in ("x", "y") else values * factors.get(one.unit.lower(), 1.0)
         for one, values in zip(axes, along, strict=True)
