@@ -30,7 +30,7 @@ def test_a_file() -> None:
     data = isocodec.encode(HILLS, [60.5, 100.5], metadata={"<b>&": "<script>alert(1)</script>"})
     page = parsed(isocodec.open(data)._repr_html_())
     paths = list(page.iter(f"{SVG}path"))
-    assert [path.findtext(f"{SVG}title") for path in paths] == ["60.5", "100.5"]
+    assert [path.findtext(f"{SVG}title") for path in paths] == ["isovalue 60.5", "isovalue 100.5"]
     scale = 480 / 41
     for path, contour in zip(paths, isocodec.open(data).contours(), strict=True):
         numbers = np.array([float(x) for x in re.findall(r"-?[\d.]+(?:e-?\d+)?", path.attrib["d"])]).reshape(-1, 2)

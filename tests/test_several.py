@@ -130,7 +130,7 @@ def test_others_are_named_where_only_one_is_written(several: Path, tmp_path: Pat
 
 
 def test_formats_that_hold_one(data: bytes) -> None:
-    with pytest.raises(OptionError, match="several isovalues"):
+    with pytest.raises(OptionError, match="several contours"):
         rendered(isocodec.open(data).contours(), ".npz")
 
 

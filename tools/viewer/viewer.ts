@@ -261,6 +261,7 @@ function legend(): void {
   const high = Math.max(3, Math.min(18, Math.floor(room / isovalues.length))), step = Math.ceil(15 / high);
   const down = isovalues.map((_, i) => i).sort((i, j) => isovalues[j]! - isovalues[i]!), named = (place: number): boolean =>
     place === 0 || place === down.length - 1 || ((down.length - 1 - place) % step === 0 && place >= step);
+  by("noun").textContent = metadata["labels"] ? "label" : "isovalue";
   by("unit").textContent = metadata["unit"] ? `(${metadata["unit"]})` : "";
   by("legend").style.top = `${canvas.parentElement!.querySelector("header")!.offsetHeight + 8}px`;
   list.replaceChildren(...down.map((i, place) => {

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..drawing.contour import Contour
+from ..field.labelling import noun_of
 from ..io.writers.output_formats import Cost
 
 if TYPE_CHECKING:
@@ -21,11 +22,13 @@ class Counts(NamedTuple):
     cells: int
     isovalue: float
     complete: bool
+    noun: str
 
     @classmethod
     def of(cls, contour: Contour) -> Counts:
         """Count a contour."""
-        return cls(len(contour.points), len(contour.cells), float(contour.isovalue), contour.complete)
+        return cls(len(contour.points), len(contour.cells), float(contour.isovalue), contour.complete,
+                   noun_of(contour.metadata))
 
 
 class OneByOne(Collection[Contour]):

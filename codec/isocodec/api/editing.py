@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 from ..deferred import dataclass
 from ..drawing.smoothing import SMOOTHING
 from ..errors import OptionError
-from ..field.decoded_samples import LABELS
 from ..field.placement import read_placement
 from ..limits import Limits
 from ..stream.given import in_cells
-from ..stream.options import INDEPENDENT, ISOVALUES, Options, Precision
+from ..stream.options import Options, Precision
 from ..stream.promises import PROMISE, last_promise
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
@@ -85,7 +84,8 @@ def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> by
         data = b"".join(first_stages(tiled, count))
         if len(data) <= size:
             return data
-    raise OptionError(f"{size} bytes are too few for the first layer of all tiles", code="max-bytes")
+    raise OptionError(f"{size} bytes are too few for the first layer of all tiles", code="max-bytes",
+                      remedy="allow more bytes")
 
 
 def _cropped(whole: WholeFile, window: Sequence[Sequence[float]]) -> bytes:
@@ -152,7 +152,7 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
         wanted = in_cells(wanted, placement, held.metadata, {}, held.header.shape)
     options = Options(
         precision=wanted, profile=profile or held.profile, metadata=notes, keep_topology=keep_topology,
-        order=INDEPENDENT if LABELS in held.metadata else None if held.turned else ISOVALUES,
+        order=held.order,
     )
     if wanted.default:
         return same_again(held, options)

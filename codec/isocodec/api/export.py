@@ -15,6 +15,7 @@ import numpy as np
 from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import FormatError, OptionError
+from ..field.labelling import caption
 from ..io.writers.output_formats import Cost, Kind, OutputOptions
 from ..io.writers.registry import suffix_of
 from ..io.writers.things import Areas, Pyramid, SampleMask, Thing
@@ -36,7 +37,7 @@ _KINDS: Mapping[str, Kind] = {
 _APART: Mapping[str, tuple[str, ...]] = {
     "above": ("layers", "max_bytes", "window", "within"),
     "valid": ("layers", "max_bytes", "window", "within", "frame"),
-    "labels": ("layers", "max_bytes", "window", "within", "frame", "partial"),
+    "labels": ("layers", "max_bytes", "window", "within"),
     "surface": ("layers", "window", "within", "frame", "smooth"),
 }
 """Options that choose a part of a file, by what is decoded, that do not apply to it."""
@@ -154,7 +155,7 @@ class Exported:
         self.facts |= {
             "points": points, "cells": cells, "isovalues": values, "shape": list(shape), "complete": complete,
         }
-        several = f", {len(counts)} isovalues" if len(counts) > 1 else ""
+        several = f", {len(counts)} {counts[0].noun}s" if len(counts) > 1 else ""
         self.text = f"{points:,} points, {cells:,} {'segments' if n == 2 else 'triangles'}{several}"
 
 
@@ -360,17 +361,18 @@ def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float
     return at
 
 
-def _others(isovalues: Sequence[float], isovalue: float) -> list[str]:
+def _others(isovalues: Sequence[float], isovalue: float, notes: Mapping[str, str]) -> list[str]:
     """Remark that a file has further isovalues, if none was asked for."""
-    others = [repr(value) for value in isovalues if value != isovalue]
+    others = [repr(value).removesuffix(".0") for value in isovalues if value != isovalue]
     listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
-    return [f"only isovalue {isovalue!r} is written; choose another with --isovalue: {listed}"] if others else []
+    written = f"only {caption(isovalue, notes)} is written"
+    return [f"{written}; choose another with --isovalue: {listed}"] if others else []
 
 
 def _others_in(file: IsoFile, isovalue: float) -> list[str]:
     """Remark on further isovalues, unless the file is damaged after this isovalue."""
     with suppress(FormatError):
-        return _others(file.isovalues, isovalue)
+        return _others(file.isovalues, isovalue, file.metadata)
     return []
 
 
@@ -385,12 +387,12 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Expor
         view = Viewed(frame=wanted.view.get("frame"), partial=bool(wanted.view.get("partial")))
         decoder, number = file.held.decoded(wanted.isovalue, view)
         rows, isovalue = decoder.grid.above(number), decoder.isovalues[number]
-        remarks = _others(decoder.isovalues, isovalue) if wanted.isovalue is None else []
+        remarks = _others(decoder.isovalues, isovalue, decoder.metadata) if wanted.isovalue is None else []
         placement, complete = decoder.grid.placement, decoder.frames > decoder.frame
     else:
         rows, isovalue, remarks = file.above(wanted.isovalue, frame=wanted.view.get("frame")), wanted.isovalue, []
         if isovalue is None and file.isovalues:
-            isovalue, remarks = file.isovalues[0], _others(file.isovalues, file.isovalues[0])
+            isovalue, remarks = file.isovalues[0], _others(file.isovalues, file.isovalues[0], file.metadata)
         placement, complete = file.placement, file.complete
     if rows.ndim == 1 and suffix == _ARRAY:  # of vertices
         counts = {"samples": rows.size, str(wanted.what): int(rows.sum())}
@@ -400,9 +402,10 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Expor
 
 
 def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
-    labels = file.labels()
-    found = [int(label) for label in np.unique(labels)]
-    text = f"{labels.size:,} samples, {len(found)} labels"
+    labels = file.labels(**wanted.view)
+    found = [label.item() for label in np.unique(labels)]
+    count = len({*found} & {*file.isovalues})
+    text = f"{labels.size:,} samples, {count} label{'s' * (count != 1)}"
     facts = {"samples": labels.size, "labels": found, "shape": list(labels.shape)}
     return Exported(SampleMask(labels, file.placement), facts, text)
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..deferred import dataclass
 from ..drawing.window import clipped, reaching
 from ..errors import FormatError, IsoError, OptionError, TruncatedError
-from ..field.decoded_samples import LABELS
+from ..field.labelling import is_of_labels
 from ..format.events import FrameRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import LayerKind
 from ..limits import Limits
@@ -42,6 +42,7 @@ IMPOSSIBLE: dict[tuple[str, str], str] = {
                           "in order",
     ("labels", "mesh"): "only files of grids have labels; this file holds curves on a mesh",
     ("labels", "surface"): "only files of grids have labels; this file holds a triangulated surface",
+    ("labels", "tiles"): "only files of grids have labels; this file holds curves in tiles",
     ("isovalues", "surface"): "a triangulated surface has no stored isovalues to choose from; a contour can be drawn "
                               "at any value",
     ("merge", "surface"): "triangulated surfaces cannot be merged: a file holds only one",
@@ -62,6 +63,8 @@ def impossible(operation: str, kind: str) -> OptionError:
     return OptionError(IMPOSSIBLE[operation, kind], code="kind")
 
 
+_INTEGERS, _FLOATS = ("u1", "i1", "u2", "i2", "u4", "i4", "i8"), ("f2", "f4")
+"""Types of labels that are tried, the smallest first; others are f8."""
 _NAMES = {
     "grid": "curves of a grid", "series": "a series of frames", "mesh": "curves on a mesh",
     "surface": "a triangulated surface", "tiles": "curves in tiles",
@@ -286,14 +289,14 @@ class WholeFile:
             decoder.close()
         return decoder.take().grid.valid()
 
-    def labels(self) -> NDArray[Any]:
+    def labels(self, view: Viewed) -> NDArray[Any]:
         """Decode the label of each sample; see `IsoFile.labels`."""
         if ("labels", self.kind) in IMPOSSIBLE:
             raise impossible("labels", self.kind)
-        if LABELS not in self.info.metadata:
+        if not is_of_labels(self.info.metadata):
             raise OptionError("the isovalues of the file are not labels", code="labels", remedy="use above")
-        grid = self.received(None, Viewed()).grid
-        return labelled((grid.above(i) for i in range(len(self.info.isovalues))), self.info.isovalues)
+        decoder = self.received(None, view)
+        return labelled(map(decoder.grid.above, range(len(decoder.isovalues))), decoder.isovalues)
 
     def surface(self, max_bytes: int | None) -> Tin:
         """Decode the triangulated surface; see `IsoFile.surface`."""
@@ -439,9 +442,9 @@ class TileFile:
         """See `IsoFile.valid`."""
         return self.whole().valid()
 
-    def labels(self) -> NDArray[Any]:
-        """See `IsoFile.labels`."""
-        return self.whole().labels()
+    def labels(self, view: Viewed) -> NDArray[Any]:
+        """Refuse: see `IsoFile.labels`."""
+        raise impossible("labels", "tiles")
 
     def surface(self, max_bytes: int | None) -> Tin:
         """Refuse: see `IsoFile.surface`."""
@@ -457,12 +460,15 @@ class TileFile:
 
 
 def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> NDArray[Any]:
-    """Labels of samples (0 for none), in the smallest type that holds all of them."""
-    labels = [int(value) if value.is_integer() else value for value in map(float, isovalues)]
+    """Labels of samples (0 for none), in the smallest type that holds all of them exactly."""
+    labels = np.array([0.0, *isovalues])
+    kinds = _FLOATS if (labels % 1).any() else _INTEGERS
+    with np.errstate(invalid="ignore", over="ignore"):
+        kind = next((kind for kind in kinds if np.array_equal(labels.astype(kind), labels)), "f8")
     out: NDArray[Any] | None = None
-    for label, inside in zip(labels, above, strict=True):
+    for label, inside in zip(labels[1:].astype(kind), above, strict=True):
         if out is None:
-            out = np.zeros(inside.shape, np.result_type(*map(np.min_scalar_type, [0, *labels])))
+            out = np.zeros(inside.shape, kind)
         out[inside] = label
     assert out is not None
     return out

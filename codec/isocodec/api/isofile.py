@@ -67,7 +67,7 @@ class IsoFile:
 
     def __repr__(self) -> str:
         values = ", ".join(f"{value:g}" for value in self.isovalues[:5]) + ", .." * (len(self.isovalues) > 5)
-        return f"IsoFile({self.kind}, {self.size:,} bytes, shape={self.shape}, isovalues {values})"
+        return f"IsoFile({self.kind}, {self.size:,} bytes, shape={self.shape}, {self.info.noun}s {values})"
 
     def _repr_html_(self) -> str:
         """Draw the first isovalues for notebooks, with size, layers and promises.
@@ -84,7 +84,7 @@ class IsoFile:
         facts = {
             "kind": self.kind, "bytes": f"{self.size:,}", "layers": f"{len(info.layers):,}", "profile": info.profile,
             "samples": " x ".join(map(str, self.shape)), "frames": f"{self.frames:,}" if self.frames > 1 else "",
-            "isovalues": ", ".join(f"{value:g}" for value in self.isovalues),
+            f"{info.noun}s": ", ".join(f"{value:g}" for value in self.isovalues),
             "promise": self.promise or "", **self.metadata,
         }
         return page_of(contours, {name: fact for name, fact in facts.items() if fact})
@@ -287,8 +287,15 @@ class IsoFile:
         """
         return self.held.valid(max_bytes)
 
-    def labels(self) -> NDArray[Any]:
+    def labels(
+        self, *, frame: int | None = None, max_bytes: int | None = None, partial: bool = False
+    ) -> NDArray[Any]:
         """Decode the labels of a segmentation.
+
+        Parameters
+        ----------
+        frame, max_bytes, partial
+            As for `contour`.
 
         Returns
         -------
@@ -298,9 +305,10 @@ class IsoFile:
         Raises
         ------
         OptionError
-            If the isovalues of the file are not labels.
+            If the isovalues of the file are not labels, if it does not have the frame, or if its mesh is coarser than
+            the grid.
         """
-        return self.held.labels()
+        return self.held.labels(Viewed(frame=frame, max_bytes=max_bytes, partial=partial))
 
     def surface(self, *, max_bytes: int | None = None) -> Tin:
         """Decode a triangulated surface, or as much of it as the first ``max_bytes`` bytes hold.

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
-from ..field.decoded_samples import LABELS
+from ..field.labelling import is_of_labels
 from ..field.placement import CRS, PLACEMENT
 from ..limits import Limits
 from ..storage.content import Readable
@@ -62,6 +62,8 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     kinds = [held.kind for held in opened]
     if "surface" in kinds:
         raise impossible("merge", "surface")
+    if any(is_of_labels(held.info.metadata) for held in opened):
+        raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
     whole = [held.whole() if isinstance(held, TileFile) else held for held in opened]
     _check_one_place([each.info.metadata for each in whole])
     if {"mesh", "series"} & set(kinds):
@@ -103,8 +105,6 @@ def _check_one_field(all_held: Sequence[Held]) -> None:
     first, *others = all_held
     sources = [source for held in all_held for source in held.frames[0]]
     for number, other in enumerate(others, start=2):
-        if LABELS in {**first.metadata, **other.metadata}:
-            raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
         if first.header.shape != other.header.shape:
             raise InputError(f"file {number} has shape {other.header.shape}, but the first has {first.header.shape}",
                              code="merge")

@@ -18,6 +18,7 @@ from ..drawing.pictures.map_picture import MapLook as Drawing
 from ..drawing.pictures.picture import Step, check_picture, steps_picture
 from ..drawing.pictures.view import USUAL, View, read_view
 from ..errors import InputError, OptionError, TruncatedError
+from ..field.labelling import noun_of
 from ..field.sampled import Field
 from ..format.events import LayerComplete, MeshLayerComplete
 from ..format.kinds import GEOMETRY
@@ -371,7 +372,7 @@ def map_of(
     drawing = Drawing(look.index, look.title, look.size, look.dpi, DARK if look.dark else LIGHT)
     facts: dict[str, Any] = {"isovalues": [float(one.isovalue) for one in contours]}
     count = len(contours)
-    plotted = Plotted(lambda: b"", facts, f"{count} isovalue{'s' * (count != 1)}", remarks)
+    plotted = Plotted(lambda: b"", facts, f"{count} {noun_of(contours[0].metadata)}{'s' * (count != 1)}", remarks)
 
     def render() -> bytes:
         data, labels = map_picture(contours, suffix, drawing, samples if look.relief else None, valid)

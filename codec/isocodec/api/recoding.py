@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
+from ..field.labelling import is_of_labels
 from ..field.placement import Placement, read_placement
 from ..format.events import End, FrameRead
 from ..format.header import Header
@@ -93,6 +94,13 @@ class Held:
         return last_promise(self.metadata, all(self.promised))
 
     @property
+    def order(self) -> str | None:
+        """Order in which another file has the layers of the same isovalues; None leaves it to the encoder."""
+        if is_of_labels(self.metadata):
+            return INDEPENDENT
+        return None if self.turned else ISOVALUES
+
+    @property
     def profile(self) -> str:
         """Profile of the file by its name."""
         return self.header.profile.name.lower()
@@ -144,8 +152,7 @@ def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
     ``expected``, the result is compared with a file of independent isovalues instead of ``held.contours``.
     """
     steps = {source.field.scale for sources in held.frames for source in sources if source.field.number is not None}
-    order = options.order or (None if held.turned else ISOVALUES)
-    options = replace(options, precision=Precision(step=next(iter(steps), None)), order=order)
+    options = replace(options, precision=Precision(step=next(iter(steps), None)), order=held.order)
 
     def data_of(independent: bool) -> bytes:
         alike = replace(options, order=INDEPENDENT) if independent else options

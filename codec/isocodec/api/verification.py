@@ -14,8 +14,8 @@ from isospec.container import DomainKind
 
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
-from ..field.decoded_samples import LABELS, DecodedSamples, values_of_steps
-from ..field.labelling import having
+from ..field.decoded_samples import DecodedSamples, values_of_steps
+from ..field.labelling import having, is_of_labels
 from ..field.meshed import valued
 from ..field.placement import COORDINATE_UNIT, CRS, Placement, closed, read_placement
 from ..field.sampled import UNIT, Field
@@ -135,8 +135,12 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if periodic:
         values, gone = closed(values, periodic), None if gone is None else closed(gone, periodic)
     _check_shape(values.shape, tuple(info.shape), held.kind == "series")
+    valid = held.valid()
+    if is_of_labels(info.metadata) and gone is not None and valid.all():
+        # missing samples may have been encoded as ones without a label
+        values, gone = np.where(gone, np.nan, values), None
     missing = np.zeros(values.shape, np.bool_) if gone is None else gone
-    others = int((held.valid() == missing).sum())
+    others = int((valid == missing).sum())
     if others:
         raise InputError(f"{others:,} samples are missing either in the field or in the file, but not in both",
                          code="missing")
@@ -208,7 +212,7 @@ def _of_grid(
     gone: NDArray[np.bool_] | None, promise: _Promise,
 ) -> Verified:
     """Verify one isovalue of a grid."""
-    if LABELS in held.info.metadata:
+    if is_of_labels(held.info.metadata):
         sampled = check_field(having(values, contour.isovalue), 0.5, gone=gone)
     else:
         sampled = check_field(values, contour.isovalue, gone=gone)

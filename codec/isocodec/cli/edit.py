@@ -93,10 +93,10 @@ def edit_command(options: EditArguments) -> None:
         lost = [] if several or options.isovalues else [v for v in files[0].isovalues if v not in made.isovalues]
     write_output(options.output, data)
     if lost:
-        warn(options.source[0], f"the result does not reach isovalue {' and '.join(map(repr, lost))}")
+        warn(options.source[0], f"the result does not reach {' and '.join(map(made.info.caption, lost))}")
     before = sum(file.size for file in files)
     isovalues = [float(value) for value in made.isovalues]
-    holds, facts = counted(len(isovalues), "isovalue"), dict[str, Any](isovalues=isovalues)
+    holds, facts = counted(len(isovalues), made.info.noun), dict[str, Any](isovalues=isovalues)
     if not several and options.given("layers", "size"):
         kept = sum(layer.bytes is not None for layer in inspected(made).layers)
         holds, facts = counted(kept, "whole layer"), {**facts, "layers": kept}

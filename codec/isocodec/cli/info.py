@@ -49,7 +49,7 @@ def info_command(options: InfoArguments) -> None:
     else:
         _print(options.source, info, complete, promise)
         if statistics is not None:
-            _print_statistics(statistics, len(info.shape))
+            _print_statistics(statistics, info)
     if not complete:
         cut = f"after {info.bytes:,} bytes, before it is complete" if info.tiles is None else "before its tiles do"
         warn(options.source, f"the file ends {cut}")
@@ -82,7 +82,8 @@ def _facts(info: FileInfo) -> list[tuple[str, str]]:
     for number, isovalue in enumerate(info.isovalues):
         lean = info.leans[number] if info.leans else None
         leaning = "" if lean is None else f"; predicted from {shortest(info.isovalues[lean])}"
-        out.append((f"isovalue {number}" if number else "isovalue", f"{shortest(isovalue)}{leaning}"))
+        counted = number and info.noun == "isovalue"
+        out.append((f"isovalue {number}" if counted else info.noun, f"{shortest(isovalue)}{leaning}"))
     out += info.metadata.items()
     if any(info.topology):
         kept = [shortest(v) for v, kept in zip(info.isovalues, info.topology, strict=True) if kept]
@@ -130,7 +131,7 @@ def _layers(info: FileInfo) -> Rows:
     return _columns(*names), rows
 
 
-def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
+def _print_statistics(statistics: FileStatistics, info: FileInfo) -> None:
     """Print two tables: signs predicted correctly, by layer; bits for each pixel, vertex and face, by isovalue."""
     rows = [
         [str(number), str(layer.kind), str(layer.level), f"{layer.bits:,}", f"{layer.signs:,}",
@@ -145,13 +146,13 @@ def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
     columns = _columns("layer", "kind", "level", "bits", "signs", "predicted", "right")
     print("\n" + table(columns, rows, "Signs that were predicted correctly"))
 
-    pixel, face = ("crossed voxel", "face") if dimension == 3 else ("crossed pixel", "segment")
+    pixel, face = ("crossed voxel", "face") if len(info.shape) == 3 else ("crossed pixel", "segment")
     columns = _columns("for each", "number", "connectivity", "geometry", "all", "signs before coding")
     for one in statistics.contours:
         parts = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
         counts = ((pixel, one.pixels), ("vertex", one.vertices), (face, one.faces))
         rows = [[name, f"{count:,}", *(f"{part / count:.3f}" for part in parts)] for name, count in counts if count]
-        print("\n" + table(columns, rows, f"Bits, isovalue {shortest(one.isovalue)}"))
+        print("\n" + table(columns, rows, f"Bits, {info.caption(one.isovalue)}"))
 
 
 def shortest(number: float) -> str:

@@ -312,8 +312,10 @@ class Converting(Writing):
         help="Side of a line on which values are higher, with x to the right and y upwards; in .npz, .svg and .png as "
         "the array is shown.",
     )
-    attribute: str = option("--attribute", heading=OUTPUT, default="isovalue", show_default=True, metavar="NAME",
-                            help="Name of the column that holds isovalues.")
+    attribute: str | None = option(
+        "--attribute", heading=OUTPUT, metavar="NAME",
+        help="Name of the column that holds isovalues.  [default: isovalue, or label for labels]",
+    )
     index: int | None = option("--index", heading=OUTPUT, type=COUNT, metavar="K",
                                help="Mark every K-th isovalue in a column named index.")
     raised: bool = option("--3d", heading=OUTPUT, is_flag=True,

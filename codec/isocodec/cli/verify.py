@@ -13,6 +13,7 @@ from .option_records import INPUT, Limited, Reading, argument, command, opened, 
 from .report import BROKEN, concerning, result
 
 if TYPE_CHECKING:
+    from ..api.isofile import FileInfo
     from ..api.verification import Verified
 
 CELLS = "cells"
@@ -41,18 +42,18 @@ def verify_command(options: VerifyArguments) -> None:
     (--key), or the points.
     """
     file = opened(options.source, options.limits)
-    field = options.read(options.field, labels="labels" in file.metadata)
+    field = options.read(options.field, labels=file.info.noun == "label")
     with concerning(options.source):
         found = file.verify(field, frame=options.frame if file.frames > 1 else None, within=options.within)
     records = [{**asdict(one), "isovalue": None if math.isnan(one.isovalue) else one.isovalue} for one in found]
     verdicts = {one.kept for one in found}
     kept = False if False in verdicts else None if None in verdicts else True
-    result("\n".join(map(_line, found)), {"kept": kept, "isovalues": records}, options.as_json)
+    result("\n".join(_line(one, file.info) for one in found), {"kept": kept, "isovalues": records}, options.as_json)
     if kept is False:
         click.get_current_context().exit(BROKEN)
 
 
-def _line(one: Verified) -> str:
+def _line(one: Verified, info: FileInfo) -> str:
     """One line about an isovalue or a surface."""
     surface = math.isnan(one.isovalue)
     unit = f" {one.unit}".rstrip()
@@ -67,4 +68,4 @@ def _line(one: Verified) -> str:
         return f"surface: {verdict}; {promise}{':' if one.promise else ''} largest error {one.there:g}{unit}"
     signs = "signs not known" if one.wrong is None else f"{one.wrong:,} wrong signs"
     measured = f"{far(one.there)} file to field, {far(one.back)} field to file"
-    return f"isovalue {one.isovalue:g}: {verdict}; {promise}{':' if one.promise else ''} {measured}; {signs}"
+    return f"{info.caption(one.isovalue)}: {verdict}; {promise}{':' if one.promise else ''} {measured}; {signs}"

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..deferred import dataclass
+from ..errors import OptionError
+from ..field.labelling import is_of_labels
 from .areas import areas_of, geometry_of, lifted, oriented, polygons
 from .curve import Curve
 
@@ -63,6 +65,9 @@ def band_areas(
     above: list[tuple[float, Any]] = []
     lowest: Curve | None = None
     for contour in contours:
+        if is_of_labels(contour.metadata):
+            raise OptionError("bands do not apply to labels, which do not lie inside one another", code="bands",
+                              remedy="make areas: --what areas, Contour.areas")
         above.append((contour.isovalue, areas_of(contour, valid=valid)))
         if lowest is None or contour.isovalue < lowest.isovalue:
             lowest = contour

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..errors import MissingExtraError, OptionError
 from ..extras import optional
+from ..field.labelling import noun_of
 from ..field.placement import Placement
 from .areas import areas_of, geometry_of, lifted, polygons
 from .capping import capped_mesh
@@ -307,7 +308,7 @@ class Contour:
     def to_geodataframe(self) -> Any:
         """Convert an isocontour to a ``geopandas.GeoDataFrame`` in the reference system of the file.
 
-        There is a row for each line, with ``isovalue``, ``closed`` and ``complete``.
+        There is a row for each line, with ``isovalue`` (``label`` of a file of labels), ``closed`` and ``complete``.
 
         Raises
         ------
@@ -338,7 +339,8 @@ class Contour:
         return mesh.copy()  # what is done to it does not move the contour
 
     def to_pyvista(self) -> Any:
-        """Convert to a ``pyvista.PolyData`` of lines, or of triangles with normals; cells have the value ``isovalue``.
+        """Convert to a ``pyvista.PolyData`` of lines, or of triangles with normals; cells have the value ``isovalue``
+        (``label`` of a file of labels).
 
         Raises
         ------
@@ -357,7 +359,7 @@ class Contour:
             mesh.point_data["Normals"] = whole.normals
         if self.placement is not None and self.placement.space:
             mesh.field_data["SPACE"] = [self.placement.space]
-        mesh.cell_data["isovalue"] = np.full(mesh.n_cells, float(self.isovalue))
+        mesh.cell_data[noun_of(self.metadata)] = np.full(mesh.n_cells, float(self.isovalue))
         return mesh
 
     def to_xarray(self) -> Any:
@@ -384,7 +386,10 @@ class Contour:
         from .pictures.inline import page_of
 
         pieces = "segments" if self.n == 2 else "triangles"
-        facts = {"isovalue": f"{self.isovalue:g}", "points": f"{len(self.points):,}", pieces: f"{len(self.cells):,}"}
+        facts = {
+            noun_of(self.metadata): f"{self.isovalue:.12g}", "points": f"{len(self.points):,}",
+            pieces: f"{len(self.cells):,}",
+        }
         if self.shape:
             facts["samples"] = " x ".join(map(str, self.shape))
         if not self.complete:

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..errors import OptionError
 from ..extras import optional
+from ..field.labelling import noun_of
 from ..field.placement import Placement
 from ..field.reference_system import system_of
 from .areas import areas_of, lifted
 from .bands import band_areas
 from .curve import Curve
-
-ISOVALUE = "isovalue"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +28,8 @@ class Rows:
     shapes : (R,) array of bytes
         Geometries in WKB.
     columns : dict of str to (R,) array
-        ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete``, and ``index`` if it is asked for; of bands
-        ``lower`` and ``upper``.
+        ``isovalue`` or ``label``, ``closed`` of lines, ``side`` of areas, ``complete``, and ``index`` if it is asked
+        for; of bands ``lower`` and ``upper``.
     placement : Placement or None
         That of the contours.
     has_z, has_empty : bool
@@ -54,7 +53,7 @@ class Rows:
 
 def rows_of(
     contours: Iterable[Curve], side: str | None = None, valid: NDArray[np.bool_] | None = None,
-    attribute: str = ISOVALUE, index: Collection[float] | None = None,
+    attribute: str | None = None, index: Collection[float] | None = None,
 ) -> Rows:
     """Make a row for each line or, with ``side``, for the areas of each isovalue or the bands.
 
@@ -66,8 +65,8 @@ def rows_of(
         Of the plane, in one reference system.
     side, valid
         As of `areas`; ``"bands"`` for bands.
-    attribute : str
-        Name of the column of isovalues.
+    attribute : str, optional
+        Name of the column of isovalues; if not given, ``isovalue``, or ``label`` of contours of labels.
     index : collection of float, optional
         Isovalues of index contours, which a column marks.
 
@@ -83,9 +82,10 @@ def rows_of(
     placement, has_z, has_empty = None, False, False
     for contour, shapes, columns in (_bands if side == "bands" else _isovalues)(contours, side, valid, shapely):
         if side != "bands":
-            level = columns.pop(ISOVALUE)
+            level = float(contour.isovalue)
             marks = {} if index is None else {"index": level in index}
-            columns = {attribute: level, **columns, "complete": bool(contour.complete), **marks}
+            name = attribute or noun_of(contour.metadata)
+            columns = {name: level, **columns, "complete": bool(contour.complete), **marks}
         has_z |= bool(shapely.has_z(shapes).any())
         has_empty |= bool(shapely.is_empty(shapes).any())
         found.append((shapely.to_wkb(shapes), {
@@ -102,21 +102,20 @@ def rows_of(
 def _isovalues(
     contours: Iterable[Curve], side: str | None, valid: NDArray[np.bool_] | None, shapely: Any
 ) -> Iterator[tuple[Curve, NDArray[Any], dict[str, Any]]]:
-    """Make the geometries of each contour, and their columns."""
+    """Make the geometries of each contour, and their columns but that of isovalues."""
     for contour in contours:
         if contour.n != 2:
             raise OptionError("only an isocontour (n = 2) has lines for a map", code="dimension")
-        columns: dict[str, Any] = {ISOVALUE: float(contour.isovalue)}
         if side is not None:
             areas = lifted(areas_of(contour, above=side == "above", valid=valid), contour.placement)
-            yield contour, np.array([areas], object), {**columns, "side": side}
+            yield contour, np.array([areas], object), {"side": side}
         else:
             whole = contour.joined
             walks = whole.walks
             places = [whole.along(walk) for walk in walks] or [np.zeros((0, 2))]
             owner = np.repeat(np.arange(len(walks)), [len(walk) for walk in walks])
             closed = np.array([len(walk) > 2 and walk[0] == walk[-1] for walk in walks], np.bool_)
-            yield contour, shapely.linestrings(np.concatenate(places), indices=owner), {**columns, "closed": closed}
+            yield contour, shapely.linestrings(np.concatenate(places), indices=owner), {"closed": closed}
             del whole, walks, places
         del contour
 

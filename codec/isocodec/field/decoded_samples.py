@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from .samples import Samples, interval_value
 
-LABELS = "labels"
-"""Name of the note of files whose isovalues are labels; a sample lies above the isovalue that is its label."""
-
 
 @dataclass(frozen=True)
 class DecodedSamples(Samples):

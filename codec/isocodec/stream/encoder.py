@@ -15,8 +15,8 @@ from isospec.container import Checksum, ChunkType
 
 from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
-from ..field.decoded_samples import LABELS
 from ..field.framed import Frames
+from ..field.labelling import listed
 from ..field.meshed import Mesh
 from ..field.placement import Placement
 from ..field.sampled import Field
@@ -73,7 +73,7 @@ def _as_smooth(options: Options, fields: Sequence[Samples], placement: Placement
             raise OptionError(f"the note {SMOOTHING} would break the promise of precision {precision.text!r}",
                               code="metadata", remedy=f'use precision "{precision.text} smooth"')
         return options
-    if len(fields) > 1 or LABELS in options.metadata:
+    if len(fields) > 1:
         raise OptionError("smooth applies to files of one isovalue: curves of several could cross", code="smooth",
                           remedy="leave it out")
     if placement is not None and placement.periodic:
@@ -223,6 +223,7 @@ class SeriesFrames:
         first = self._first or field
         if self.grid is not None:
             self._check_alike(field, first)
+            _check_labels(field, first, self.count)
             file = self.grid.file
             placement = placement_of_file(first, file.options)
             samples = samples_of(
@@ -290,6 +291,15 @@ class _SeriesEncoder(ContainerEncoder):
             yield ending.add(self._frames.chunks(frame))
         self._frames.check_whole()
         yield ending.last()
+
+
+def _check_labels(field: Field, first: Field, number: int) -> None:
+    """Refuse a frame with labels that the first one does not list, which would not be encoded."""
+    more = {*(field.labels or ())} - {*(first.labels or ())}
+    if more:
+        every = sorted({*more, *(first.labels or ())})
+        raise InputError(f"frame {number} has labels that the first frame does not: {listed(sorted(more), ', ')}",
+                         code="label", remedy=f"give each frame the same: labels=({listed(every, ', ')})")
 
 
 def _inside(samples: Sequence[Samples]) -> set[float]:

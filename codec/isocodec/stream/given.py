@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from isospec.container import MAX_ISOVALUES
 
 from ..errors import InputError, OptionError
-from ..field.decoded_samples import LABELS, DecodedSamples, near_values
+from ..field.decoded_samples import DecodedSamples, near_values
 from ..field.framed import Frames
-from ..field.labelling import having
+from ..field.labelling import LABELS, having, listed
 from ..field.meshed import Mesh
 from ..field.missing import filled
 from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Placement, closed, read_placement
@@ -91,7 +91,7 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
         precision = in_cells(precision, field.placement, notes, options.metadata, field.shape, gone)
     if field.labels is not None:
         options = _of_labels(field, replace(options, precision=precision))
-        notes[LABELS] = " ".join(repr(isovalue_of(label)).removesuffix(".0") for label in field.labels)
+        notes[LABELS] = listed(map(isovalue_of, field.labels))
     return replace(options, precision=precision, metadata=notes)
 
 

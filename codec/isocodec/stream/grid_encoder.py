@@ -20,7 +20,7 @@ from ..drawing.snapshot import drawing_bytes, leaves_of
 from ..entropy.range_coder import Coder
 from ..entropy.run import WritingRun
 from ..errors import FormatError, InputError, OptionError
-from ..field.decoded_samples import LABELS
+from ..field.labelling import is_of_labels
 from ..field.placement import Placement
 from ..field.samples import Samples, mask_field
 from ..format.chunks import (
@@ -273,7 +273,7 @@ class GridFrame:
     def _fenced(self) -> bool:
         """Whether curves of several isovalues that are near one another must not cross."""
         file, o = self.file, self.file.options
-        single = len(file.series.isovalues) == 1 or file.series.interval is not None or LABELS in file.metadata
+        single = len(file.series.isovalues) == 1 or file.series.interval is not None or is_of_labels(file.metadata)
         searched = o.layers.default and o.precision.steps is None and o.precision.searched is not None
         return searched and not single and file.header.n == 2
 

@@ -13,6 +13,7 @@ from isospec.container import ChunkType, DomainKind
 
 from ..deferred import dataclass
 from ..errors import FormatError, OptionError, TruncatedError
+from ..field.labelling import caption, listed, noun_of
 from ..format.chunks import Envelope, LayerRecord, Promises, whole_bytes
 from ..format.coordinate_record import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
@@ -183,6 +184,15 @@ class FileInfo:
     tiles: tuple[int, ...] | None = None
     turned: bool = False
 
+    @property
+    def noun(self) -> str:
+        """Noun for the isovalues of the file: ``isovalue``, or ``label`` in a file of labels."""
+        return noun_of(self.metadata)
+
+    def caption(self, isovalue: float) -> str:
+        """Name an isovalue for people: ``isovalue 500.5``, ``label 3``."""
+        return caption(isovalue, self.metadata)
+
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, or of the first if None.
 
@@ -195,12 +205,12 @@ class FileInfo:
             return 0
         if isovalue not in self.isovalues:
             if not self.complete:
-                raise TruncatedError(f"the file ends before isovalue {isovalue!r} begins", code="truncated")
+                raise TruncatedError(f"the file ends before {self.noun} {listed([isovalue])} begins", code="truncated")
             near = sorted(sorted(self.isovalues, key=lambda one: abs(one - isovalue))[:_NAMED])
             others = f", and {len(self.isovalues) - len(near):,} others" if len(near) < len(self.isovalues) else ""
             raise OptionError(
-                f"the file has no isovalue {isovalue!r}", code="isovalue",
-                remedy=f"it has {', '.join(map(repr, near))}{others}",
+                f"the file has no {self.noun} {listed([isovalue])}", code="isovalue",
+                remedy=f"it has {listed(near, ', ')}{others}",
             )
         return self.isovalues.index(isovalue)
 

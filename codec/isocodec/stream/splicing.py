@@ -9,6 +9,7 @@ from isospec.container import ChunkType, DomainKind, MeshLayer
 
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
+from ..field.labelling import LABELS, is_of_labels, listed
 from ..format.chunks import payload_of, write_chunk, write_further, write_metadata
 from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_interval
 from ..format.header import Header, read_header
@@ -132,7 +133,10 @@ def chosen(data: bytes, numbers: Sequence[int]) -> bytes:
         frames.append([
             replace(one, lean=one.lean if one.lean in (None, FRAME_BEFORE) else new[one.lean]) for one in kept
         ])
-    return _joined(parts.header, parts.info, parts.shared, frames, parts.info.metadata)
+    notes = dict(parts.info.metadata)
+    if is_of_labels(notes):
+        notes[LABELS] = listed(parts.info.isovalues[number] for number in numbers)
+    return _joined(parts.header, parts.info, parts.shared, frames, notes)
 
 
 def spliced(files: Iterable[bytes]) -> bytes:

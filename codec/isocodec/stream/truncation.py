@@ -72,7 +72,8 @@ def truncate(
             f"the file ends after {len(data)} bytes, before its curve begins", code="truncated", offset=len(data)
         )
     if short is None:
-        raise OptionError(f"{max_bytes} bytes are too few for the header of this file and a curve", code="max-bytes")
+        raise OptionError(f"{max_bytes} bytes are too few for the header of this file and a curve", code="max-bytes",
+                          remedy="allow more bytes")
     return short
 
 

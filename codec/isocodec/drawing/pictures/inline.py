@@ -9,6 +9,7 @@ from html import escape
 import numpy as np
 
 from ...errors import IsoError, MissingExtraError
+from ...field.labelling import caption
 from ..curve import Curve
 from .colours import places_of
 from .picture import contour_picture
@@ -61,7 +62,7 @@ def _paths(contours: Sequence[Curve]) -> str:
         turned = [line[:, ::-1] if shape else line * (1, -1) for line in contour.lines]
         text = "".join("M" + " ".join(f"{x:.4g},{y:.4g}" for x, y in (line - low) * scale) for line in turned)
         colour = f"hsl({270 - 210 * places[number]:.0f},60%,45%)"
-        title = f"<title>{contour.isovalue:g}</title>"
+        title = f"<title>{caption(contour.isovalue, contour.metadata)}</title>"
         paths.append(f'<path d="{text}" fill="none" stroke="{colour}">{title}</path>')
     box = f'width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" {box}>{"".join(paths)}</svg>'

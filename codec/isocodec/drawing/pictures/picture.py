@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...deferred import dataclass
 from ...errors import OptionError, one_line
 from ...extras import optional
+from ...field.labelling import caption, noun_of
 from ...field.sampled import UNIT
 from ..curve import Curve
 from .colours import colours_of
@@ -73,7 +74,7 @@ def contour_picture(contours: Collection[Curve], suffix: str = ".png", view: Vie
     for number, contour in enumerate(chain([first], each), start=1):
         axes = figure.add_subplot(rows, columns, number)
         _draw(axes, [contour], [_INK], 6 * _DPI // columns, view)
-        axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
+        axes.set_title(caption(contour.isovalue, contour.metadata), fontsize=9)
         del contour
     return _file(figure, suffix)
 
@@ -83,37 +84,37 @@ def _curves_figure(contours: Iterable[Curve], count: int) -> Any:
     isovalues: list[float] = []
     figure: Any = None
     axes: Any = None
-    unit = ""
+    title = ""
     for contour in contours:
         if figure is None:
             width, height = _panel_size(contour, 6.0)
             figure = _figure((width + 1.0, height))  # room for what names the colours
             axes = figure.add_subplot()
-            unit = _unit(contour)
+            title = _legend_title(contour)
         _draw_curve(axes, contour, _INK, count)
         isovalues.append(contour.isovalue)
         del contour
     colours = colours_of(isovalues)
     for line, colour in zip(axes.collections, colours, strict=True):
         line.set_color(colour)
-    _name_colours(figure, [axes], isovalues, colours, unit)
+    _name_colours(figure, [axes], isovalues, colours, title)
     return figure
 
 
-def _unit(contour: Curve) -> str:
-    unit = contour.metadata.get(UNIT, "")
-    return f" ({one_line(unit, 20)})" if unit else ""
+def _legend_title(contour: Curve) -> str:
+    noun, unit = noun_of(contour.metadata), contour.metadata.get(UNIT, "")
+    return f"{noun} ({one_line(unit, 20)})" if unit else noun
 
 
 def _name_colours(figure: Any, axes: list[Any], isovalues: Sequence[float], colours: NDArray[np.float64],
-                  unit: str) -> None:
+                  title: str) -> None:
     """Name the colours of isovalues beside the axes: each, or if there are many, some on a scale of all."""
     order = np.argsort(isovalues, kind="stable")
     names = [f"{isovalues[i]:.10g}" for i in order]
     if len(isovalues) <= _NAMED:
         lines = optional("matplotlib.lines", extra="plot", purpose="drawing a picture")
         handles = [lines.Line2D([], [], color=colours[i], linewidth=2) for i in order[::-1]]
-        figure.legend(handles, names[::-1], loc="outside right upper", fontsize=7, title=f"isovalue{unit}",
+        figure.legend(handles, names[::-1], loc="outside right upper", fontsize=7, title=title,
                       title_fontsize=7)
         return
     cm = optional("matplotlib.cm", extra="plot", purpose="drawing a picture")
@@ -123,7 +124,7 @@ def _name_colours(figure: Any, axes: list[Any], isovalues: Sequence[float], colo
     scale = cm.ScalarMappable(norm, colors.ListedColormap(colours[order]))
     shown = range(0, len(order), -(-len(order) // 20))
     bar = figure.colorbar(scale, ax=axes, ticks=[i + 0.5 for i in shown], spacing="uniform", pad=0.01, fraction=0.05)
-    bar.set_label(f"isovalue{unit}", fontsize=7)
+    bar.set_label(title, fontsize=7)
     bar.ax.set_yticklabels([names[i] for i in shown])
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.minorticks_off()
@@ -161,11 +162,11 @@ def steps_picture(
         axes.set_yticks([])
         more = "" if step.within is None else f", within {step.within:g}"
         held = len(step.contours)
-        more += f", {held} isovalue{'s' * (held > 1)}" * several
+        more += f", {held} {noun_of(step.contours[0].metadata)}{'s' * (held > 1)}" * several
         axes.set_title(f"{step.bytes:,} bytes{more}\n{step.bytes / step.total:.1%} of the file", fontsize=7)
         panels.append(axes)
     if several:
-        _name_colours(figure, panels, isovalues, inks, _unit(steps[-1].contours[0]))
+        _name_colours(figure, panels, isovalues, inks, _legend_title(steps[-1].contours[0]))
     return _file(figure, suffix)
 
 

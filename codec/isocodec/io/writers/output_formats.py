@@ -61,8 +61,8 @@ class OutputOptions:
         show the array.
     onto : Path or None
         The existing file whose other layers are kept; set by `write`.
-    attribute : str
-        Name of the column or property that holds isovalues.
+    attribute : str or None
+        Name of the column or property that holds isovalues; if None, ``isovalue``, or ``label`` in a file of labels.
     index : collection of float, or None
         Isovalues of index contours; a column or property ``index`` marks them.
     raised : bool
@@ -76,7 +76,7 @@ class OutputOptions:
     decimals: int | None = None
     higher_on: str = "left"
     onto: Path | None = None
-    attribute: str = "isovalue"
+    attribute: str | None = None
     index: Collection[float] | None = None
     raised: bool = False
 

@@ -85,7 +85,7 @@ def find(path: str | os.PathLike[str], thing: Thing) -> tuple[str, Output]:
         given = Path(path).suffix.lower() or "a name without a suffix"
         message = f"{given} is not a supported output format"
     elif thing.several and suffix in suffixes_of(thing.kind, thing.n, sampled=thing.sampled):
-        message = f"{suffix} cannot hold several isovalues"
+        message = f"{suffix} cannot hold several contours"
         remedy += ", or write one after the other"
     else:
         message = f"{suffix} cannot hold {thing.text}"

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from ...extras import optional
+from ...field.labelling import is_of_labels
 from .output_formats import Cost, Output, OutputOptions
 
 if TYPE_CHECKING:
@@ -14,9 +15,8 @@ if TYPE_CHECKING:
 
 
 def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
-    """A drawing (R2010). Polylines of curves lie at the height of their isovalue; x and y are those of `placed`.
-
-    Those of a plane in space lie there.
+    """A drawing (R2010). Polylines of curves lie at the height of their isovalue, of labels at 0; x and y are those of
+    `placed`. Those of a plane in space lie there.
     """
     library: Any = optional("ezdxf", extra="cad", purpose=f"writing {suffix}")
     before = library.options.write_fixed_meta_data_for_testing
@@ -40,7 +40,7 @@ def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
                     if places.shape[1] > 2:  # on a plane in space
                         space.add_polyline3d(points, close=closed, dxfattribs={"layer": name})
                         continue
-                    attributes = {"layer": name, "elevation": float(contour.isovalue)}
+                    attributes = {"layer": name, "elevation": _height(contour)}
                     space.add_lwpolyline(points, format="xy", close=closed, dxfattribs=attributes)
             elif len(contour.cells):
                 whole = contour.joined
@@ -55,9 +55,14 @@ def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
     return text.getvalue().encode(document.output_encoding)
 
 
+def _height(contour: Contour) -> float:
+    """The height of a curve: its isovalue; of the border of a label 0."""
+    return 0.0 if is_of_labels(contour.metadata) else float(contour.isovalue)
+
+
 def _layer_name(contour: Contour) -> str:
-    """The layer of an isovalue: ``ISO_500.5``."""
-    return f"ISO_{contour.isovalue:.12g}"
+    """The layer of an isovalue: ``ISO_500.5``; of a label ``LABEL_3``."""
+    return f"{'LABEL' if is_of_labels(contour.metadata) else 'ISO'}_{contour.isovalue:.12g}"
 
 
 _COST = {2: Cost(500, 200, 1 << 23), 3: Cost(600, 900, 1 << 24)}

@@ -16,6 +16,7 @@ from ...drawing.bands import band_areas
 from ...drawing.contour import Contour
 from ...drawing.globe import Globe, ragged, rounded, rounded_areas
 from ...drawing.tessellation import Tessellation
+from ...field.labelling import noun_of
 from ...field.placement import Placement
 from ...field.reference_system import DEGREES, epsg_of, is_named
 from .output_formats import Cost, Output, OutputOptions
@@ -117,11 +118,11 @@ def _multiline(points: NDArray[np.float64], starts: NDArray[np.int64]) -> bytes:
 
 
 def _feature(contour: Contour, geometry: bytes, options: OutputOptions, **properties: Any) -> bytes:
-    """Write a feature with the properties isovalue, shape and complete; an empty curve has an empty geometry."""
+    """Write a feature with the properties isovalue or label, shape, complete; an empty curve has an empty geometry."""
     if options.index is not None:
         properties["index"] = contour.isovalue in options.index
     about = {
-        options.attribute: None if isnan(contour.isovalue) else float(contour.isovalue),
+        options.attribute or noun_of(contour.metadata): None if isnan(contour.isovalue) else float(contour.isovalue),
         "shape": [int(n) for n in contour.shape],
         "complete": bool(contour.complete),
         **properties,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...extras import optional
+from ...field.labelling import noun_of
 from .output_formats import Cost, Output, OutputOptions
 from .things import ABOVE, LEVEL, PlacedTin, in_space, library_files, space_of
 
@@ -21,7 +22,7 @@ _TYPES = {"f8": "Float64", "f4": "Float32", "i8": "Int64"}
 
 
 def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
-    """All isovalues in one file, in double precision; cells have the value ``isovalue``, points of surfaces normals.
+    """All isovalues in one file, in double precision; cells have the value ``isovalue`` or ``label``, points normals.
 
     A field ``SPACE`` states where x, y, z run in a body.
     """
@@ -30,9 +31,9 @@ def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
     cells: list[NDArray[np.int64]] = []
     sizes: list[NDArray[np.int64]] = []
     values: list[NDArray[np.float64]] = []
-    start, plane, text = 0, True, ""
+    start, plane, text, noun = 0, True, "", ""
     for contour in contours:
-        plane, text = contour.n == 2, space_of(contour.placement)
+        plane, text, noun = contour.n == 2, space_of(contour.placement), noun_of(contour.metadata)
         contour = contour.joined
         placed = contour.placed
         points.append(np.pad(placed, ((0, 0), (0, 3 - placed.shape[1]))))
@@ -54,7 +55,7 @@ def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
     parts = [
         "<PointData" + ("" if plane else ' Normals="Normals"') + ">",
         "" if plane else _array("Normals", np.concatenate(normals).astype(np.float32), body), "</PointData>",
-        '<CellData Scalars="isovalue">', _array("isovalue", np.concatenate(values), body), "</CellData>",
+        f'<CellData Scalars="{noun}">', _array(noun, np.concatenate(values), body), "</CellData>",
         "<Points>", _array("Points", np.concatenate(points), body), "</Points>",
         "<Lines>" if plane else "<Polys>", _array("connectivity", np.concatenate(cells), body),
         _array("offsets", ends.astype(np.int64), body), "</Lines>" if plane else "</Polys>",
@@ -96,19 +97,19 @@ def _mesh_vtu(mesh: Tessellation, suffix: str, _: OutputOptions) -> bytes:
 
 
 def _contour_vtu(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
-    """All isovalues in one file: segments or triangles with the value ``isovalue``."""
+    """All isovalues in one file: segments or triangles with the value ``isovalue`` or ``label``."""
     points: list[NDArray[np.float64]] = []
     cells: list[NDArray[np.int64]] = []
     values: list[NDArray[np.float64]] = []
-    start = 0
+    start, noun = 0, ""
     for contour in contours:
-        whole = contour.joined
+        noun, whole = noun_of(contour.metadata), contour.joined
         points.append(np.pad(whole.placed, ((0, 0), (0, 3 - whole.placed.shape[1]))))
         cells.append(start + whole.placed_cells)
         values.append(np.full(len(cells[-1]), float(contour.isovalue)))
         start += len(points[-1])
     return _vtu(np.concatenate(points), np.concatenate(cells), suffix,
-                {"cell_data": {"isovalue": [np.concatenate(values)]}})
+                {"cell_data": {noun: [np.concatenate(values)]}})
 
 
 def _tin_vtu(placed: PlacedTin, suffix: str, _: OutputOptions) -> bytes:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...drawing.contour import Contour
 from ...extras import optional
+from ...field.labelling import caption
 from .decimal_text import millionths, pair_texts
 from .output_formats import Cost, Output, OutputOptions
 from .things import Picture, SampleMask
@@ -41,7 +42,7 @@ def _picture(picture: Picture, suffix: str, _: OutputOptions) -> bytes:
     return picture.draw(suffix)
 
 
-_STROKES = b'<g fill="none" stroke="black" stroke-width="1" stroke-linejoin="round"><title>isovalue %s</title>'
+_STROKES = b'<g fill="none" stroke="black" stroke-width="1" stroke-linejoin="round"><title>%s</title>'
 _PATH = b'<path d="M%b" vector-effect="non-scaling-stroke" />'
 """The line width is measured on screen, since a contour has no width."""
 
@@ -57,7 +58,7 @@ def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
         rows, columns = contour.shape
         # samples are the centres of pixels
         size = f' width="{columns}" height="{rows}" viewBox="-0.5 -0.5 {columns} {rows}"'
-        groups += [_STROKES % f"{contour.isovalue:g}".encode(), *_paths(contour), b"</g>"]
+        groups += [_STROKES % caption(contour.isovalue, contour.metadata).encode(), *_paths(contour), b"</g>"]
         del contour
     head = f'<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg"{size}>'
     return b"".join([head.encode(), *groups, b"</svg>\n"])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...drawing.globe import Globe, ragged
 from ...errors import OptionError
 from ...extras import optional
+from ...field.labelling import noun_of
 from ...field.reference_system import is_named, to_degrees
 from .output_formats import Cost, Output, OutputOptions
 from .things import Pyramid
@@ -69,10 +70,10 @@ def _render_pyramid(pyramid: Pyramid, suffix: str, options: OutputOptions) -> by
     """
     writer = optional("pmtiles.writer", extra="pmtiles", purpose=f"writing {suffix}")
     tiles: dict[Key, Features] = {}
-    bounds, most = [], 0
+    bounds, most, noun = [], 0, ""
     for at in pyramid.isovalues:
         finest = at(1.0)
-        most = zoom_of(finest)
+        most, noun = zoom_of(finest), noun_of(finest.metadata)
         for zoom in range(most + 1):
             lines = mercator_lines(at(2.0 ** (most - zoom)))
             if zoom == most:
@@ -80,7 +81,7 @@ def _render_pyramid(pyramid: Pyramid, suffix: str, options: OutputOptions) -> by
             for key, geometry in cut(lines, zoom, 0 if zoom == most else ROUNDING):
                 tiles.setdefault(key, []).append((finest.isovalue, geometry))
     # an empty map has one tile, too
-    return _archive(writer, tiles or {(0, 0, 0): []}, bounds, most, options.layer or LAYER)
+    return _archive(writer, tiles or {(0, 0, 0): []}, bounds, most, options.layer or LAYER, noun)
 
 
 def zoom_of(contour: Contour) -> int:
@@ -190,12 +191,12 @@ def _divided(line: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([line[at] + part[:, None] * (line[at + 1] - line[at]), line[-1:]])
 
 
-def _tile(features: Features, name: str) -> bytes:
-    """Make a tile with one layer, whose features have the isovalue as their only property."""
+def _tile(features: Features, name: str, noun: str) -> bytes:
+    """Make a tile with one layer, whose features have the isovalue as their only property, named by a noun."""
     shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
     encoder = optional("mapbox_vector_tile", extra="pmtiles", purpose="making vector tiles")
     found = [
-        {"geometry": shapely.MultiLineString(lines), "properties": {"isovalue": isovalue}}
+        {"geometry": shapely.MultiLineString(lines), "properties": {noun: isovalue}}
         for isovalue, lines in features
     ]
     layer = {"name": name, "features": found}
@@ -203,7 +204,8 @@ def _tile(features: Features, name: str) -> bytes:
 
 
 def _archive(
-    writer: Any, tiles: dict[Key, Features], lines: list[NDArray[np.float64]], most: int, name: str
+    writer: Any, tiles: dict[Key, Features], lines: list[NDArray[np.float64]], most: int, name: str,
+    noun: str,
 ) -> bytes:
     """Make the archive of tiles, in the order of their numbers."""
     from gzip import compress
@@ -212,7 +214,7 @@ def _archive(
     out = io.BytesIO()
     archive = writer.Writer(out)
     for number, key in sorted((format_.zxy_to_tileid(*key), key) for key in tiles):
-        archive.write_tile(number, compress(_tile(tiles[key], name), mtime=0))
+        archive.write_tile(number, compress(_tile(tiles[key], name, noun), mtime=0))
     # each line within one turn, or beyond
     points = np.concatenate([line - [np.floor(line[:, 0].min()), 0] for line in lines] or [np.array([[0.5, 0.5]])])
     west, east = (float(f(points[:, 0])) * 360 - 180 for f in (np.min, np.max))
@@ -225,7 +227,7 @@ def _archive(
         "min_lon_e7": math.floor(west * 1e7), "max_lon_e7": math.ceil(east * 1e7),
         "min_lat_e7": math.floor(south * 1e7), "max_lat_e7": math.ceil(north * 1e7),
     }
-    layer = {"id": name, "fields": {"isovalue": "Number"}, "minzoom": 0, "maxzoom": most}
+    layer = {"id": name, "fields": {noun: "Number"}, "minzoom": 0, "maxzoom": most}
     archive.finalize(header, {"vector_layers": [layer]})
     return out.getvalue()
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ...drawing.separation import single
 from ...errors import OptionError
 from ...extras import optional
+from ...field.labelling import caption
 from .output_formats import Cost, Output, OutputOptions
 from .things import ABOVE, LEVEL, PlacedTin, in_space, space_of
 
@@ -85,7 +86,7 @@ def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
                 middle = mesh.bounds.mean(axis=0)
                 matrix[:3, 3] = _Y_UP @ middle
                 mesh.vertices = single((mesh.vertices - middle) @ _Y_UP.T)  # a copy: the contour has them, too
-            name = f"isovalue {contour.isovalue:.12g}"
+            name = caption(contour.isovalue, contour.metadata)
             scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
             text = space_of(contour.placement)
         del contour
@@ -128,7 +129,7 @@ def _lines_obj(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
         whole = contour.joined
         digits = _digits(whole)
         lines += [f"# {text}" for text in [space_of(whole.placement)] if text and not lines]
-        lines.append(f"o isovalue {contour.isovalue:.12g}")
+        lines.append(f"o {caption(contour.isovalue, contour.metadata)}")
         lines += ["v " + " ".join(f"{number:.{digits}f}" for number in point) for point in _in_three(whole).tolist()]
         lines += ["l " + " ".join(str(start + number) for number in walk) for walk in whole.walks]
         start += len(whole.points)

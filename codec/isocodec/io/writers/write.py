@@ -21,6 +21,7 @@ from ...deferred import dataclass
 from ...drawing.contour import Contour
 from ...drawing.tessellation import Tessellation
 from ...errors import OptionError, one_line
+from ...field.labelling import is_of_labels
 from ...field.placement import Placement, unplaced
 from ...storage.atomic import check_target, writing
 from .losses import Losses
@@ -230,6 +231,8 @@ def _raised(contour: Contour) -> Contour:
     if contour.n != 2 or not contour.shape or matrix is None or placement.in_space:
         raise OptionError("--3d needs curves of a plane field whose samples are evenly spaced", code="3d",
                           remedy="leave it out")
+    if is_of_labels(contour.metadata):
+        raise OptionError("--3d does not apply to labels, which are no heights", code="3d", remedy="leave it out")
     height = 0.0 if np.isnan(contour.isovalue) else float(contour.isovalue)
     return replace(contour, placement=replace(placement, matrix=np.vstack([matrix, [0, 0, height]])))
 
