@@ -92,6 +92,14 @@ def test_numbers_agree_with_the_verdict(away: float, off: float, unit: str, tmp_
     assert ("NOT KEPT" in line) is (off < 0)
 
 
+def test_a_field_without_the_curve(tmp_path: Path) -> None:
+    (tmp_path / "a.iso").write_bytes(isocodec.encode(RAMP, 5.25, precision=0.1))
+    np.save(tmp_path / "b.npy", 0 * RAMP)
+    result = run("verify", tmp_path / "a.iso", tmp_path / "b.npy", "--json")
+    (one,) = json.loads(result.stdout)["isovalues"]
+    assert result.exit_code == 9 and one["there"] is None and one["back"] == 0 and not one["kept"]
+
+
 def test_surfaces_and_holes() -> None:
     field = BALL.astype(float)
     field[3, 4, 5] = np.nan

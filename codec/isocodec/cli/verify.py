@@ -42,7 +42,9 @@ def verify_command(options: VerifyArguments) -> None:
     field = options.read(options.field, labels="labels" in file.metadata)
     with concerning(options.source):
         found = file.verify(field, frame=options.frame if file.frames > 1 else None, within=options.within)
-    records = [{**asdict(one), "isovalue": None if math.isnan(one.isovalue) else one.isovalue} for one in found]
+    # a surface has no isovalue, and a curve is infinitely far from an empty one
+    records = [{name: None if isinstance(fact, float) and not math.isfinite(fact) else fact
+                for name, fact in asdict(one).items()} for one in found]
     verdicts = {one.kept for one in found}
     kept = False if False in verdicts else None if None in verdicts else True
     result("\n".join(map(_line, found)), {"kept": kept, "isovalues": records}, options.as_json)
