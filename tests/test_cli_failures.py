@@ -431,3 +431,40 @@ def test_an_isovalue_equal_to_the_maximum(hills: Path, tmp_path: Path) -> None:
     assert not isocodec.open(tmp_path / "a.iso").above().any()
     assert warnings_of(hills, tmp_path / "a.iso", "--isovalue", most - 1, "--precision", "signs") == []
     assert np.array_equal(isocodec.open(tmp_path / "a.iso").above(), most == HILLS)
+
+
+# ---- Names of outputs ------------------------------------------------------------------------------------------------
+
+
+WRITING = {
+    "encode": ["hills.npy", "--isovalue", 80.5], "decode": ["hills.iso"], "edit": ["hills.iso", "--layers", 1],
+    "plot": ["hills.iso"], "thin": ["hills.npy", "--points", 20],
+}
+
+
+def test_verbs_that_write() -> None:
+    assert set(WRITING) == {
+        name for name in main.commands if any(each.name == "output" for each in main.commands[name].params)
+    }
+
+
+@pytest.mark.parametrize("suffix", [".kml", ".csv", ".json", ".mbtiles", ".iso9660", ".iso.gz", ".5"])
+@pytest.mark.parametrize("verb", WRITING)
+def test_names_with_other_suffixes_are_refused(tmp_path: Path, verb: str, suffix: str) -> None:
+    """A file of one format under the name of another helps nobody; formats that can be written are listed."""
+    np.save(tmp_path / "hills.npy", HILLS)
+    isocodec.save(tmp_path / "hills.iso", HILLS, 80.5)
+    source, *options = WRITING[verb]
+    line = fails(2, verb, tmp_path / str(source), "-o", tmp_path / f"out{suffix}", *options)
+    assert ".svg" in line or ".ply" in line, line
+    assert not list(tmp_path.glob("out*"))
+
+
+@pytest.mark.parametrize("name", ["out", "out.iso", "OUT.ISO"])
+@pytest.mark.parametrize("verb", ["encode", "edit"])
+def test_names_of_iso_files(tmp_path: Path, verb: str, name: str) -> None:
+    np.save(tmp_path / "hills.npy", HILLS)
+    isocodec.save(tmp_path / "hills.iso", HILLS, 80.5)
+    source, *options = WRITING[verb]
+    ok(verb, tmp_path / str(source), "-o", tmp_path / name, *options)
+    assert isocodec.open(tmp_path / name).isovalues == (80.5,)

@@ -17,9 +17,9 @@ import pytest
 import shapely
 
 import isocodec
-from commands import BALL, HILLS, fails, ok
+from commands import BALL, HILLS, fails, ok, run
 from isocodec.field.placement import Placement
-from isocodec.io.writers.output_formats import OutputOptions
+from isocodec.io.writers.output_formats import COLUMNS, OutputOptions
 from isocodec.io.writers.registry import OUTPUTS
 from isocodec.io.writers.things import Areas
 from isocodec.io.writers.write import write
@@ -231,3 +231,47 @@ def test_higher_on_is_for_lines(source: Path, tmp_path: Path) -> None:
                                   "right")
     curve = isocodec.open(source).contour(80.5)
     write(tmp_path / "a.geojson", Areas([curve], "above"))
+
+
+# ---- Columns, and contours that there are not ------------------------------------------------------------------------
+
+
+ATTRIBUTED = sorted({(each.suffixes[0], each.kind) for each in OUTPUTS if each.attributed})
+
+
+@pytest.mark.parametrize(("suffix", "kind"), ATTRIBUTED)
+def test_no_column_has_the_name_of_another(source: Path, tmp_path: Path, suffix: str, kind: str) -> None:
+    """Over the columns that each writer makes, as they are read again: whatever the case of letters."""
+    words = ["--what", {"contour": "curve"}.get(kind, kind), "--index", 2]
+    path = tmp_path / f"a{suffix}"
+    ok("decode", source, "-o", path, *words, "--attribute", "height")
+    read = geopandas.read_parquet if suffix == ".parquet" else geopandas.read_file
+    columns = set(read(path).columns)
+    assert "height" in columns and columns - {"height"} <= set(COLUMNS)
+    before = path.read_bytes()
+    for name in (*COLUMNS, "GEOMETRY", ""):
+        assert "--attribute" in fails(2, "decode", source, "-o", path, *words, "--attribute", name)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("options", [["--isovalue", 300], ["--isovalue", 300, "--isovalue", 400], ["--interval", 900]])
+@pytest.mark.parametrize("values", ["hills", "flat", "missing"])
+def test_fields_without_contours_leave_layers_as_they_are(
+    source: Path, tmp_path: Path, values: str, options: list[object]
+) -> None:
+    """One answer for all, and nothing is written."""
+    field = HILLS.astype(float) + 1
+    field = {"hills": field, "flat": 0 * field + 7, "missing": np.nan * field}[values]
+    np.save(tmp_path / "f.npy", field)
+    path = tmp_path / "a.gpkg"
+    ok("decode", source, "-o", path)
+    before = path.read_bytes()
+    line = fails(3, "encode", tmp_path / "f.npy", "-o", path, *options)
+    assert "contours" in line or "missing" in line or "no multiple" in line
+    assert path.read_bytes() == before
+
+
+def test_files_without_contours_are_decoded_with_a_word(tmp_path: Path) -> None:
+    (tmp_path / "e.iso").write_bytes(isocodec.encode(HILLS, 300.5))
+    result = run("decode", tmp_path / "e.iso", "-o", tmp_path / "e.gpkg")
+    assert result.exit_code == 0 and "the curve is empty" in result.stderr

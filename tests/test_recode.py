@@ -18,8 +18,12 @@ from files import picture
 from grids import polar
 from isocodec.errors import InputError, OptionError
 from isocodec.field.placement import Placement
+from isocodec.format.chunks import write_chunk, write_metadata
+from isocodec.format.header import Header, write_header
 from isocodec.search.original import original
+from isocodec.stream.container import with_checksum
 from isocodec.stream.recoder import sources_of
+from isospec.container import ChunkType, Profile
 
 NOISE = picture((23, 18), 7, noise=0.8)
 FIELDS = {"hills": (HILLS, 80.5), "noise": (NOISE, 0.5), "ball": (BALL, 55.5)}
@@ -281,3 +285,13 @@ def test_isovalues_that_are_kept_stay_in_the_order_of_the_file(asked: list[float
     assert made.isovalues == tuple(value for value in file.isovalues if value in asked)
     for value in made.isovalues:
         assert same(made.contour(value), file.contour(value))
+
+
+@pytest.mark.parametrize("notes", [{}, {"title": "nothing"}], ids=str)
+def test_isovalues_of_a_file_without_layers(notes: dict[str, str]) -> None:
+    header = write_header(Header((17, 17), 5.5, None, Profile.MAIN))
+    last = write_chunk(ChunkType.METADATA, write_metadata(notes), ancillary=True, last=True)
+    file = isocodec.open(b"".join(with_checksum([header, last])))
+    made = isocodec.open(file.edited(isovalues=[5.5]))
+    assert (made.isovalues, made.metadata, made.complete) == ((5.5,), notes, True)
+    assert not len(made.contour().points)

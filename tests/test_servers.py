@@ -11,7 +11,7 @@ import threading
 import time
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,9 @@ import isocodec
 from brute import INTERPRETED
 from commands import fails
 from isocodec.errors import IsoError
-from isocodec.storage.web import LANES
+from isocodec.format.header import HEAD_BYTES
+from isocodec.storage.ranges import SLACK, together
+from isocodec.storage.web import LANES, Range
 from tiled import encoded, hilly, pieces, tiled_of
 
 pytest.importorskip("aiohttp")
@@ -310,6 +312,27 @@ def test_a_server_without_ranges_is_said_so(size: int, noise: bytes, tmp_path: P
         pytest.warns(UserWarning, match="sends the whole file"),
     ):
         assert pieces(isocodec.open(url).contour()) == pieces(isocodec.decode(data))
+
+
+@pytest.mark.parametrize("side", [30, 200, 580])
+@pytest.mark.parametrize("kind", ["noise", "rough"])
+def test_a_window_reads_at_most_twice_what_it_needs(noise: bytes, kind: str, side: int, tmp_path: Path) -> None:
+    """As counted by the server, beside the head of the file and a little slack; in at most eight requests."""
+    rough = np.random.default_rng(2).normal(size=(900, 900)).cumsum(axis=0)
+    data = noise if kind == "noise" else encoded(tmp_path, rough, 0.5, tile=64)
+    needed = list[int]()
+
+    def bare(ranges: Iterable[Range]) -> list[Range]:
+        found = list(ranges)
+        needed.append(len({byte for start, end in found for byte in range(start, end)}))
+        return together(found)
+
+    with serving(data, right) as (url, server), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("isocodec.storage.ranges.together", bare)
+        isocodec.open(url).contour(window=[(10, 10 + side), (10, 10 + side)])
+        assert 0 < sum(needed) < len(data)
+        assert sum(server.sent) <= HEAD_BYTES + sum(max(2 * one, one + SLACK) for one in needed)
+        assert server.seen["requests"] <= 8
 
 
 def test_requests_of_many_isovalues(tmp_path: Path) -> None:

@@ -116,6 +116,8 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ended = subprocess.run(command, preexec_fn=lambda size=size: small(size), capture_output=True, text=True)
         assert ended.returncode == 3, ended.stderr
         assert "too large" in ended.stderr and "Traceback" not in ended.stderr
+        # not the input
+        assert ended.stderr.startswith(f"isocodec: {out}") and "f.npy" not in ended.stderr
         assert not out.exists() and (tmp_path / "full.iso.tiles").is_dir()
         assert not list(tmp_path.glob(".*.part"))
     subprocess.run(command, check=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from explicit_meshes import plane, space, torus
 from isocodec.errors import InputError
+from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
 
@@ -56,6 +58,46 @@ def test_fine_promises_are_measured_finely(shape: tuple[int, ...], precision: fl
     (found,) = file.verify(field)
     assert found.kept and 0 < max(found.there, found.back) <= 1.02 * precision + 1e-6
     assert not file.verify(field, within=precision / 2)[0].kept
+
+
+RAMP = np.tile(np.arange(12.0), (9, 1))
+METRES = Placement(np.array([[0.0, 10, 0], [-10, 0, 0]]), unit="m")
+
+
+@pytest.mark.parametrize("unit", ["", "m"])
+@pytest.mark.parametrize("off", [-1e-2, -1e-3, -1e-5, 0.0, 1e-5, 1e-3, 1e-2])
+@pytest.mark.parametrize("away", [0.011, 0.125, 0.4999])
+def test_numbers_agree_with_the_verdict(away: float, off: float, unit: str, tmp_path: Path) -> None:
+    """A straight line, from which that of the field is a known distance away: bounds hold it, however near a promise.
+
+    Kept are distances that exceed no promise, as numbers and as they are printed.
+    """
+    field = isocodec.Field(RAMP, placement=METRES if unit else None)
+    (tmp_path / "a.iso").write_bytes(isocodec.encode(field, 5.25, precision="signs"))
+    (place,) = {*isocodec.decode(tmp_path / "a.iso").points[:, 1].tolist()}
+    other = RAMP - (place + away - 5.25)
+    np.save(tmp_path / "b.npy", other)
+    promised = round(away + off, 6)
+    within = f"{promised * 10:.6g}m" if unit else f"{promised}"
+    if promised <= 0:
+        return
+    (found,) = isocodec.open(tmp_path / "a.iso").verify(other, within=within)
+    assert found.kept is (off >= 0)
+    for least, most in ((found.there_least, found.there), (found.back_least, found.back)):
+        assert least - 2e-6 <= away <= most + 2e-6 and most - least <= 0.001 + 1e-6
+        assert (most > promised + 1e-9) is (off < 0) and (least > promised + 1e-9) is (off < 0)
+    line = run("verify", tmp_path / "a.iso", tmp_path / "b.npy", "--within", within).stdout
+    shown = re.findall(r"([0-9.e-]+) cells (?:\(.*?\) )?(?:file|field) to", line.partition("): " if unit else ": ")[2])
+    assert len(shown) == 2 and all((float(text) > promised) is (off < 0) for text in shown), line
+    assert ("NOT KEPT" in line) is (off < 0)
+
+
+def test_a_field_without_the_curve(tmp_path: Path) -> None:
+    (tmp_path / "a.iso").write_bytes(isocodec.encode(RAMP, 5.25, precision=0.1))
+    np.save(tmp_path / "b.npy", 0 * RAMP)
+    result = run("verify", tmp_path / "a.iso", tmp_path / "b.npy", "--json")
+    (one,) = json.loads(result.stdout)["isovalues"]
+    assert result.exit_code == 9 and one["there"] is None and one["back"] == 0 and not one["kept"]
 
 
 def test_surfaces_and_holes() -> None:

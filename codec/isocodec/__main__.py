@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
+from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType
 from typing import NoReturn
@@ -16,12 +18,16 @@ SIGNALS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "terminat
 
 
 def main() -> None:
-    """Run the command line; on a signal, print one line, leave no files behind and exit with the code of a shell."""
+    """Run the command line; on a signal, print one line, leave no files behind and exit with the code of a shell.
+
+    Signals are those of the process: called in another thread than the main one, it leaves them as they are.
+    """
+    _occupy_streams()
     for name in SIGNALS:
         number = getattr(signal, name, None)
         # signals ignored from the start (nohup, background jobs of a shell) stay ignored
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _end)
+            _handle(number, _end)
     # importing modules makes many objects and no garbage: commands look for it when they are loaded
     gc.disable()
     # numpy would start threads for linear algebra, which nothing here needs: that takes longer than a small file
@@ -55,7 +61,21 @@ def _end(number: int, _: FrameType | None) -> NoReturn:
 def _ignore() -> None:
     for name in SIGNALS:
         if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+            _handle(getattr(signal, name), signal.SIG_IGN)
+
+
+def _handle(number: int, handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
+    with suppress(ValueError):  # only the main thread has handlers
+        signal.signal(number, handler)
+
+
+def _occupy_streams() -> None:
+    """Keep the numbers of standard streams that are closed from the files opened next; errors are then lost."""
+    for stream in (sys.stdin, sys.stdout, sys.stderr):
+        if stream is None:
+            os.open(os.devnull, os.O_RDWR)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - as long as the process
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..deferred import dataclass
 from ..drawing.contour import Contour
-from ..errors import FormatError, OptionError
+from ..errors import FormatError, InputError, OptionError
 from ..field.labelling import caption
 from ..io.writers.output_formats import Cost, Kind, OutputOptions
 from ..io.writers.registry import suffix_of
@@ -149,8 +149,9 @@ class Exported:
         """Set facts and text from counts of contours."""
         points, cells = sum(one.points for one in counts), sum(one.cells for one in counts)
         complete = all(one.complete for one in counts)
-        if not points and not complete:
-            self.remarks.append("the part that was decoded does not reach the curve")
+        if not points:
+            self.remarks.append("the curve is empty" if complete else
+                                "the part that was decoded does not reach the curve")
         values = [None if np.isnan(one.isovalue) else one.isovalue for one in counts]
         self.facts |= {
             "points": points, "cells": cells, "isovalues": values, "shape": list(shape), "complete": complete,
@@ -267,6 +268,11 @@ def drawn(what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any
     shown = wanted.what or "curve"
     check_marks(shown, wanted)
     contours = Traced(what, isovalue, through_holes=wanted.along_holes, **options)
+    if shown == "curve" and contours.empty:
+        # a layer that is there must not make room for nothing
+        one = f"at the isovalue {contours.isovalues[0]:g}" if len(contours) == 1 else "at any of the isovalues"
+        raise InputError(f"the data have no contours {one}", code="isovalue",
+                         remedy="choose isovalues within the data")
     several = shown == "curve" and len(contours) > 1
     made = Exported(contours, {}, "", options=wanted.options_for(contours.isovalues), drawings=contours)
     check(path, Thing(_KINDS[shown], contours.n, several, bool(contours.shape)), options=made.options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -22,6 +23,7 @@ from ..field.samples import missing_of
 from ..io.readers.input_formats import read_mesh
 from ..io.readers.load import ReadOptions, load, open_source
 from ..limits import in_units
+from ..storage.content import is_url
 from .georeference import NOWHERE, Georeference
 
 if TYPE_CHECKING:
@@ -53,6 +55,8 @@ def read_input(source: Any, options: ReadOptions, values: str | None = None) -> 
     """
     if values is None:
         return load(source, options)
+    if not isinstance(source, str | os.PathLike) or is_url(source):
+        raise InputError("meshes and points are read from files only", code="mesh", remedy="save it to a file first")
     name = values if options.key is None else f"{options.key}/{values}"
     choice = replace(options.choice, key=name)
     return read_mesh(source, options.samples, choice, follow=options.follow).mesh(name)

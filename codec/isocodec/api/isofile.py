@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,6 +64,13 @@ class IsoFile:
         self.held = held
         self.limits = held.limits
         self.mesh_given = getattr(held, "mesh_given", None)
+
+    def __enter__(self) -> Self:
+        """Return the file itself: it is read by each method that needs bytes, so there is nothing to close."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
 
     def __repr__(self) -> str:
         values = ", ".join(f"{value:g}" for value in self.isovalues[:5]) + ", .." * (len(self.isovalues) > 5)
@@ -418,7 +425,7 @@ def open(
     -------
     IsoFile
         An open file, whose header and notes have been read; curves are decoded when they are asked for. A tiled file is
-        read only as far as needed.
+        read only as far as needed. Nothing is kept open: a ``with`` statement may be used, but is not needed.
 
     Raises
     ------

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -46,24 +48,30 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
     source : str
         Path or URL of the input.
     iso : bool
-        Whether the output is an .iso file, whose name must not have the suffix of another format.
+        Whether the output is an .iso file, whose name has that suffix or none.
 
     Raises
     ------
     OptionError
-        If the output is the input file, or its name has the suffix of another format.
+        If the output is the input file, or its name has another suffix.
     OSError
-        If it cannot be written.
+        If it cannot be written, or standard output is closed.
     """
     target = Path(output)
     if str(output) == STANDARD:
+        if sys.stdout is None:
+            raise OSError(errno.EBADF, "standard output is closed")
         return
     check_target(target)
     if target.exists() and os.path.exists(source) and target.samefile(source):
         raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
-    if iso and (suffix := other_format(target.name.lower())):
+    _, dot, ending = target.name.lower().rpartition(".")
+    if iso and dot and ending != "iso":
+        from ..io.writers.registry import suffixes_of
+
         raise OptionError(
-            f"the output is an .iso file, not {suffix}", code="suffix", remedy="choose a name that ends in .iso"
+            f"the output is an .iso file, not .{ending}", code="suffix", remedy="choose a name that ends in .iso; "
+            f"encode and decode also write {', '.join(suffixes_of('contour'))}",
         )
 
 

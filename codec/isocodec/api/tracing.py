@@ -75,6 +75,14 @@ class Traced(OneByOne):
         # errors come before anything is written
         self._first: Contour | None = self._draw(self.isovalues[0])
 
+    @property
+    def empty(self) -> bool:
+        """Whether no isovalue has a contour, before any is drawn."""
+        first = self._first
+        return first is not None and not len(first.points) and not any(
+            len(self._draw(isovalue).points) for isovalue in self.isovalues[1:]
+        )
+
     def draw(self, number: int) -> Contour:
         """Draw the contour of an isovalue, by its number."""
         first, self._first = self._first, None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -31,11 +32,11 @@ if TYPE_CHECKING:
 
 CELLS = "cells"
 ROUNDING = 1e-6
-"""Tolerance, in cells, for the measured distance, which is an upper bound, and for points in double precision."""
+"""Cells by which points may be rounded: a distance that exceeds a promise by less counts as the promise."""
 MEASURED = 0.001
-"""Cells by which the distance is measured too large at most."""
+"""Largest difference, in cells, of the bounds between which a distance is known."""
 SHARE = 0.02
-"""Share of what is promised that the distance is measured too large at most, too."""
+"""Largest difference of these bounds as a share of what is promised."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,9 @@ class Verified:
         Largest distance between decoded and original curve that the file or the caller promises; 0 if all values beside
         the curve are promised.
     there, back : float
-        Largest distance, in cells (on a mesh in the unit of its points), from the decoded to the original curve, and
-        from the original to the decoded one; measured at most 0.001 cells too large. For a surface, both are the
-        largest error of values.
+        Upper bounds of the largest distance, in cells (on a mesh in the unit of its points), from the decoded to the
+        original curve, and from the original to the decoded one. They exceed ``promised`` only if the distance does.
+        For a surface, both are the largest error of values.
     wrong : int or None
         Samples or vertices on the wrong side of the isovalue; None if the mesh of the file is coarser than the samples,
         or is another than the one that was encoded.
@@ -64,6 +65,9 @@ class Verified:
         What ``promised``, ``there`` and ``back`` count: ``cells``, or a unit; empty if nobody states it.
     asked : str
         The distance as it was asked for, ``0.2mm``, if that is in another unit; or nothing.
+    there_least, back_least : float
+        Lower bounds of the same distances, at most 0.001 cells and a fiftieth of the promise below the upper ones. One
+        of them exceeds ``promised`` if the promise is not kept.
     """
 
     isovalue: float
@@ -75,13 +79,16 @@ class Verified:
     promise: str | None = None
     unit: str = CELLS
     asked: str = ""
+    there_least: float = 0.0
+    back_least: float = 0.0
 
-    def in_asked(self, distance: float) -> str:
-        """A distance in the unit that was asked for: ``0.19mm``; empty if that is the unit of the distance."""
+    def in_asked(self, distance: float) -> tuple[float, float, str] | None:
+        """Return a distance and the promise as numbers of the unit that was asked for, and its name; None without one.
+        """
         if not (self.asked and self.promised):
-            return ""
+            return None
         number, unit = distance_of(self.asked)
-        return f"{distance * number / self.promised:.4g}{unit}"
+        return number if distance == self.promised else distance * number / self.promised, number, unit
 
 
 @dataclass(frozen=True)
@@ -248,27 +255,62 @@ def _compared(
     in_steps: Contour | None = None,
 ) -> Verified:
     """Measure how far two contours lie from each other, in cells of a ``size``; and from one of values in steps."""
-    from ..search.proof import hausdorff
 
-    # fine promises are measured on curves that are enlarged: the distance is certain to so many units, no finer
-    finest = max(promise.within / size * SHARE, ROUNDING) if promise.within else MEASURED
-    scale = max(MEASURED / finest, 1.0)
-    limit = MEASURED / scale + ROUNDING
-
-    def far(other: Contour) -> tuple[float, float]:
+    def far(other: Contour, promised: float | None) -> list[tuple[float, float]]:
         # segments in space as triangles without an area
-        both = (contour, other)
-        cells, others = (one.cells[:, [0, 1, 1]] if one.points.shape[1] > one.n else one.cells for one in both)
-        ours, theirs = (one.points * (scale / size) for one in both)
-        away, back = hausdorff(ours, cells, theirs, others, MEASURED)
-        return away / scale, back / scale
+        curves = [(one.points / size, one.cells[:, [0, 1, 1]] if one.points.shape[1] > one.n else one.cells)
+                  for one in (contour, other)]
+        return [_bounds(curves, promised), _bounds(curves[::-1], promised)]
 
-    there, back = far(first)
-    broken = promise.within is not None and max(there, back) > promise.within / size + limit
-    broken |= in_steps is not None and max(far(in_steps)) > limit
+    promised = None if promise.within is None else promise.within / size
+    bounds = far(first, promised)
+    broken = promised is not None and any(least > promised for least, _ in bounds)
+    broken |= in_steps is not None and any(least > MEASURED for least, _ in far(in_steps, MEASURED))
     kept = None if promise.text is None and not wrong else not (wrong or broken)
-    return Verified(contour.isovalue, promise.within, there * size, back * size, wrong, kept, promise.text, unit,
-                    promise.asked)
+    (there_least, there), (back_least, back) = [
+        # as promised, not as that is rounded in cells
+        [promise.within if bound == promised and promise.within is not None else bound * size for bound in each]
+        for each in bounds
+    ]
+    return Verified(contour.isovalue, promise.within, there, back, wrong, kept, promise.text, unit, promise.asked,
+                    there_least, back_least)
+
+
+def _bounds(curves: Sequence[tuple[NDArray[Any], NDArray[Any]]], promised: float | None) -> tuple[float, float]:
+    """Bound the largest distance of the first of two curves, each points and cells, from the second.
+
+    The upper bound exceeds what is promised only if the lower one does.
+    """
+    from ..search.proof import SMALLEST, Target
+
+    (ours, cells), (theirs, others) = curves
+    if not len(cells):
+        return 0.0, 0.0
+    if not len(others):
+        return math.inf, math.inf
+    rounding = max(ROUNDING, *(float(np.spacing(np.abs(points).max())) for points in (ours, theirs)))
+    finest = max(min(MEASURED, promised * SHARE) if promised else MEASURED, 4 * rounding)
+
+    def beyond(limit: float, unsure: float, todo: NDArray[np.int64] | None) -> NDArray[np.int64]:
+        """Pieces that are not proven to lie within a limit; they lie beyond the limit less ``unsure``."""
+        # a proof ends at pieces of a fixed size, so that curves are enlarged for a finer one
+        scale = SMALLEST / unsure
+        return Target(theirs * scale, others, limit * scale).exceeded(ours * scale, cells, todo).cells
+
+    low, high, todo = 0.0, math.inf, None
+    if promised is not None:
+        todo = beyond(promised + rounding, finest / 4, None)
+        todo = beyond(promised + rounding, rounding / 2, todo) if len(todo) else todo
+        low, high = (promised + rounding / 2, math.inf) if len(todo) else (0.0, promised)
+        todo = todo if len(todo) else None
+    while high - low > finest:
+        middle = max(2 * low, 0.25) if math.isinf(high) else (low + high) / 2
+        left = beyond(middle, finest / 4, todo)
+        if len(left):
+            todo, low = left, max(low, middle - finest / 4)
+        else:
+            high = middle
+    return low, high
 
 
 def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
@@ -384,8 +426,9 @@ def _surface(held: WholeFile | TileFile, known: Field, within: float | str | Non
     unit = unit_of(notes.get(UNIT)) or notes.get(UNIT) or ""
     distance = within if within is not None else parts[-1] if parts else None
     if distance is None:
-        return [Verified(float("nan"), None, there, there, None, None, unit=unit)]
+        return [Verified(float("nan"), None, there, there, None, None, unit=unit, there_least=there, back_least=there)]
     promised = converted(str(distance), unit_of(notes.get(UNIT)), "its values")
     text = f"values within {distance}" + (f" {unit}".rstrip() if not distance_of(str(distance))[1] else "")
     kept = there <= promised * (1 + ROUNDING)
-    return [Verified(float("nan"), promised, there, there, None, kept, text, unit)]
+    there = min(there, promised) if kept else there
+    return [Verified(float("nan"), promised, there, there, None, kept, text, unit, "", there, there)]

@@ -397,12 +397,15 @@ def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
         seen = observed(field, options.added())
         for remark in seen.before:
             warn(options.source, remark)
-        seen.in_tiles(save_tiles(
-            options.output, seen.what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
-            workers=options.workers if engine else None, progress=progress,
-            resumed=lambda done, total: say(f"{named(options.output)}: resuming at tile {done + 1:,} of {total:,}"),
-            **keywords,
-        ))
+        try:
+            seen.in_tiles(save_tiles(
+                options.output, seen.what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
+                workers=options.workers if engine else None, progress=progress,
+                resumed=lambda done, total: say(f"{named(options.output)}: resuming at tile {done + 1:,} of {total:,}"),
+                **keywords,
+            ))
+        except OSError as exc:  # of the input, the spool or the output
+            raise Failure(exc.filename or options.source, exc) from exc
     file = open(str(options.output))
     facts = {"bytes": file.size, "layers": len(file.info.layers), "tiles": math.prod(file.info.tiles or ()),
              **seen.facts(file)}

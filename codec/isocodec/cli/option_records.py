@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import math
 import re
@@ -529,8 +530,18 @@ class ThinningArguments(Arguments):
 
 
 def stream(source: str) -> Any:
-    """Resolve the name of a source: standard input for ``-``; a path or a URL is returned unchanged."""
-    return sys.stdin.buffer if source == STANDARD else source
+    """Resolve the name of a source: standard input for ``-``; a path or a URL is returned unchanged.
+
+    Raises
+    ------
+    OSError
+        If standard input is closed.
+    """
+    if source != STANDARD:
+        return source
+    if sys.stdin is None:
+        raise OSError(errno.EBADF, "standard input is closed")
+    return sys.stdin.buffer
 
 
 def notes_of(given: Collection[str]) -> dict[str, str]:

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from ..api.isofile import FileInfo
     from ..api.verification import Verified
 
-CELLS = "cells"
-
 
 @dataclass(frozen=True, kw_only=True)
 class VerifyArguments(Reading, Limited):
@@ -45,7 +43,9 @@ def verify_command(options: VerifyArguments) -> None:
     field = options.read(options.field, labels=file.info.noun == "label")
     with concerning(options.source):
         found = file.verify(field, frame=options.frame if file.frames > 1 else None, within=options.within)
-    records = [{**asdict(one), "isovalue": None if math.isnan(one.isovalue) else one.isovalue} for one in found]
+    # a surface has no isovalue, and a curve is infinitely far from an empty one
+    records = [{name: None if isinstance(fact, float) and not math.isfinite(fact) else fact
+                for name, fact in asdict(one).items()} for one in found]
     verdicts = {one.kept for one in found}
     kept = False if False in verdicts else None if None in verdicts else True
     result("\n".join(_line(one, file.info) for one in found), {"kept": kept, "isovalues": records}, options.as_json)
@@ -58,14 +58,28 @@ def _line(one: Verified, info: FileInfo) -> str:
     surface = math.isnan(one.isovalue)
     unit = f" {one.unit}".rstrip()
 
-    def far(distance: float) -> str:
-        text = f"{distance:.3f}{unit}" if one.unit == CELLS else f"{distance:.4g}{unit}"
-        return text + (f" ({asked})" if (asked := one.in_asked(distance)) else "")
+    def far(least: float, most: float) -> str:
+        text = _between(least, most, one.promised) + unit
+        low, high = one.in_asked(least), one.in_asked(most)
+        return text if low is None or high is None else f"{text} ({_between(low[0], *high[:2])}{high[2]})"
 
     verdict = {True: "kept", False: "NOT KEPT", None: "no promise"}[one.kept]
     promise = f"promised {one.promise}" if one.promise else "measured" if one.kept is None else "no promise; measured"
     if surface:
-        return f"surface: {verdict}; {promise}{':' if one.promise else ''} largest error {one.there:g}{unit}"
+        error = _shown(one.there, one.promised)
+        return f"surface: {verdict}; {promise}{':' if one.promise else ''} largest error {error}{unit}"
     signs = "signs not known" if one.wrong is None else f"{one.wrong:,} wrong signs"
-    measured = f"{far(one.there)} file to field, {far(one.back)} field to file"
+    measured = f"{far(one.there_least, one.there)} file to field, {far(one.back_least, one.back)} field to file"
     return f"{info.caption(one.isovalue)}: {verdict}; {promise}{':' if one.promise else ''} {measured}; {signs}"
+
+
+def _between(least: float, most: float, promised: float | None) -> str:
+    """Write the bounds of a distance: ``0.481 to 0.490``, or one number if they read the same."""
+    texts = [_shown(each, promised) for each in (least, most)]
+    return " to ".join(dict.fromkeys(texts))
+
+
+def _shown(number: float, promised: float | None) -> str:
+    """Write a number with as many digits as show on which side of a promise it lies, three or more."""
+    texts = (f"{number:.{digits}g}" for digits in range(3, 18))
+    return next(text for text in texts if promised is None or (float(text) > promised) == (number > promised))

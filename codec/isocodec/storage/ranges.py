@@ -16,10 +16,11 @@ from .web import MISSING, NoRangesError, Range, WebFile
 
 Fetch = Callable[[Sequence[Range]], list[bytes]]
 """Reads ranges of a file, each from one offset up to another; fewer bytes if the file ends before."""
-MOST_PIECES = 4
-"""Ranges are joined over the smallest gaps until there are no more than this many."""
-GAP, SLACK = 1 << 13, 1 << 20
-"""Gaps, in bytes, that cost less than a request; and bytes of larger gaps that may be read for fewer requests."""
+MOST_PIECES = 6
+"""Ranges are joined over the smallest gaps until there are no more than this many, as far as `SLACK` allows."""
+GAP, SLACK = 1 << 13, 1 << 14
+"""Gaps, in bytes, that cost less than a request; and bytes of gaps that are read at most, unless the ranges have more.
+"""
 
 
 class Pieces:
@@ -85,14 +86,17 @@ class Pieces:
 
 
 def together(ranges: Iterable[Range]) -> list[Range]:
-    """Sort ranges, and join them: over small gaps, and over larger ones while there are many ranges."""
+    """Sort ranges, and join them: over small gaps, and over larger ones while there are many ranges.
+
+    All gaps together have no more bytes than the ranges, or than `SLACK`: a window reads at most twice what it needs.
+    """
     apart: list[Range] = []
     for start, end in sorted(each for each in ranges if each[0] < each[1]):
         if apart and start <= apart[-1][1]:
             apart[-1] = apart[-1][0], max(apart[-1][1], end)
         else:
             apart.append((start, end))
-    most = SLACK + sum(end - start for start, end in apart)
+    most = max(SLACK, sum(end - start for start, end in apart))
     bridged: set[int] = set()
     for gap, i in sorted((b[0] - a[1], i) for i, (a, b) in enumerate(pairwise(apart), start=1)):
         most -= gap

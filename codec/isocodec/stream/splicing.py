@@ -10,7 +10,7 @@ from isospec.container import ChunkType, DomainKind, MeshLayer
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.labelling import LABELS, is_of_labels, listed
-from ..format.chunks import payload_of, write_chunk, write_further, write_metadata
+from ..format.chunks import payload_of, write_chunk, write_further
 from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_interval
 from ..format.header import Header, read_header
 from .container import beginning as beginning_of
@@ -208,6 +208,6 @@ def _joined(
             elif i:
                 chunks.append(write_chunk(ChunkType.ISOVALUE, write_further(i, strand.isovalue, strand.lean)))
             chunks += strand.chunks
-    chunks[-1] = as_last(chunks[-1]) if chunks else write_chunk(ChunkType.METADATA, write_metadata({}), last=True)
+    chunks[-1:] = [as_last(chunks[-1]) if chunks else write_chunk(ChunkType.METADATA, b"", ancillary=True, last=True)]
     begun = beginning_of(replace(header, isovalue=frames[0][0].isovalue), metadata)
     return b"".join(with_checksum([*begun, *chunks]))

@@ -7,6 +7,7 @@ import os
 import shutil
 import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO, Self
@@ -71,9 +72,10 @@ class Spool:
 
     def close(self) -> None:
         """Close the files, keeping the folder."""
-        self._journal.close()
-        self._bytes.close()
-        self._reader.close()
+        with self._named():
+            self._journal.close()
+            self._bytes.close()
+            self._reader.close()
 
     def remove(self) -> None:
         """Remove the folder, whose contents are no longer needed."""
@@ -139,18 +141,27 @@ class Spool:
         record["faces"], record["counts"] = tile.faces, tile.counts
         record["check"] = zlib.crc32(record.tobytes()[:-4])
         before = self._journal.tell()
-        try:
-            self._bytes.write(data)
-            self._bytes.flush()
-            self._journal.write(record.tobytes())
-            self._journal.flush()
-        except OSError:
-            # an incomplete part of either is overwritten when the run is resumed
-            for file, end in ((self._bytes, place), (self._journal, before)):
-                file.seek(end)
-                file.truncate()
-            raise
+        with self._named():
+            try:
+                self._bytes.write(data)
+                self._bytes.flush()
+                self._journal.write(record.tobytes())
+                self._journal.flush()
+            except OSError:
+                # an incomplete part of either is overwritten when the run is resumed
+                for file, end in ((self._bytes, place), (self._journal, before)):
+                    file.seek(end)
+                    file.truncate()
+                raise
         self._note(record)
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """Name the folder in errors of writing, which know of no file."""
+        try:
+            yield
+        except OSError as exc:
+            raise OSError(exc.errno, exc.strerror or str(exc), str(self.folder)) from exc
 
     def read(self, place: int, length: int) -> bytes:
         """Read the bytes of tiles."""

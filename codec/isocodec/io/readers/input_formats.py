@@ -93,6 +93,9 @@ def open_file(
     with about(label):
         found = format_of(path)
         source = source_of(named, samples, follow, found is not None and found.folder)
+        if found is None and mesh_format_of(source) is not None:
+            raise InputError(f"{plain(path.suffix)} files hold meshes or points, which are read whole and from files",
+                             code="suffix", remedy="encode it with --values NAME, without --tile")
         if found is None:
             raise InputError(
                 f"{plain(path.suffix) or 'a name without a suffix'} is not a supported format of fields",

@@ -15,6 +15,8 @@ Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin", "pyramid", "
 triangulated surface; a contour at each zoom of a map; whatever draws itself."""
 Coordinates = Literal["samples", "placement", "degrees"]
 """Sample indices; x, y (, z) of the placement; longitude and latitude if the reference system is known."""
+COLUMNS = ("fid", "geom", "geometry", "side", "area", "shape", "closed", "complete", "index")
+"""Columns, or properties of features, that files have beside that of isovalues; names are the same in capitals."""
 Pieces = bytes | Iterable[bytes]
 """A file, complete or in pieces."""
 
@@ -62,7 +64,8 @@ class OutputOptions:
     onto : Path or None
         The existing file whose other layers are kept; set by `write`.
     attribute : str or None
-        Name of the column or property that holds isovalues; if None, ``isovalue``, or ``label`` in a file of labels.
+        Name of the column or property that holds isovalues, none of `COLUMNS`; if None, ``isovalue``, or ``label`` in
+        a file of labels.
     index : collection of float, or None
         Isovalues of index contours; a column or property ``index`` marks them.
     raised : bool

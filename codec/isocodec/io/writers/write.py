@@ -25,7 +25,7 @@ from ...field.labelling import is_of_labels
 from ...field.placement import Placement, unplaced
 from ...storage.atomic import check_target, writing
 from .losses import Losses
-from .output_formats import Output, OutputOptions
+from .output_formats import COLUMNS, Output, OutputOptions
 from .registry import find
 from .things import Areas, Each, PlacedTin, Pyramid, SampleMask, Thing, thing_of
 
@@ -95,6 +95,9 @@ def check(
     }
     for name in (name for name, wrong in refused.items() if wrong):
         raise OptionError(f"--{name} does not apply to {thing.text} in {suffix}", code=name, remedy="leave it out")
+    if options.attribute is not None and options.attribute.lower() in ("", *COLUMNS):
+        raise OptionError(f"isovalues cannot have the name {options.attribute!r} (--attribute), which files have for "
+                          "something else", code="attribute", remedy=f"choose a name other than {', '.join(COLUMNS)}")
     return suffix, output
 
 
