@@ -14,8 +14,8 @@ const common = { bundle: true, format: "esm", target: "es2022", logLevel: "error
 const small = { ...common, outdir: "dist", minify: true, mangleProps: internalNames(), metafile: true, external: ["three", "geojson-vt", "vt-pbf"] };
 // modules of one group share what they have in common; names are shortened alike in all
 const groups = [
-  { index: "src/index.ts", draw: "src/draw.ts", main: "src/main/profile.ts", domain: "src/domain/contents.ts" },
-  { world: "src/world.ts", three: "src/three.ts" }, { text: "src/text.ts" }, { worker: "src/worker.ts" },
+  { index: "src/index.ts", draw: "src/draw.ts", main: "src/main/profile.ts", domain: "src/domain/contents.ts", text: "src/text.ts" },
+  { world: "src/world.ts", three: "src/three.ts" }, { worker: "src/worker.ts" },
   { maplibre: "src/maplibre.ts" }, { tiles: "src/tiles/file.ts" },
   { kernels: "src/kernels.ts" },
 ];

@@ -404,7 +404,7 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     larger = plane(150, 400, 0)
     levels = split(isocodec.encode(isocodec.Mesh(*larger, hills(larger), progressive=True), VALUE, precision="signs"))
     domain, signs, values = (chunk.payload for chunk in known.chunks)
-    first, second, third = known.chunks
+    first, second, _ = known.chunks
 
     def payload(number: int, found: bytes) -> bytes:
         return _changed(known, number, found)
@@ -424,8 +424,6 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     yield "layer_kind", "10.1.3", "an unknown kind of layer", payload(1, b"\x05" + signs[1:])
     yield "layer_empty", "10.1.3", "an empty layer", payload(1, b"")
     yield "layer_bits", "10.1.3", "more bits than 52", payload(2, values[:1] + b"\x35" + values[2:])
-    yield "layer_twice", "10.1.3", "signs twice", bytes(known.with_chunks(first, second, second))
-    yield "layer_early", "10.1.3", "values before signs", bytes(known.with_chunks(first, third))
     yield "step_zero", "10.1.3", "a step of 0", payload(2, b"\1\0")
     again = levels.with_chunks(*levels.chunks[:2], levels.chunks[1])
     yield "levels_rise", "10.1.3", "as many rounds again", bytes(again)
@@ -435,7 +433,7 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     fine = levels.chunks[0].payload
     fine = _varint_changed(fine, 0, 47)[:-16] + complex_of(*larger, -24)[0].digest
     yield "levels_far", "10.8.1", "levels of a mesh too large for its unit", _changed(levels, 0, fine)
-    yield from _wrong_cuts(larger, levels)
+    yield from _wrong_cuts(larger)
     yield "run_short", "6.3", "a run that is too short", payload(1, signs[:2])
     yield "run_long", "6.3", "bytes left over", payload(1, signs + bytes(5))
     late = Chunk(ChunkType.SERIES, b"\0")
@@ -449,20 +447,11 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     )
 
 
-def _wrong_cuts(mesh: Mesh, levels: File) -> Iterator[tuple[str, str, str, bytes]]:
+def _wrong_cuts(mesh: Mesh) -> Iterator[tuple[str, str, str, bytes]]:
     """The same: layers of cuts."""
     given = isocodec.Mesh(*mesh, hills(mesh), progressive=False)
-    signs = split(isocodec.encode(given, VALUE, precision="signs"))
     cut = split(with_cuts(given, VALUE, some_nodes(5), precision="exact"))
-    first, layer, values = cut.chunks
-    for name, about, chunks in (
-        ("after_signs", "a cut after signs", (*signs.chunks, layer)),
-        ("after_levels", "a cut after a level", (*levels.chunks[:2], layer)),
-        ("before_signs", "signs after a cut", (first, layer, signs.chunks[1])),
-        ("before_levels", "a level after a cut", (first, layer, levels.chunks[1])),
-        ("values_twice", "values twice after a cut", (first, layer, values, values)),
-    ):
-        yield f"cuts_{name}", "10.1.3", about, bytes(cut.with_chunks(*chunks))
+    first, layer, _ = cut.chunks
     fine = _varint_changed(first.payload, 0, 47)[:-16] + complex_of(*mesh, -24)[0].digest
     yield "cuts_far", "10.8.1", "a cut of a mesh too large for its unit", _changed(cut, 0, fine)
     yield "cuts_long", "6.3", "bytes left over", _changed(cut, 1, layer.payload + bytes(5))

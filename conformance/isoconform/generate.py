@@ -15,6 +15,8 @@ from . import (
     adaptive,
     circle,
     explicit,
+    explicit_errors,
+    explicit_rules,
     frames,
     geometry,
     hostile,
@@ -25,6 +27,7 @@ from . import (
     raster,
     rules,
     special,
+    surface_errors,
     surfaces,
     tiled,
     valid,
@@ -51,7 +54,7 @@ from .tiled_dump import dump_tiled, is_tiled
 
 _MODULES = (
     valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
-    surfaces, tiled, raster,
+    explicit_rules, explicit_errors, surfaces, surface_errors, tiled, raster,
 )
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""

@@ -16,7 +16,7 @@ from isocodec.format.chunks import CHECKSUM_BYTES
 from isocodec.storage.ranges import ranges_of
 from isocodec.tiles.first_stages import first_stages
 from isocodec.tiles.tiled import TiledFile as Tiles
-from isospec.container import Checksum, Double, write_varint
+from isospec.container import Checksum, ChunkType, Double, write_varint
 
 from .adaptive import SPACES
 from .draft import Draft
@@ -24,6 +24,7 @@ from .fields import Integers, Shape, balls, waves
 from .isovalues import HIGH
 from .special import UNKNOWN
 from .streams import Chunk, split
+from .tiled_damage import in_parts
 from .tiled_file import CODED, GROUP, Block, Run, TiledFile
 
 EDGE = 32
@@ -244,6 +245,81 @@ def wrong() -> Iterator[tuple[str, str, str, bytes]]:
     )
 
 
+def _pair(mask: bytes | None = None) -> tuple[TiledFile, list[list[bytes]]]:
+    """A file of one tile at two isovalues of a group, and their segments; ``mask`` comes behind that of a mask."""
+    field = waves((33, 33), HIGH, 4)
+    gone = np.zeros(field.shape, np.bool_)
+    gone[5:9, 4:20] = mask is not None
+    draft = _tiled("", np.ma.masked_array(field, gone), (VALUE, VALUE + 2), "", precision="signs")
+    file = in_parts(draft.data, [bytes([HALVES, 4 * VALUE]), bytes([HALVES, 4 * (VALUE + 2)])])
+    masks, own = file.blocks[0].channels[: file.blocks[0].masked], file.blocks[0].channels[-2:]
+    for channel in masks:
+        channel[0].segments[0][0] += mask or b""
+    return file, [channel[0].segments[0] for channel in own]
+
+
+def _turned(stage: int, *segments: bytes | None, mask: bytes | None = None) -> bytes:
+    """That file with other segments of a stage, both isovalues'; None: with its own."""
+    file, own = _pair(mask)
+    for found, segment in zip(own, segments, strict=True):
+        found[stage] = found[stage] if segment is None else segment
+    return bytes(file)
+
+
+def _turn(*numbers: int) -> bytes:
+    return Chunk(ChunkType.TURN, b"".join(map(write_varint, numbers))).enveloped()
+
+
+def turns() -> Iterator[Draft]:
+    """Chunks of other types than layers in segments: turns, further isovalues, a series."""
+    _, (first, second) = _pair()
+    further = Chunk(ChunkType.ISOVALUE, bytes([HALVES, 4 * VALUE + 16])).enveloped()
+    series = Chunk(ChunkType.SERIES, b"\0").enveloped()
+    tiles = "file in tiles"
+    moved = _turned(-1, first[-1] + _turn(1, 1) + second[-1], b"")
+    yield Draft("tiled_plane_turns", moved, 2, (tiles, "tiles: a turn within a segment, an empty segment behind it"))
+    last = _turned(-1, None, second[-1] + further)
+    yield Draft("tiled_plane_further", last, 2, (tiles, "tiles: a further isovalue in the last segment"))
+    empty, own = _pair()
+    own[1][-2] += further
+    own[0][-1] = own[1][-1] = b""
+    for name, clause, how, data in (
+        ("turn_ended", "3.5.9", "a turn before an empty segment, of an isovalue without more layers", bytes(empty)),
+        ("turn_none", "3.5.9", "a turn without numbers", _turned(-1, _turn(), None)),
+        ("turn_short", "3.5.9", "a turn of one number", _turned(-1, _turn(0), None)),
+        ("turn_long", "3.5.9", "a turn of three numbers", _turned(-1, _turn(0, 1, 0), None)),
+        ("turn_zero", "3.5.9", "a turn of no isovalues", _turned(-1, _turn(0, 0), None)),
+        ("turn_beyond", "3.5.9", "a turn of an isovalue that has not begun", _turned(-1, _turn(2, 1), None)),
+        ("turn_far", "3.5.9", "a turn of which the last isovalue has not begun", _turned(-1, _turn(1, 2), None)),
+        ("turn_series", "3.5.7", "a series behind a turn", _turned(0, series + first[0], None)),
+        ("mask_series", "3.5.9", "turns in a series", _turned(0, None, None, mask=series)),
+    ):
+        yield Draft(f"bad_tiled_{name}", data, 2, (f"refused: {how}",), clause)
+
+
+MANY = 65537
+"""Tiles of a file whose text decoders under test do not make (annex C.4)."""
+
+
+def _many(**changes: object) -> TiledFile:
+    """A row of more tiles than a text may have, all without a curve, in blocks of 1024."""
+    blocks = [Block([[Run(0, min(1024, MANY - first))]], 1) for first in range(0, MANY, 1024)]
+    file = TiledFile((2, EDGE * MANY), 5, 10, bytes([0]), [bytes([HALVES, 1])], blocks)
+    return replace(file, **changes)  # type: ignore[arg-type]
+
+
+def many() -> Iterator[Draft]:
+    """More tiles than a text may have: what is wrong with head, root or the file's end comes before, all else after."""
+    plain = bytes(_many())
+    leaf = _many().blocks[0].leaf()
+    too_many, wrong_leaf = "tiles: more than 65536", "tiles: more than 65536, and a wrong leaf directory"
+    yield Draft("tiled_plane_many", plain, 2, ("file in tiles", too_many))
+    yield Draft("tiled_plane_many_wrong", _harmed(leaf, plain), 2, ("file in tiles", wrong_leaf))
+    yield Draft("tiled_cut_many", plain[:-1], 2, ("file in tiles", "tiles: more than 65536, and cut off"))
+    refused = ("refused: more than 65536 tiles, and a wrong flag",)
+    yield Draft("bad_tiled_many", bytes(_many(flags=8)), 2, refused, "12.3")
+
+
 def _with_leaf(file: TiledFile, leaf: bytes) -> bytes:
     """A file of one block with another leaf directory, whose length and checksum the root directory has."""
     own, root = file.blocks[0].leaf(), file.root()
@@ -280,6 +356,8 @@ def drafts() -> Iterator[Draft]:
         yield replace(draft, name=f"tiled_{draft.name}")
     for name, clause, how, data in (*wrong(), *only_wrong()):
         yield Draft(f"bad_tiled_{name}", data, 2, (f"refused: {how}",), clause)
+    yield from many()
+    yield from turns()
     file = written(2, 2, 2)
     plain, root = bytes(file), file.root()
     far = write_varint(2**45) + root[len(write_varint(len(file.blocks[0].leaf()))) :]

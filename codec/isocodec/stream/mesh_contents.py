@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from functools import cached_property
 
@@ -46,9 +45,10 @@ PER_CELL = 200
 
 
 def coordinates_of(domain: Complex, head: DomainHead) -> NDArray[np.float64]:
-    """Compute the coordinates of the vertices of a coded mesh, (V, d) float64."""
+    """Compute the coordinates of the vertices of a coded mesh, (V, d) float64; infinite if beyond all floats."""
     places = (domain.mesh.position + np.array(head.origin, np.int64)).astype(np.float64)
-    return np.asarray(np.ldexp(places * head.multiple, head.exponent))
+    with np.errstate(over="ignore"):
+        return np.asarray(np.ldexp(places * head.multiple, head.exponent))
 
 
 class MeshContents:
@@ -286,7 +286,8 @@ class MeshContents:
         if head.kind == DomainKind.KNOWN:
             self._domain, self._points = self._known_mesh(head, n)
         else:
-            run, unit = self.outline.run_of_domain, math.ldexp(head.multiple, head.exponent)
+            with np.errstate(over="ignore"):
+                run, unit = self.outline.run_of_domain, float(np.ldexp(float(head.multiple), head.exponent))
             size, data = (head.vertices, head.cells), payload[run:]
             if head.kind == DomainKind.DELAUNAY:
                 self._budget.check(BYTES_PER_POINT * head.vertices)
