@@ -13,6 +13,7 @@ from brute import HEAVY, INTERPRETED
 from explicit_meshes import Mesh, components, euler, plane, space, torus
 from isocodec import Mesh as Valued
 from isocodec.errors import OptionError
+from isocodec.search.mesh_cuts import MeshContour
 from test_hierarchy import surface
 
 pyvista = pytest.importorskip("pyvista")
@@ -75,6 +76,35 @@ def whole_of(mesh: Mesh, values: NDArray[np.float64], isovalue: float) -> isocod
     """The contour of the whole mesh, very exactly."""
     data = isocodec.encode(Valued(*mesh, values, progressive=False), isovalue, precision=edge_of(mesh) / 1e6)
     return isocodec.open(data, mesh=mesh).contour()
+
+
+@pytest.mark.parametrize("kind", MESHES)
+def test_small_distances_are_kept_without_a_search(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Below a tenth of the median edge, alone and in steps; above, the search reports what it tries."""
+    mesh = MESHES[kind](3)
+    values, edge = hills(mesh[0], 3), edge_of(mesh)
+    unit = 1000 / edge  # steps of less than 0.1 units are refused
+    mesh, edge = (mesh[0] * unit, mesh[1]), 1000.0
+    whole, tried = whole_of(mesh, values, VALUE), list[tuple[int, int]]()
+
+    def encoded(precision: float | str) -> isocodec.IsoFile:
+        data = isocodec.encode(Valued(*mesh, values), VALUE, precision=precision,
+                               progress=lambda *done: tried.append(done))
+        return isocodec.open(data, mesh=mesh)
+
+    encoded(0.3 * edge)
+    assert tried and all(total == 0 for _, total in tried)
+    tried.clear()
+    monkeypatch.setattr(MeshContour, "cut", None)
+    for distance in (0.099 * edge, 1e-3 * edge, 1e-5 * edge):
+        contour = encoded(distance).contour()
+        assert max(farthest(contour, whole), farthest(whole, contour)) <= distance + 2e-6 * edge
+    file = encoded("90,20,2")
+    ends = [number for number, layer in enumerate(file.info.layers, 1) if layer.kind == "offsets"]
+    for distance, layers in zip((90, 20, 2), ends, strict=True):
+        contour = file.contour(layers=layers)
+        assert max(farthest(contour, whole), farthest(whole, contour)) <= distance + 2e-6 * edge
+    assert not tried and [layer.within for layer in file.info.layers] == [None] * (len(file.info.layers) - 1) + [2.0]
 
 
 @pytest.mark.parametrize("edges", EDGES)

@@ -38,7 +38,7 @@ _APART: Mapping[str, tuple[str, ...]] = {
     "above": ("layers", "max_bytes", "window", "within"),
     "valid": ("layers", "max_bytes", "window", "within", "frame"),
     "labels": ("layers", "max_bytes", "window", "within"),
-    "surface": ("layers", "window", "within", "frame", "smooth"),
+    "surface": ("window", "within", "frame", "smooth"),
 }
 """Options that choose a part of a file, by what is decoded, that do not apply to it."""
 _ARRAY = ".npy"
@@ -436,7 +436,8 @@ def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported
 
 def _surface(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     size = wanted.view.get("max_bytes")
-    tin = file.surface(max_bytes=file.size if wanted.view.get("partial") and size is None else size)
+    size = file.size if wanted.view.get("partial") and size is None else size
+    tin = file.surface(layers=wanted.view.get("layers"), max_bytes=size)
     facts = {"points": len(tin.points), "triangles": len(tin.triangles), "complete": tin.complete}
     text = f"{len(tin.points):,} points, {len(tin.triangles):,} triangles"
     return Exported(_array(tin.raster()) if suffix == _ARRAY else tin, facts, text)

@@ -169,9 +169,9 @@ class WholeFile:
     def contour(self, isovalue: float | None, view: Viewed) -> Contour:
         """Decode the curve or surface of an isovalue; see `IsoFile.contour`."""
         if self.kind == "surface":
-            view.refuse("surface", "smooth", "through_holes", "within")
-            drawn = self._surface_decoder(view).contour(isovalue=isovalue)
-            return clipped(drawn, view.window)
+            from ..stream.surface_contents import contour_of_tin
+
+            return clipped(contour_of_tin(self._tin(view), isovalue), view.window)
         if self.kind == "mesh":
             view.refuse("mesh", "smooth", "through_holes", "within")
         decoder, number = self.decoded(isovalue, view)
@@ -246,20 +246,18 @@ class WholeFile:
             raise
         return decoder
 
-    def _surface_decoder(self, view: Viewed) -> Decoder:
-        """Decode a surface, or its beginning; returns the decoder."""
+    def _tin(self, view: Viewed) -> Tin:
+        """Decode a surface, its first layers, or its beginning."""
+        view.refuse("surface", "smooth", "through_holes", "within")
         if view.frame:
             raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds a single surface")
-        data = memoryview(self.data)[: view.max_bytes]
-        if view.layers is not None:
-            from ..stream.truncation import truncate
-
-            data = memoryview(truncate(self.data, layers=view.layers, limits=self.limits))
         decoder = Decoder(self.limits)
-        decoder.feed(data)
-        if view.max_bytes is None and not view.partial:
+        decoder.feed(memoryview(self.data)[: view.max_bytes])
+        surface = decoder.take().surface
+        there = view.layers is not None and len(surface.received()[1].places) >= view.layers
+        if view.max_bytes is None and not view.partial and not there:
             decoder.close()
-        return decoder.take()
+        return surface.tin(view.layers)
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
@@ -269,7 +267,7 @@ class WholeFile:
             if isovalue is None:
                 raise OptionError("the file holds a surface: give the isovalue that its samples are to be compared "
                                   "with", code="isovalue")
-            tin = self._surface_decoder(view).surface.tin()
+            tin = self._tin(view)
             return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
         decoder, number = self.decoded(isovalue, view)
         if self.kind == "mesh":
@@ -279,7 +277,7 @@ class WholeFile:
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """Find which samples are valid; see `IsoFile.valid`."""
         if self.kind == "surface":
-            tin = self.surface(max_bytes)
+            tin = self._tin(Viewed(max_bytes=max_bytes))
             return np.ones(len(tin.values), np.bool_) if tin.shape is None else ~np.isnan(tin.raster())
         if self.info.domain is not None:
             return np.ones(self.info.domain.vertices, np.bool_)
@@ -298,24 +296,25 @@ class WholeFile:
         decoder = self.received(None, view)
         return labelled(map(decoder.grid.above, range(len(decoder.isovalues))), decoder.isovalues)
 
-    def surface(self, max_bytes: int | None) -> Tin:
+    def surface(self, view: Viewed) -> Tin:
         """Decode the triangulated surface; see `IsoFile.surface`."""
         if self.kind == "mesh" and self.info.domain is None:
             raise TruncatedError("the file ends before its mesh begins", code="truncated", offset=self.size)
         if self.kind != "surface":
             raise impossible("surface", self.kind)
-        return self._surface_decoder(Viewed(max_bytes=max_bytes)).surface.tin()
+        return self._tin(view)
 
     def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         """Decode the mesh that the curve of an isovalue is coded on; see `IsoFile.mesh`."""
-        if self.kind in ("mesh", "surface"):
-            view.refuse(self.kind, "smooth", "through_holes", "within")
+        if self.kind == "mesh":
+            view.refuse("mesh", "smooth", "through_holes", "within")
         if self.kind == "surface":
-            tin = self._surface_decoder(view).surface.tin()
-            above = tin.values > (np.median(tin.values) if isovalue is None else isovalue)
-            crossed = np.ones(len(tin.triangles), np.bool_) if whole else ~_uniform(above[tin.triangles])
+            from ..drawing.explicit import crossed_cells
             from ..drawing.tessellation import Tessellation
 
+            tin = self._tin(view)
+            above = tin.values > (np.median(tin.values) if isovalue is None else isovalue)
+            crossed = np.ones(len(tin.triangles), np.bool_) if whole else crossed_cells(tin.triangles, above)
             return _cut(Tessellation(
                 tin.points, tin.triangles[crossed], np.zeros(int(crossed.sum()), np.int64), above,
                 float("nan") if isovalue is None else isovalue, tin.shape or (), tin.complete,
@@ -430,13 +429,18 @@ class TileFile:
 
     def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         """See `IsoFile.above`."""
-        return self._in_one_piece(view).above(isovalue, Viewed(layers=view.layers))
+        return self._in_one_piece(view).above(isovalue, self._at_stage(view.layers))
 
     def _in_one_piece(self, view: Viewed) -> WholeFile:
         """Extract the samples and simplices of a view as an ordinary file."""
         view.refuse("tiles", "smooth", "through_holes", "within", "max_bytes")
         self._check_frame(view.frame)
         return self.whole(view.window)
+
+    def _at_stage(self, layers: int | None) -> Viewed:
+        """The view of an extracted file whose mesh is as fine as that of the first stages."""
+        stages = self.tiled.head.stages
+        return Viewed() if layers is None or layers >= len(stages) else Viewed(within=2.0 ** stages[layers - 1].edge)
 
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """See `IsoFile.valid`."""
@@ -446,13 +450,13 @@ class TileFile:
         """Refuse: see `IsoFile.labels`."""
         raise impossible("labels", "tiles")
 
-    def surface(self, max_bytes: int | None) -> Tin:
+    def surface(self, view: Viewed) -> Tin:
         """Refuse: see `IsoFile.surface`."""
         raise impossible("surface", "tiles")
 
     def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         """See `IsoFile.mesh`."""
-        return self._in_one_piece(view).mesh(isovalue, Viewed(layers=view.layers), whole)
+        return self._in_one_piece(view).mesh(isovalue, self._at_stage(view.layers), whole)
 
     def statistics(self) -> FileStatistics:
         """See `IsoFile.statistics`."""
@@ -513,11 +517,6 @@ def frames_of(
                 yield [decoder.contour(i, smooth=smooth, before=before) for i in range(count)]
     if not partial:
         decoder.close()
-
-
-def _uniform(above: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Find cells whose corners all have the same sign."""
-    return np.asarray(above.all(axis=1) | ~above.any(axis=1))
 
 
 def _drawn(decoder: Decoder, numbers: Sequence[int], view: Viewed) -> list[Contour]:

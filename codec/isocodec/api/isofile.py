@@ -317,15 +317,15 @@ class IsoFile:
         """
         return self.held.labels(Viewed(frame=frame, max_bytes=max_bytes, partial=partial))
 
-    def surface(self, *, max_bytes: int | None = None) -> Tin:
-        """Decode a triangulated surface, or as much of it as the first ``max_bytes`` bytes hold.
+    def surface(self, *, layers: int | None = None, max_bytes: int | None = None) -> Tin:
+        """Decode a triangulated surface, its first layers, or as much of it as the first ``max_bytes`` bytes hold.
 
         Raises
         ------
         OptionError
             If the file is of another kind.
         """
-        return self.held.surface(max_bytes)
+        return self.held.surface(Viewed(layers=layers, max_bytes=max_bytes))
 
     # -- checks and other files ------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import field
+from functools import lru_cache
 from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from ..limits import Budget, Limits
 from ..stream.decoder import Decoder
 from ..stream.isovalues import isovalues_of
 from .encoding import encode
+from .export import counted
 from .isofile import IsoFile, open
 
 MESH = 600
@@ -131,7 +133,7 @@ def steps_of(file: IsoFile, path: str | os.PathLike[str], steps: Steps, progress
         raise OptionError("--view applies to surfaces only", code="view", remedy="leave it out")
     remarks: list[str] = []
     if file.kind in ("tiles", "surface"):
-        drawn, isovalues = _by_layers(file, steps, progress)
+        drawn, isovalues = _by_layers(file, steps, progress, remarks)
     else:
         drawn, isovalues = _as_decoded(file, steps, progress, remarks)
     if steps.frame is None and file.frames > 1:
@@ -148,28 +150,38 @@ def steps_of(file: IsoFile, path: str | os.PathLike[str], steps: Steps, progress
     )
 
 
-def _by_layers(file: IsoFile, steps: Steps, progress: Any) -> tuple[list[Step], list[float]]:
+def _by_layers(
+    file: IsoFile, steps: Steps, progress: Any, remarks: list[str]
+) -> tuple[list[Step], list[float]]:
     """Steps of a file that is decoded anew for each step: tiled files and surfaces."""
     isovalues: list[float] = [*file.isovalues]
     if steps.isovalue is not None:
         isovalues = [steps.isovalue]
     elif not isovalues:
-        isovalues = _isovalues_on(file.surface().values, None)
+        isovalues = _isovalues_on(file.surface(max_bytes=file.size if steps.partial else None).values, None)
     numbers = [file.isovalues.index(one) for one in isovalues if one in file.isovalues] or [0]
-    each = [[layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number] for number in numbers]
-    sizes = [sum(layers) for layers in zip_longest(*each, fillvalue=0)] or [file.size]
+    info = counted(file)
+    whole = [layer for layer in info.layers if layer.bytes is not None]
+    each = [[layer.bytes or 0 for layer in whole if layer.isovalue == number] for number in numbers]
+    sizes = [sum(layers) for layers in zip_longest(*each, fillvalue=0)]
+    if len(whole) < len(info.layers):
+        sizes.append(0)  # the file ends within a layer
     overhead = max(file.size - sum(sizes), 0)
+    if steps.partial and not file.complete:
+        remarks.append("the file is not complete; drawn as far as possible")
     drawn: list[Step] = []
     panels = Panels([""] * len(sizes), steps.count)
     view: dict[str, Any] = {"partial": steps.partial, "frame": steps.frame}
-    if steps.smooth is not None:
-        view["smooth"] = steps.smooth
+
+    @lru_cache(maxsize=1)
+    def contours(layer: int) -> list[Contour]:
+        return [file.contour(isovalue, layers=layer, smooth=steps.smooth, **view) for isovalue in isovalues]
+
     for layer in range(1, len(sizes) + 1):
-        contours = [file.contour(isovalue, layers=layer, **view) for isovalue in isovalues]
-        if panels.draws(layer, lambda contours=contours: any(len(one.cells) for one in contours)):  # type: ignore[misc]
-            meshes = [file.mesh(isovalue, layers=layer) for isovalue in isovalues] if steps.mesh else []
+        if panels.draws(layer, lambda layer=layer: any(len(one.cells) for one in contours(layer))):  # type: ignore[misc]
+            meshes = [file.mesh(isovalue, layers=layer, **view) for isovalue in isovalues] if steps.mesh else []
             under = [(mesh.points, mesh.cells) for mesh in meshes]
-            _add(drawn, Step(contours, overhead + sum(sizes[:layer]), file.size, under), file.limits)
+            _add(drawn, Step(contours(layer), overhead + sum(sizes[:layer]), file.size, under), file.limits)
             if progress is not None:
                 progress(len(drawn), len(panels.chosen))
     return drawn, isovalues

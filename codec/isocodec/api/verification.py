@@ -24,7 +24,8 @@ from ..field.samples import Samples, check_field, interval_value, without_holes
 from ..field.stretch import in_unit
 from ..field.units import converted, distance_of, unit_of
 from ..stream.inspect import FileInfo, inspect
-from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, noted_exact, of_samples, of_tiles
+from ..stream.promise_note import noted, noted_exact
+from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, of_samples, of_tiles
 from .files import TileFile, Viewed, WholeFile
 
 if TYPE_CHECKING:
@@ -411,7 +412,7 @@ def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isov
 def _surface(held: WholeFile | TileFile, known: Field, within: float | str | None) -> list[Verified]:
     """Measure how far a triangulated surface lies from the values of a field, or its contours from those of the field.
     """
-    tin = held.surface(None)
+    tin = held.surface(Viewed())
     values = np.asarray(known.values)
     if tin.shape is None:
         raise InputError("the surface was made from scattered points, not from a field", code="shape")

@@ -64,6 +64,8 @@ def _print(source: str, info: FileInfo, complete: bool, promise: str | None) -> 
     for name, text in facts:
         print(f"{name:{width}}  {text}")
     print("\n" + table(*(_frames(info) if info.frames else _layers(info))))
+    if info.kind == "mesh" and any(layer.within is not None for layer in info.layers):
+        print("within: in the unit of the points; files on meshes state it of the last layer of an isovalue only.")
     if not info.frames and any(layer.bytes is None for layer in info.layers):
         why = "is too small for an index of its layers" if complete else "has no index of its layers, or not all of it"
         print(f"- : unknown, because the file {why}; --symbols decodes the file to find out.")
@@ -139,17 +141,18 @@ def _print_statistics(statistics: FileStatistics, info: FileInfo) -> None:
         for number, layer in enumerate(statistics.layers, start=1) if layer.predicted
     ]
     signs, predicted, right = (
-        sum(getattr(layer, name) for layer in statistics.layers) for name in ("signs", "predicted", "right")
+        sum(getattr(layer, name) or 0 for layer in statistics.layers) for name in ("signs", "predicted", "right")
     )
     if predicted:
         rows.append(["", "all", "", "", f"{signs:,}", f"{predicted:,}", f"{right / predicted:.1%}"])
-    columns = _columns("layer", "kind", "level", "bits", "signs", "predicted", "right")
-    print("\n" + table(columns, rows, "Signs that were predicted correctly"))
+        columns = _columns("layer", "kind", "level", "bits", "signs", "predicted", "right")
+        print("\n" + table(columns, rows, "Signs that were predicted correctly"))
 
     pixel, face = ("crossed voxel", "face") if len(info.shape) == 3 else ("crossed pixel", "segment")
-    columns = _columns("for each", "number", "connectivity", "geometry", "all", "signs before coding")
     for one in statistics.contours:
-        parts = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
+        signs = {} if one.signs is None else {"signs before coding": one.signs}
+        columns = _columns("for each", "number", "connectivity", "geometry", "all", *signs)
+        parts = (one.connectivity_bits, one.geometry_bits, one.bits, *signs.values())
         counts = ((pixel, one.pixels), ("vertex", one.vertices), (face, one.faces))
         rows = [[name, f"{count:,}", *(f"{part / count:.3f}" for part in parts)] for name, count in counts if count]
         print("\n" + table(columns, rows, f"Bits, {info.caption(one.isovalue)}"))

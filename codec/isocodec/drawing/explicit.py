@@ -11,6 +11,12 @@ from .separation import apart
 from .simplices import simplex_table
 
 
+def crossed_cells(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Find which simplices (T, n + 1) have vertices on both sides."""
+    mixed = above[cells]
+    return np.asarray(mixed.any(axis=1) & ~mixed.all(axis=1))
+
+
 def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Crossed edges of simplices (L, n + 1), whose ends lie on different sides: (E, 2), lower vertex first, sorted."""
     pairs = [*combinations(range(cells.shape[1]), 2)]
@@ -29,8 +35,7 @@ def surface_contour(
     ``measured``: points lie where values equal the isovalue, even at the ends of edges, where several fall together.
     """
     above = values > isovalue
-    mixed = above[triangles]
-    cells = triangles[mixed.any(axis=1) & ~mixed.all(axis=1)]
+    cells = triangles[crossed_cells(triangles, above)]
     edges = crossed_edges(cells, above)
     low, high = values[edges[:, 0]], values[edges[:, 1]]
     # halved first, since the difference of two large floats may overflow

@@ -104,12 +104,15 @@ class MeshContour:
         Values of the vertices.
     distance : float
         In the unit of the coordinates, greater than 0.
+    watch : callable, optional
+        Called whenever a cut is held against the contour.
     """
 
     def __init__(
-        self, domain: Complex, history: CellHistory, points: NDArray[np.float64], field: Samples, distance: float
+        self, domain: Complex, history: CellHistory, points: NDArray[np.float64], field: Samples, distance: float,
+        watch: Callable[[], object] | None = None,
     ) -> None:
-        self.domain, self.history, self.distance = domain, history, distance
+        self.domain, self.history, self.distance, self._watch = domain, history, distance, watch
         self.above = above = field.signs
         # distances are proven in units of the one that is kept
         self.points = (points - points.min(axis=0)) / distance
@@ -127,7 +130,11 @@ class MeshContour:
         self._exact = exact
         self._rows = self._table()
         self.original = self._drawn(exact, self._whole)
-        self.target = Target(self.original.points, self.original.pieces, SURE)
+
+    @cached_property
+    def target(self) -> Target:
+        """The contour, to measure distances from."""
+        return Target(self.original.points, self.original.pieces, SURE)
 
     def _key(self, edges: NDArray[np.int64]) -> NDArray[np.int64]:
         return edges[:, 0] * np.int64(len(self.points)) + edges[:, 1]
@@ -153,6 +160,14 @@ class MeshContour:
         """The contour of the whole mesh as it is decoded with these offsets, in units of the distance."""
         drawn = self._drawn(_middles(self._exact, parts_of(self.domain.mesh, self.edges, step)), self._whole)
         return drawn.points, drawn.pieces
+
+    def uncut(self) -> KeptCut | None:
+        """The whole mesh, with offsets that keep the distance without a search; None if there are no such offsets."""
+        step = self._step(PITCHES[-1])
+        if step * self.domain.unit > 2 * self.distance * STEPS:
+            return None
+        ratio = _middles(self._exact, parts_of(self.domain.mesh, self.edges, step))
+        return KeptCut(np.ones(len(self.history.vertex), np.bool_), step, self.edges, ratio, self.whole(step))
 
     def places(self, step: int) -> NDArray[np.float64]:
         """Middles of those parts of edges, as a layer of offsets has them, in or next to which the contour lies; (E,).
@@ -216,6 +231,8 @@ class MeshContour:
         source, wanted = history.source[self.original.owner], also.copy()
         todo: NDArray[np.int64] | None = None
         for turn in count():
+            if self._watch is not None:
+                self._watch()
             inside = self._near(wanted, far)
             if inside is None:
                 return None

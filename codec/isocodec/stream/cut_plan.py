@@ -81,10 +81,18 @@ class CutPlan:
     points : (V, d) float64
     history : CellHistory
     promise : CutPromise
+    least : float
+        Distances below this one are kept on the whole mesh, without a search.
+    watch : callable, optional
+        Called whenever a cut is held against a contour.
     """
 
-    def __init__(self, domain: Complex, points: NDArray[np.float64], history: CellHistory, promise: CutPromise) -> None:
+    def __init__(
+        self, domain: Complex, points: NDArray[np.float64], history: CellHistory, promise: CutPromise,
+        least: float = 0.0, watch: Callable[[], object] | None = None,
+    ) -> None:
         self._domain, self._points, self._history, self._promise = domain, points, history, promise
+        self._least, self._watch = least, watch
         self._every = np.ones(len(history.vertex), np.bool_)
 
     def cuts(self, fields: Sequence[Samples], whole: Callable[[Samples], int], step: int) -> list[list[Cut]]:
@@ -106,7 +114,7 @@ class CutPlan:
         """
         found = [self._nested(field, whole) for field in fields]
         flat = self._domain.n == self._domain.mesh.position.shape[1] == 2
-        if len(fields) > 1 and flat and self._promise.distances and not self._promise.exact:
+        if len(fields) > 1 and flat and any(_kept(each) is not None for each in found):
             curves = [self._contour(field, self._promise.distances[-1]).whole(max(step, 1)) for field in fields]
             last = without_crossings([_kept(each) for each in found], curves)
             for number, one in enumerate(last):
@@ -122,13 +130,14 @@ class CutPlan:
         if not promise.distances:
             return [inside, self._every]
         for distance in promise.distances[:-1]:
-            one = self._contour(field, distance).coarsest(inside)
+            contour = self._contour(field, distance)
+            one = contour.uncut() if distance < self._least else contour.coarsest(inside)
             if one is None:
                 raise OptionError(f"a step of {distance:g} is finer than positions of the mesh are known", code="steps",
                                   remedy="leave that one out")
             found.append(one)
             inside = one.inside
-        if promise.exact:
+        if promise.exact or promise.distances[-1] < self._least:
             return [*found, self._every]
         begun = partial(MeshIsovalue, self._domain, field.isovalue)
         kept, size = self._contour(field, promise.distances[-1]).shortest(inside, begun)
@@ -138,7 +147,7 @@ class CutPlan:
 
     def _contour(self, field: Samples, distance: float) -> MeshContour:
         """The contour of the whole mesh, for cuts within a distance of it."""
-        return MeshContour(self._domain, self._history, self._points, field, distance)
+        return MeshContour(self._domain, self._history, self._points, field, distance, self._watch)
 
 
 def _kept(cuts: Sequence[Cut]) -> KeptCut | None:

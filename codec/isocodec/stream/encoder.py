@@ -49,7 +49,7 @@ def encoder_of(
         return _SeriesEncoder(what, isovalue, asked, progress)
     what = taken(what)
     if isinstance(what, Mesh):
-        return MeshEncoder(what, levels_of(what, isovalue, asked, [what]), asked)
+        return MeshEncoder(what, levels_of(what, isovalue, asked, [what]), asked, progress)
     return grid_encoder(field_of(what), isovalue, asked, progress)
 
 
@@ -268,7 +268,7 @@ class SeriesFrames:
         if self._mesh is None:
             isovalues = levels_of(frame, self._isovalue, self._options, self._known)
             self._mesh = MeshFrames(
-                frame, Series(isovalues, self._options.interval), self._options, complete=False
+                frame, Series(isovalues, self._options.interval), self._options, complete=False, report=self._report
             )
         return self._mesh.chunks(values)
 

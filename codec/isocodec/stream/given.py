@@ -25,7 +25,7 @@ from ..field.samples import Samples, check_field, isovalue_of, missing_of, witho
 from .isovalues import isovalues_of, range_of
 from .options import COORDINATES_SHARE, INDEPENDENT, LEVELS, Options, Precision
 from .placing import check_axes, without_folds
-from .promises import PROMISE
+from .promise_note import PROMISE
 
 
 def taken(what: Any) -> Any:

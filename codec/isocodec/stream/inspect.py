@@ -26,6 +26,7 @@ from ..format.surface import TinHead, read_tin
 from ..grid.lattice.tables import cube_exponent
 from ..limits import Limits
 from .outline import LAYER_CHUNKS, Outline, check_explicit
+from .promise_note import noted_at_last, noted_exact
 from .session import Session
 
 POINTS = DomainKind.POINTS
@@ -55,7 +56,8 @@ class LayerInfo:
     within : float or None
         How many cells decoded and original curve lie from each other at most, when this layer is complete and no later
         one begun: as the writer promises, or 0 of all values of integers on the full grid. None without a promise, and
-        of layers in a cut chunk, which may not be complete; counting symbols finds out.
+        of layers in a cut chunk, which may not be complete; counting symbols finds out. On a mesh in the unit of its
+        points, and only of the last layer of an isovalue: files state no distances of those before.
     frame : int
         Number of the frame that it belongs to.
     """
@@ -336,8 +338,7 @@ class _Survey:
             self._mesh_layer(chunk)
         elif chunk.type == ChunkType.DOMAIN and self._cells == 2 and there and data[chunk.start] >> 4 == POINTS:
             with suppress(FormatError):  # of the beginning of a chunk
-                self.surface, begins = read_tin(bytes(data[chunk.start : chunk.end]), chunk.start)
-                self.coded += there - begins
+                self._surface_layers(chunk, chunk.start + there)
         return None, True
 
     def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
@@ -396,6 +397,15 @@ class _Survey:
                 layer.kind, layer.level, layer.plane, layer.parts, None if i else run, isovalue=number,
                 frame=outline.frame,
             ))
+
+    def _surface_layers(self, chunk: Envelope, end: int) -> None:
+        """List the layers of a surface, whose chunk has arrived up to ``end``."""
+        self.surface, begins = read_tin(bytes(self._session.data[chunk.start : chunk.end]), chunk.start)
+        run, whole = chunk.start + begins, chunk.end - chunk.start - begins
+        self.coded += end - run
+        first, *others = [LayerInfo("points", -1, 0, 0) for _ in self.surface.counts]
+        alone = not others and end == chunk.end
+        self.layers += [replace(first, offset=run, bytes=whole if alone else None), *others]
 
     def _mesh_layer(self, chunk: Envelope) -> None:
         """List a layer of a file on a mesh."""
@@ -464,17 +474,22 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     earlier = sum(layer.frame < outline.frame for layer in layers)
     layers = layers[:earlier] + _with_index(outline.records, layers[earlier:])
     uncertain = survey.uncertain
-    if symbols and header.cells is None:
+    kind = _kind(header, outline, survey)
+    if symbols and kind == "surface":
+        layers = _decoded_surface(data, layers, limits)
+    elif symbols and kind != "mesh":
         layers = _decoded(data, layers, limits)
         uncertain = {number for number, layer in enumerate(layers) if layer.bytes is None}
-    kind = _kind(header, outline, survey)
     isovalues, leans = (outline.isovalues, outline.leans) if kind != "surface" else ([], [])
     surface = survey.surface
     shape = header.shape if surface is None or not surface.grid else surface.extent
+    layers = (
+        _promised_on_mesh(layers, outline, header, session.complete) if kind == "mesh"
+        else _promised(layers, survey.promised, header, uncertain)
+    )
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), shape, header.isovalue,
-        header.scale, len(data), len(data) - survey.coded, session.complete,
-        _promised(layers, survey.promised, header, uncertain),
+        header.scale, len(data), len(data) - survey.coded, session.complete, layers,
         survey.chunks, outline.metadata, isovalues, leans, [one.topology for one in outline.promises[: len(isovalues)]],
         survey.mask_bytes if outline.masked else None, outline.interval,
         survey.strands.frames(outline.interval, session.at, session.frames), _in_words(outline.coordinates),
@@ -508,6 +523,27 @@ def _promised(
         if within is None and (layer.kind, layer.level, layer.plane) == (LayerKind.VALUES, full, 0):
             within = 0.0 if header.scale is None else None
         out.append(replace(layer, within=None if number in uncertain else within))
+    return out
+
+
+def _promised_on_mesh(
+    layers: Sequence[LayerInfo], outline: Outline, header: Header, complete: bool
+) -> list[LayerInfo]:
+    """The layers of a file on a mesh, the last one of each isovalue that is complete with the distance of the note."""
+    last, cut = {}, set()
+    for number, layer in enumerate(layers):
+        strand = layer.frame, layer.isovalue
+        last[strand] = number
+        cut |= {strand} if layer.kind == "cut" else set()
+    if not complete:
+        last.pop((outline.frame, outline.number), None)
+    known = outline.domain is not None and outline.domain.kind == DomainKind.KNOWN
+    distance, exact = noted_at_last(outline.metadata), noted_exact(outline.metadata)
+    out = list(layers)
+    for strand, number in last.items():
+        values = layers[number].kind == "values" and header.scale is None
+        zero = values and known and (exact or strand not in cut)
+        out[number] = replace(layers[number], within=0.0 if zero else None if exact else distance)
     return out
 
 
@@ -546,6 +582,23 @@ def _decoded(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> lis
         for info, e in zip(layers, complete, strict=False)
     ]
     return out + [replace(info, offset=None, bytes=None, symbols=None) for info in layers[len(out) :]]
+
+
+def _decoded_surface(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> list[LayerInfo]:
+    """Find out where the layers of a surface begin and end, as far as they have arrived."""
+    from .decoder import Decoder
+
+    decoder = Decoder(limits)
+    decoder.feed(data)
+    places: tuple[int, ...] = ()
+    with suppress(TruncatedError):  # the file ends within the first layer
+        places = decoder.take().surface.received()[1].places
+    begin, run = 0, layers[0].offset or 0
+    out = []
+    for info, end in zip(layers, places, strict=False):
+        out.append(replace(info, offset=run + begin, bytes=end - begin))
+        begin = end
+    return out + layers[len(out) :]
 
 
 __all__ = ["ChunkInfo", "FileInfo", "FrameInfo", "Header", "LayerInfo", "inspect"]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import LAYER_LIMIT, ChunkType, DomainKind, MeshLayer
 
 from ..drawing.contour import Contour
-from ..drawing.explicit import crossed_edges, draw_cells
+from ..drawing.explicit import crossed_cells, crossed_edges, draw_cells
 from ..drawing.separation import apart
 from ..drawing.tessellation import Tessellation
 from ..errors import FormatError, InputError, LimitError, OptionError, TruncatedError
@@ -146,16 +146,21 @@ class MeshContents:
 
     def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
         """Draw the curve on the part of the mesh that remains after some rounds of removal."""
-        assert self._points is not None and found.rounds is not None
-        assert self._domain is not None
-        (cells, source), above = self._hierarchy.remaining(found.rounds), found.strand.sign == 1
-        crossed = above[cells].any(axis=1) & ~above[cells].all(axis=1)
-        cells, mirrored = cells[crossed], self._domain.mirrored[source[crossed]]
-        if self._points.shape[1] == self._domain.n:
-            mirrored = np.zeros(len(cells), np.bool_)
+        assert self._points is not None
+        (cells, mirrored), above = self._remaining(found), found.strand.sign == 1
+        crossed = crossed_cells(cells, above)
+        cells, mirrored = cells[crossed], mirrored[crossed]
         edges = crossed_edges(cells, above)
         points, pieces = draw_cells(self._points, cells, mirrored, above, edges, np.full(len(edges), 0.5))
         return Contour(points, pieces, found.value, (), False, own_placement(notes, points.shape[1]), metadata=notes)
+
+    def _remaining(self, found: MeshIsovalue) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Cells of the mesh, (T, n + 1), that remain after some rounds of removal; and which of them are mirrored."""
+        assert self._points is not None and found.rounds is not None and self._domain is not None
+        cells, source = self._hierarchy.remaining(found.rounds)
+        if self._points.shape[1] == self._domain.n:
+            return cells, np.zeros(len(cells), np.bool_)
+        return cells, self._domain.mirrored[source]
 
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
         """Find which vertices lie above an isovalue, by number, (V,).
@@ -190,7 +195,8 @@ class MeshContents:
     def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:
         """The mesh, with signs of its vertices at an isovalue, by number: the whole mesh, or only the crossed cells.
 
-        Of an isovalue that is coded on a cut of the mesh, the cells are those of the cut.
+        Of an isovalue that is coded on a cut of the mesh, the cells are those of the cut; while levels are missing,
+        those that remain without them.
 
         Raises
         ------
@@ -198,28 +204,34 @@ class MeshContents:
             If that has not been received yet.
         """
         found = self.strand(number)
-        if found is None or found.edges is None or self._domain is None or self._points is None:
+        coarse = found is not None and found.edges is None and found.rounds is not None
+        if found is None or self._points is None or (found.edges is None and not coarse):
             raise TruncatedError("the file ends before its mesh and signs are complete", code="truncated")
-        cells = self._wound(found.domain)
-        cells = cells if whole else cells[found.leaves]
+        if coarse:
+            cells, above = self._wound(*self._remaining(found)), found.strand.sign == 1
+            cells = cells if whole else cells[crossed_cells(cells, above)]
+        else:
+            cells, above = self._wound(found.domain.mesh.cell, found.domain.mirrored), self._above(number)
+            cells = cells if whole else cells[found.leaves]
         return Tessellation(
-            self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self._above(number), found.value,
+            self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), above, found.value,
             (), self._session.whole(self._wanted), own_placement(self.outline.metadata, self._points.shape[1]),
             dict(self.outline.metadata),
         )
 
-    def _wound(self, domain: Complex) -> NDArray[np.int64]:
-        """Cells that all run the same way round: as the axes do, or on a surface in space as in the given mesh.
+    def _wound(self, cells: NDArray[np.int64], mirrored: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Cells, some of them mirrored, that all run the same way round.
 
-        A file does not keep the latter. Triangles then run so that what they enclose has a positive volume, and if
-        they enclose nothing, counter-clockwise for whoever looks against the axis that most of them face.
+        That is as the axes do, or on a surface in space as in the given mesh. A file does not keep the latter.
+        Triangles then run so that what they enclose has a positive volume, and if they enclose nothing,
+        counter-clockwise for whoever looks against the axis that most of them face.
         """
         assert self._points is not None
-        n, cells = domain.n, domain.mesh.cell
-        in_space = domain.mesh.position.shape[1] > n
+        n = cells.shape[1] - 1
+        in_space = self._points.shape[1] > n
         if in_space and self.head is not None and self.head.kind == DomainKind.KNOWN:
             return cells
-        cells = np.where(domain.mirrored[:, None], cells[:, [*range(n - 1), n, n - 1]], cells)
+        cells = np.where(mirrored[:, None], cells[:, [*range(n - 1), n, n - 1]], cells)
         if not in_space:
             return cells
         a, b, c = (self._points[cells[:, i]] - self._points[cells].mean(axis=(0, 1)) for i in range(3))

@@ -46,8 +46,8 @@ from ..search.tolerance import EXACT
 from .container import ContainerEncoder, beginning
 from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
 from .mesh_contents import coordinates_of
-from .options import LEVELS, Options
-from .promises import PROMISE
+from .options import LEVELS, SEARCHED, Options
+from .promise_note import PROMISE
 from .series import Series
 
 FINER = 8
@@ -67,6 +67,7 @@ CELL_KINDS, POINT_KINDS = ("known", "coded", "whole"), ("delaunay", "whole")
 KINDS = (*CELL_KINDS, "delaunay")
 NEEDED = ("coded", "delaunay")
 """Ways to store only what the contours of all frames need."""
+Report = Callable[[int, int], object]
 Cuts = Callable[[CellHistory, Samples], Sequence[Cut]]
 """Chooses for an isovalue, from the values there, the cuts of its layers; none for other layers."""
 
@@ -82,6 +83,8 @@ class MeshFrames:
     options : Options
     complete : bool
         Whether the mesh has the values of all frames. Otherwise the file stores all of the mesh, if it stores any.
+    report : callable, optional
+        Called with the number of cuts of the mesh that have been tried, and 0.
 
     Attributes
     ----------
@@ -98,8 +101,11 @@ class MeshFrames:
         If options do not apply to meshes or are out of range.
     """
 
-    def __init__(self, mesh: Mesh, series: Series, options: Options, *, complete: bool = True) -> None:
+    def __init__(
+        self, mesh: Mesh, series: Series, options: Options, *, complete: bool = True, report: Report | None = None
+    ) -> None:
         _check_options(options)
+        self._report, self._tried = report, 0
         self._asked = options.precision.text if options.precision.world else ""
         options = _in_unit(options, mesh)
         self.options, self.series = options, series
@@ -345,13 +351,22 @@ class MeshFrames:
         if self.cuts is not None:
             return [list(self.cuts(self._history, field)) for field in fields]
         promise = cut_promise_of(self.options) if self._shared_mesh else None
-        if promise is None or self._hierarchy is None or (self._asked_levels and not promise.stepwise):
+        least = SEARCHED * self._edge
+        small = promise is not None and not promise.stepwise and promise.distances[-1] < least
+        if promise is None or small or self._hierarchy is None or (self._asked_levels and not promise.stepwise):
             return [[] for _ in fields]
 
         def whole(field: Samples) -> int:
             return sum(map(len, self._shorter(partial(MeshIsovalue, self.domain, field.isovalue), field)[1]))
 
-        return CutPlan(self.domain, self._points, self._history, promise).cuts(fields, whole, self._step)
+        plan = CutPlan(self.domain, self._points, self._history, promise, least, self._try)
+        return plan.cuts(fields, whole, self._step)
+
+    def _try(self) -> None:
+        """Report that a cut is tried."""
+        self._tried += 1
+        if self._report is not None:
+            self._report(self._tried, 0)
 
     def _on_cuts(self, strand: MeshIsovalue, field: Samples, cuts: Sequence[Cut]) -> Iterator[bytes]:
         """Yield the chunks of an isovalue on cuts of the mesh, each with its geometry; the last one as it is asked for.
@@ -442,6 +457,8 @@ class MeshEncoder(ContainerEncoder):
         If its values have two axes, the file holds a series.
     isovalues : sequence of float
     options : Options
+    report : callable, optional
+        As of `MeshFrames`.
 
     Raises
     ------
@@ -449,9 +466,11 @@ class MeshEncoder(ContainerEncoder):
         As for `MeshFrames`.
     """
 
-    def __init__(self, mesh: Mesh, isovalues: Sequence[float], options: Options) -> None:
+    def __init__(
+        self, mesh: Mesh, isovalues: Sequence[float], options: Options, report: Report | None = None
+    ) -> None:
         interval = options.interval if np.ndim(mesh.values) == 2 else None  # type: ignore[arg-type]
-        self.frames = MeshFrames(mesh, Series(isovalues, interval), options)
+        self.frames = MeshFrames(mesh, Series(isovalues, interval), options, report=report)
         self.header = self.frames.header
         self.isovalues = self.frames.series.isovalues
 

@@ -22,7 +22,7 @@ from ..grid.layers.plan import Entry
 from ..search.tolerance import EXACT
 from .plan_file import CRITERIA, read_plan
 from .plan_meshes import ends_alike
-from .promises import STEP
+from .promise_note import STEP
 
 ProfileName: TypeAlias = Literal["main", "baseline"]
 """Profiles of entropy coding."""
@@ -38,7 +38,9 @@ Isovalues: TypeAlias = SupportsFloat | str | Sequence[SupportsFloat]
 DEFAULT_TOLERANCE = 0.05
 """Default distance, in cells, between decoded and extracted curve."""
 SEARCHED = 0.1
-"""From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be coded anyway."""
+"""From this tolerance on the mesh is chosen; below it nearly every crossing has to be coded anyway. In cells, or median
+edges of a mesh.
+"""
 COORDINATES_SHARE = 0.05
 """Coordinates of samples may take this share of a distance in the world, unless it is stated how precise they are."""
 SMOOTH = " smooth"

@@ -4,47 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..errors import OptionError
 from ..field.placement import COORDINATE_UNIT
 from ..field.sampled import UNIT
 from ..field.units import distance_of
 from ..format.kinds import LayerKind
 from ..grid.lattice.tables import cube_exponent
 from .inspect import FileInfo
+from .promise_note import PROMISE, STEP, noted, noted_exact
 
-PROMISE = "promise"
-"""Name of the note with the distances that a file promises as they were asked for: ``4m,1m``."""
-STEP = "step="
-"""Prefix of a precision that is a step of values."""
 SIGNS, EXACT = "all signs", "all values exactly"
-AT = " at "
-"""Precedes, in the note of a surface, the isovalues whose contours it was made for."""
 
 
 def cells_in_words(number: float | str) -> str:
     """A number of cells in words."""
     text = number if isinstance(number, str) else f"{number:.4g}"
     return f"{text} cell{'' if text == '1' else 's'}"
-
-
-def noted(metadata: dict[str, str]) -> tuple[list[str], list[float]]:
-    """Distances in the note of a file, as they were asked for, and the isovalues that it is about, of a surface.
-
-    Empty without a note, or with one that is something else.
-    """
-    text, at, values = metadata.get(PROMISE, "").partition(AT)
-    parts = [part for part in text.split(",") if part and part != "exact"]
-    try:
-        for part in parts:
-            distance_of(part)
-        return parts, [float(value) for value in values.split()] if at else []
-    except (OptionError, ValueError):
-        return [], []
-
-
-def noted_exact(metadata: Mapping[str, str]) -> bool:
-    """Whether the note of a file states distances and, after them, exact values."""
-    return metadata.get(PROMISE, "").endswith(",exact")
 
 
 def asked(info: FileInfo, within: float | None, frame: int = 0, number: int = 0) -> str:
@@ -63,13 +37,6 @@ def promised_at_last(info: FileInfo, number: int) -> float | None:
     last = {layer.frame: layer.within for layer in info.layers if layer.isovalue == number}
     found = [within for within in last.values() if within is not None]
     return max(found) if found and len(found) == len(last) else None
-
-
-def last_promise(metadata: dict[str, str], keep: bool = False) -> dict[str, str]:
-    """The notes without that of promises; or, if it is to be kept, with the last distance alone."""
-    parts, _ = noted(metadata)
-    out = {name: text for name, text in metadata.items() if name != PROMISE}
-    return {**out, PROMISE: parts[-1]} if keep and parts else out
 
 
 def of_samples(info: FileInfo) -> str | None:

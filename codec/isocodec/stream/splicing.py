@@ -16,7 +16,7 @@ from ..format.header import Header, read_header
 from .container import beginning as beginning_of
 from .container import with_checksum
 from .inspect import FileInfo, inspect
-from .promises import PROMISE, last_promise
+from .promise_note import PROMISE, last_promise
 
 ANCILLARY = 0x80
 """Bit of a chunk's head that marks it as ancillary, so that readers may skip it."""

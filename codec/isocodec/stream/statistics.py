@@ -32,8 +32,8 @@ class LayerStatistics:
         Number of the isovalue that it belongs to.
     bits : int
         Entropy-coded bits, without the container.
-    signs : int
-        Number of coded signs.
+    signs : int or None
+        Number of coded signs; None if they are not counted: on meshes.
     predicted : int
         Number of those that were predicted, by parabolas or by neighbours: all but the first of a base's components.
     right : int
@@ -44,7 +44,7 @@ class LayerStatistics:
     level: int
     isovalue: int
     bits: int
-    signs: int
+    signs: int | None
     predicted: int
     right: int
 
@@ -64,7 +64,8 @@ class ContourStatistics:
         Number of points of the drawing, and of its segments or triangles.
     connectivity_bits, geometry_bits : int
         Bits of signs and the mesh, and bits of values and offsets.
-    signs : int
+    signs : int or None
+        Number of coded signs; None if they are not counted: on meshes.
     """
 
     isovalue: float
@@ -74,7 +75,7 @@ class ContourStatistics:
     faces: int
     connectivity_bits: int
     geometry_bits: int
-    signs: int
+    signs: int | None
 
     @property
     def bits(self) -> int:
@@ -128,10 +129,12 @@ def statistics(
             ))
             before = made, right
         elif isinstance(event, MeshLayerComplete):
-            layers.append(LayerStatistics(event.kind, -1, number, 8 * event.bytes, 0, 0, 0))
+            layers.append(LayerStatistics(event.kind, -1, number, 8 * event.bytes, None, 0, 0))
         elif isinstance(event, DomainRead) and decoder.contents is not None and decoder.contents.kind == "surface":
-            info = inspect(data)
-            layers.append(LayerStatistics("points", -1, 0, 8 * (info.bytes - info.overhead_bytes), 0, 0, 0))
+            layers += [
+                LayerStatistics(one.kind, one.level, 0, 8 * (one.bytes or 0), None, 0, 0)
+                for one in inspect(data, symbols=True, limits=limits).layers
+            ]
     contents = decoder.contents
     if contents is None or contents.kind not in ("grid", "mesh"):
         return FileStatistics(layers, [])
@@ -158,8 +161,9 @@ def _contour(decoder: Decoder, number: int, layers: Sequence[LayerStatistics]) -
         # the least coordinates of a simplex of the full grid are the lower corner of its cell
         corners = position[simplices].min(axis=1)
         pixels = len(np.unique(np.ravel_multi_index(tuple(corners.T), decoder.header.shape)))
+    signs = [layer.signs for layer in layers if layer.signs is not None]
     geometry = sum(layer.bits for layer in layers if layer.kind in (*GEOMETRY, "offsets", "values"))
     return ContourStatistics(
         decoder.isovalues[number], pixels, len(simplices), vertices, faces,
-        sum(layer.bits for layer in layers) - geometry, geometry, sum(layer.signs for layer in layers),
+        sum(layer.bits for layer in layers) - geometry, geometry, sum(signs) if len(signs) == len(layers) else None,
     )

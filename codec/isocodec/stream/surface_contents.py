@@ -99,9 +99,13 @@ class SurfaceContents:
         chunk = self._chunk
         return self._decoded(bytes(self._session.data[chunk.start : chunk.end]), chunk.start, whole=False)
 
-    def tin(self) -> Tin:
-        """The surface over the points that have arrived; errors as for `received`."""
+    def tin(self, layers: int | None = None) -> Tin:
+        """The surface over the points of the first layers that have arrived; errors as for `received`.
+
+        It is complete if these are all layers of a complete file.
+        """
         head, parts = self.received()
+        parts = parts.first(layers)
         order = by_rank(parts.points[:, 0], parts.points[:, 1])
         x, y = np.ascontiguousarray(parts.points[order].T)
         tri, _ = delaunay(x, y)
@@ -127,11 +131,6 @@ class SurfaceContents:
         OptionError
             Without a finite isovalue.
         """
-        if isovalue is None:
-            raise OptionError(
-                "a contour of a surface needs an isovalue",
-                code="isovalue", remedy="IsoFile.surface returns the whole surface"
-            )
         if smooth:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
         return contour_of_tin(self.tin(), isovalue)
@@ -158,14 +157,13 @@ class SurfaceContents:
 
 def write_surface(head: TinHead, parts: SurfaceLayers, layers: int, metadata: Mapping[str, str]) -> bytes:
     """Write a file with the first ``layers`` layers of points."""
-    end = parts.ends[layers - 1]
-    some = SurfaceLayers(parts.points[:end], parts.numbers[:end], parts.ends[:layers])
+    some = parts.first(layers)
     payload = write_tin(replace(head, counts=head.counts[:layers])) + encoded(some, head.extent, head.largest)
     begun = beginning(Header((), 0.0, None, Profile.MAIN, cells=2), metadata)
     return b"".join(with_checksum([*begun, write_chunk(ChunkType.DOMAIN, payload, last=True)]))
 
 
-def contour_of_tin(tin: Tin, isovalue: float) -> Contour:
+def contour_of_tin(tin: Tin, isovalue: float | None) -> Contour:
     """Draw an isocontour of a triangulated surface, which is linear on each triangle.
 
     Returns
@@ -177,8 +175,11 @@ def contour_of_tin(tin: Tin, isovalue: float) -> Contour:
     Raises
     ------
     OptionError
-        If the isovalue is not finite.
+        Without a finite isovalue.
     """
+    if isovalue is None:
+        raise OptionError("a contour of a surface needs an isovalue", code="isovalue",
+                          remedy="IsoFile.surface returns the whole surface")
     if not math.isfinite(isovalue):
         raise OptionError(f"the isovalue is {isovalue}; it must be finite", code="isovalue")
     points, pieces = surface_contour(tin.points, tin.values, tin.triangles, isovalue)

@@ -15,7 +15,7 @@ from ..format.program import write_program
 from ..limits import Limits
 from .decoder import Decoder
 from .inspect import FileInfo, inspect
-from .promises import PROMISE, last_promise
+from .promise_note import PROMISE, last_promise
 from .surface_contents import write_surface
 
 _CLOSING = 24
@@ -81,15 +81,15 @@ def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits
     """Truncate a surface by encoding its points again, up to the layers asked for."""
     decoder = _decoder(data, limits).take()
     head, parts = decoder.surface.received()
-    counts = [count for count, end in zip(head.counts, parts.ends, strict=False) if end <= len(parts.points)]
+    there = len(parts.places)
     if decoder.complete and ((max_bytes is not None and len(data) <= max_bytes) or (layers or 0) >= len(head.counts)):
         return data
-    if layers is not None and layers > len(counts):
+    if layers is not None and layers > there:
         raise OptionError(
-            f"only {len(counts)} whole layers have been received", code="layers", remedy="ask for fewer"
+            f"only {there} whole layers have been received", code="layers", remedy="ask for fewer"
         )
     _check_layers(layers)
-    for kept in range(layers or len(counts), 0, -1):
+    for kept in range(layers or there, 0, -1):
         out = write_surface(head, parts, kept, last_promise(dict(decoder.metadata)))
         if max_bytes is None or len(out) <= max_bytes:
             return out

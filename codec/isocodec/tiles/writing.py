@@ -20,7 +20,7 @@ from ..storage.atomic import check_target, writing
 from ..stream.given import in_cells
 from ..stream.isovalues import isovalues_of
 from ..stream.options import Isovalues, Options, Precision
-from ..stream.promises import PROMISE
+from ..stream.promise_note import PROMISE
 from .assembly import Tiles, grid_of, merged
 from .layout import Index, TileGrid, in_order
 from .spool import Spool, begun

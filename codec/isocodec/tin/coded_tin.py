@@ -38,15 +38,25 @@ class SurfaceLayers:
         Distinct positions from 0 on.
     numbers : (N,) int64
     ends : tuple of int
-        How many points there are after each layer.
+        How many points there are after each layer; the last one may not be whole.
     complete : bool
         Whether all layers of the run are there.
+    places : tuple of int
+        Bytes of the run after which each whole layer is there, if it was decoded.
     """
 
     points: NDArray[np.int64]
     numbers: NDArray[np.int64]
     ends: tuple[int, ...]
     complete: bool = True
+    places: tuple[int, ...] = ()
+
+    def first(self, layers: int | None) -> SurfaceLayers:
+        """The first layers, as far as they are there; all if no number is given."""
+        if layers is None or layers >= len(self.ends):
+            return self
+        end = self.ends[layers - 1]
+        return SurfaceLayers(self.points[:end], self.numbers[:end], self.ends[:layers], False, self.places[:layers])
 
 
 def rounds(count: int) -> NDArray[np.int64]:
@@ -189,12 +199,14 @@ def decoded(
     """
     run = whole_run(new_coder(), data, account, at, last=whole)
     surface = _Surface(run, extent, most, account)
+    places: list[int] = []
     for count in counts:
         status = surface.layer(count, largest, None, None)
         if status == NEED and not whole:
             run.count()
-            return SurfaceLayers(surface.points, surface.numbers, tuple(surface.ends), False)
+            return SurfaceLayers(surface.points, surface.numbers, tuple(surface.ends), False, tuple(places))
         run.check(status, _REASONS, code="value")
+        places.append(min(run.passed + 4, run.read))
     if whole:
         run.end()
-    return SurfaceLayers(surface.points, surface.numbers, tuple(surface.ends))
+    return SurfaceLayers(surface.points, surface.numbers, tuple(surface.ends), places=tuple(places))
