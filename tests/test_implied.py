@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import KDTree
 
+import isocodec
 from brute import examples, smooth
 from isocodec.drawing.crossing import edge_points, edge_ratios
 from isocodec.drawing.simplices import crossed, draw_simplices
@@ -130,3 +132,19 @@ def test_a_crossing_that_does_not_follow_is_in_the_middle(above):
     """Clause 9.5(5): with both crossings of the ring at an end of their edges the quotient is 0 / 0."""
     implied = Implied(np.array([[0, 1]]), np.array([[2, 3]]))
     assert implied_ratio(implied, np.array(above), np.zeros((1, 2))) == [0.5]
+
+
+@pytest.mark.parametrize("layers", ["crossing", "topology", "curvature=0.3", "distortion=1"])
+@pytest.mark.parametrize("shape", [(40, 50), (17, 20, 18)])
+def test_known_values_win(shape: tuple[int, ...], layers: str) -> None:
+    """On meshes by any criterion, each point lies where the values at both ends of its edge place it."""
+    field = np.rint(100 * smooth(shape, 5)).astype(np.int64)
+    file = isocodec.open(isocodec.encode(field, 20.5, layers=layers, precision="exact"))
+    mesh = file.mesh()
+    ends = np.concatenate([mesh.cells[:, pair] for pair in combinations(range(len(shape) + 1), 2)])
+    p, q = mesh.points[ends].swapaxes(0, 1)
+    f_p, f_q = (field[tuple(each.astype(int).T)] for each in (p, q))
+    crossed = (f_p > 20.5) != (f_q > 20.5)
+    assert crossed.any()
+    p, q, t = p[crossed], q[crossed], ((20.5 - f_p[crossed]) / (f_q - f_p)[crossed])[:, None]
+    assert KDTree(p + t * (q - p)).query(file.contour().points)[0].max() < 1e-5

@@ -86,7 +86,9 @@ def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> D
     edges, cells = distinct_edges(leaves, ends)
     ratio, part = edge_ratios(leaves, edges)
     for ring in rings(leaves, edges):
-        at = np.ones(len(ring.edge), np.bool_) if leaves.value is None else _is_short(leaves, edges[ring.edge])
+        at = np.ones(len(ring.edge), np.bool_)
+        if leaves.value is not None:
+            at = np.isnan(leaves.value[edges[ring.edge]]).any(axis=1)
         ratio[ring.edge[at]] = ring.ratio(ratio)[at]
         known = part[ring.beside[at]]
         free = ((known[..., 0] == 0) & (known[..., 1] == 1)).any(axis=1)
@@ -99,11 +101,6 @@ def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> D
     used[cells] = True
     edges, ratio, cells = edges[used], ratio[used], (np.cumsum(used) - 1)[cells]
     return Drawn(no_centres, cells, edges.astype(np.int32), ratio, part[used])
-
-
-def _is_short(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether edges lie in one unit cell."""
-    return np.abs(leaves.position[edges[:, 1]] - leaves.position[edges[:, 0]]).max(axis=1, initial=0) <= 1
 
 
 @dataclass(frozen=True)

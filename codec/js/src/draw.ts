@@ -127,8 +127,8 @@ class Points {
   private place(e: Int32Array, o: number, id: number): number {
     const ring = this.crossings?.rings[id];
     if (!ring || this.busy.has(id)) return this.plain(e, o);
-    const span = Math.max(Math.abs(e[o + 3]! - e[o]!), Math.abs(e[o + 4]! - e[o + 1]!), Math.abs(e[o + 5]! - e[o + 2]!));
-    if (this.t.values && span > 1) return this.plain(e, o);
+    if (this.t.values && ![o, o + 3].some((v) => Number.isNaN(this.estimate(e[v]!, e[v + 1]!, e[v + 2]!))))
+      return this.plain(e, o);
     this.busy.add(id);
     const { store } = this.t, first = store.get(e[o]!, e[o + 1]!, e[o + 2]!) & SIGN;
     let sum = 0, count = 0;
