@@ -23,7 +23,17 @@ from isoconform.circle import CENTRE, RADIUS
 from isoconform.dump import CUT_OFF, REFUSED, canonical_layers, dump
 from isoconform.dump_file import dump_file
 from isoconform.generate import generate
-from isoconform.manifest import ERROR, LIMIT, NAME, OK, TRUNCATED, default_directory, digest, read_manifest
+from isoconform.manifest import (
+    ERROR,
+    LIMIT,
+    NAME,
+    NO_MESH,
+    OK,
+    TRUNCATED,
+    default_directory,
+    digest,
+    read_manifest,
+)
 from isospec.elements import ELEMENTS
 from isospec.tables import KINDS
 
@@ -102,7 +112,7 @@ def test_manifest_covers_the_format():
         of_n = [v for v in VECTORS if v.dimension == n]
         whole = [v for v in of_n if v.expected.status == OK]
         assert {name for v in whole for name in v.elements} == set(ELEMENTS) - ({"sample"} if n == 3 else set())
-        assert {v.expected.status for v in of_n} - {LIMIT} == {OK, TRUNCATED, ERROR}
+        assert {v.expected.status for v in of_n} - {LIMIT, NO_MESH} == {OK, TRUNCATED, ERROR}
         features = {f for v in whole for f in v.features}
         for residue in range(n):
             for kind in ("base", "refinement", "new components"):
@@ -162,11 +172,20 @@ def test_a_decoder_may_refuse_what_its_level_does_not_ask_for(level, code, passe
     assert result.passed == passes
 
 
-@pytest.mark.parametrize("code, passes", [(6, True), (0, True), (4, True), (5, False), (-9, False)])
+@pytest.mark.parametrize("code, passes", [(6, True), (4, True), (0, False), (5, False), (-9, False)])
 def test_nobody_has_to_decode_what_is_beyond_all_levels(code, passes):
     (vector,) = (v for v in VECTORS if v.expected.status == LIMIT)
     (result,) = runner.run([vector], HOME, lambda path, layers: (code, ""))
     assert result.passed == passes
+
+
+def test_a_file_on_another_mesh_has_an_exit_code_of_its_own():
+    """That of annex C.3, whether the mesh is missing or another one."""
+    on_others = [v for v in VECTORS if v.expected.status == NO_MESH]
+    for code in (0, 3, 4, 5, 6):
+        results = runner.run(on_others, HOME, lambda path, layers, code=code: (code, ""))
+        assert [result.passed for result in results] == [code == 3] * len(on_others)
+    assert len(on_others) > 1
 
 
 def test_vectors_are_small():

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from isocodec.errors import FormatError, IsoError, KernelError, LimitError, TruncatedError
+from isocodec.errors import FormatError, InputError, IsoError, KernelError, LimitError, TruncatedError
 from isocodec.format.events import Event, FrameRead, LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
@@ -26,6 +26,8 @@ NO_COORDINATES = f"{COORDINATES}\n"
 """What a decoder that reads coordinates prints where there are none."""
 CUT_OFF = TruncatedError.exit_code
 REFUSED = (FormatError.exit_code, LimitError.exit_code)
+OTHER_MESH = InputError.exit_code
+"""The mesh that a file was made on is missing, or is another one."""
 
 
 @dataclass(frozen=True)

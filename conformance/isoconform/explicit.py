@@ -374,6 +374,20 @@ def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
     )
 
 
+def elsewhere() -> Iterator[Draft]:
+    """Files without the mesh that they were made on, and with another one beside them (clause 10.1.2(1))."""
+    mesh = plane(12, 20, 0)
+    moved = mesh[0].copy()
+    moved[0, 0] += 1
+    about = "the mesh that the file was made on"
+    whole = _draft("", mesh, hills(mesh), VALUE, precision="signs", progressive=False)
+    for name, what, beside in (
+        ("missing", "is missing", ""), ("moved", "has a vertex elsewhere", written((moved, mesh[1]))),
+        ("smaller", "has a cell more", written((mesh[0], mesh[1][1:]))),
+    ):
+        yield replace(whole, name=f"mesh_{name}", features=(EXPLICIT, f"{about} {what}"), mesh=beside)
+
+
 def parts() -> Iterator[Draft]:
     """Files that end early."""
     mesh = plane()
@@ -510,5 +524,5 @@ def _varint_changed(payload: bytes, number: int, value: int) -> bytes:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (whole, parts, refused):
+    for group in (whole, elsewhere, parts, refused):
         yield from group()

@@ -33,7 +33,7 @@ from . import (
     valid,
 )
 from .draft import Draft
-from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, Output
+from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, OTHER_MESH, Output
 from .dump_file import dump_any, layers_of
 from .explicit_dump import MESH, Mesh, is_explicit, read_mesh
 from .levels import BEYOND, needs
@@ -41,6 +41,7 @@ from .manifest import (
     ERROR,
     LIMIT,
     NAME,
+    NO_MESH,
     OK,
     TRUNCATED,
     Expected,
@@ -116,6 +117,8 @@ def _described(draft: Draft, output: Output, mesh: Mesh | None) -> Vector:
         expected = Expected(LIMIT, draft.beyond)
     elif draft.beyond is not None and draft.beyond == clause:  # this decoder's limits let it go on
         expected = Expected(LIMIT, draft.beyond)
+    elif output.exit_code == OTHER_MESH:
+        expected = Expected(NO_MESH)
     else:
         if draft.clause != clause:
             raise AssertionError(f"{draft.name} violates clause {clause}, not {draft.clause}: {output.error}")

@@ -9,6 +9,7 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from isocodec.errors import FormatError
 from isocodec.format.chunks import write_further
 from isocodec.format.header import Header, write_header
 from isocodec.stream.encoder import encoder_of
@@ -325,6 +326,19 @@ def turns() -> Iterator[Draft]:
     yield _refused("turn_in_series", bytes(series), "3.5.9", "a turn in a series")
 
 
+def ends() -> Iterator[Draft]:
+    """Files that end before their checksum: what is checked after that has not been found wrong yet (clause 3.4.5)."""
+    plane = split(_plane())
+    for name, kind in (
+        ("isovalue", ChunkType.ISOVALUE), ("frame", ChunkType.FRAME), ("series", ChunkType.SERIES),
+        ("turn", ChunkType.TURN), ("domain", ChunkType.DOMAIN),
+    ):
+        whole = plane.with_chunks(*(_of_base(2) for _ in range(kind == ChunkType.SERIES)), Chunk(kind, b""))
+        assert dump(bytes(whole)).exit_code == FormatError.exit_code
+        about = f"the file ends before its checksum, behind a malformed chunk: {name}"
+        yield Draft(f"plane_{name}_end_in_checksum", bytes(whole)[:-1], 2, (about,))
+
+
 def _least_refused(file: File, program: bytes, run: bytes) -> bytes:
     """The file with its run lengthened by zeros until a decoder must refuse it."""
     while True:
@@ -347,7 +361,7 @@ def _searched(file: File, clause: str, program: bytes, before: Sequence[Chunk] =
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (headers, containers, programs, runs, isovalues, turns):
+    for group in (headers, containers, programs, runs, isovalues, turns, ends):
         yield from group()
     yield _lone_vertices()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 NAME = "manifest.json"
-OK, TRUNCATED, ERROR, LIMIT = "ok", "truncated", "error", "limit"
+OK, TRUNCATED, ERROR, LIMIT, NO_MESH = "ok", "truncated", "error", "limit", "mesh"
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Expected:
     ----------
     status : str
         ``ok``; ``truncated``: the file ends too early, and the rest is what was received; ``error``: a decoder
-        must refuse it; ``limit``: no decoder has to decode it, and one that does not says so.
+        must refuse it; ``limit``: no decoder has to go on until the file turns out to be malformed, and one that
+        stops before says so; ``mesh``: the mesh that the file was made on is missing, or another one is there.
     clause : str or None
-        Of an ``error``: the clause that the file violates, to inform. Of a ``limit``: the clause that a decoder
-        finds violated which goes on beyond the limits.
+        Of an ``error``, and of a ``limit`` for a decoder that goes on: the clause that the file violates, to inform.
     state : str or None
         Digest of the canonical text (``digest``).
     vertices, edges : int or None

@@ -10,6 +10,7 @@ import numpy as np
 from isocodec import encode
 from isocodec.field.mapped import Coordinate
 from isocodec.format.coordinate_record import CoordinatesRecord, write_coordinates
+from isocodec.format.header import Header, write_header
 from isocodec.grid.passes.node_run import NodeGrid, encode_run
 from isospec.container import ChunkType
 
@@ -17,7 +18,8 @@ from .adaptive import SPACES
 from .draft import Draft
 from .fields import Integers, noise, waves
 from .isovalues import HIGH, SHAPES, VALUE
-from .streams import Chunk, split
+from .streams import Chunk, File, split
+from .written import shortest
 
 WHOLE = 5040
 """A period that is none of the powers of two."""
@@ -68,8 +70,82 @@ def _odd(shape: tuple[int, ...]) -> Iterator[bytes]:
     yield good + bytes(5)
 
 
+Residuals = Sequence[tuple[int, Sequence[int]]]
+"""Of a coordinate: for each stride, and each axis along which nodes come with it, the stride and the residuals."""
+_EVEN = -1
+"""Instead of a context: a symbol that does not adapt."""
+LARGEST = (1 << 52) - 16
+"""The largest value that a node has which is predicted to be 0."""
+
+
+def _run(*coordinates: Residuals) -> bytes:
+    """The run that says these residuals (clause 3.7.4(5)), whatever values they lead to."""
+    low, width, moved = 0, 1 << 32, 0
+    for residuals in coordinates:
+        models: dict[int, tuple[int, int]] = {}
+        for context, bit in _symbols(residuals):
+            # as in clauses 6.2 and 6.5
+            p, seen = models.get(context, (1 << 15, 1))
+            bound = width * p >> 16
+            low, width = (low, bound) if bit else (low + bound, width - bound)
+            while width < 1 << 24:
+                low, width, moved = low << 8, width << 8, moved + 1
+            if context != _EVEN:
+                step = 65536 // (seen + 2)
+                p = p + ((65536 - p) * step >> 16) if bit else p - (p * step >> 16)
+                models[context] = min(max(p, 32), 65504), min(seen + 1, 158)
+    return shortest(low, width, moved)
+
+
+def _symbols(residuals: Residuals) -> Iterator[tuple[int, int]]:
+    """Contexts within a coordinate's, and symbols."""
+    for stride, row in residuals:
+        grade, before = min(stride, 4) >> 1, 0
+        for r in row:
+            yield 9 * grade + before, int(r == 0)
+            if r:
+                digits = f"{abs(r):b}"[1:]
+                yield 27 + grade, int(r < 0)
+                yield from ((30 + e, int(e < len(digits))) for e in range(len(digits) + 1))
+                yield from ((_EVEN, int(digit)) for digit in digits)
+            before = 3 * (before % 3) + min(abs(r), 2)
+
+
+def limits() -> Iterator[Draft]:
+    """Where numbers are limited; of nodes, of values, of a run's length."""
+    both, first, second = (Coordinate(axes, 0.0, 1.0) for axes in ((0, 1), (0,), (1,)))
+    for name, about, shape in (
+        ("most_nodes", "as many nodes as a run of no bytes may have, but not the symbols", (128, 127)),
+        ("too_many_nodes", "one node more than a run of no bytes may have: the chunk before counts", (113, 144)),
+    ):
+        dense = write_coordinates(CoordinatesRecord((), (both, first), b""))
+        yield _mapped(name, about, shape, next(_payloads(shape))[2], dense)
+    # the last node is predicted by those four and two before it, which lie as far apart as they may
+    up = LARGEST >> 4
+    down = -(LARGEST + (LARGEST >> 1) >> 4)
+    far = [(4, [up]), (2, [down]), (1, [0, 0, -(LARGEST // 16 * 33 // 8)])]
+    for name, about, size, residuals in (
+        ("values_most", "values as large and as small as they may be, a residual of 51 digits", 6, far),
+        ("value_above", "a value of 2**52", 5, [(4, [up + 1]), (2, [0]), (1, [0, 0])]),
+        ("value_below", "a value of -2**52", 5, [(4, [-up - 1]), (2, [0]), (1, [0, 0])]),
+        ("residual_long", "a residual of 52 digits", 5, [(4, [1 << 51]), (2, [0]), (1, [0, 0])]),
+    ):
+        run = _run(residuals, [(1, [0])])
+        yield _mapped(name, about, (size, 2), write_coordinates(CoordinatesRecord((), (first, second), run)))
+    (rough,) = (payload for name, _, payload in _payloads(SHAPES[0]) if name == "noise")
+    yield _mapped("overrun", "a run that ends too early", SHAPES[0], rough[: len(rough) // 2])
+
+
+def _mapped(name: str, about: str, shape: tuple[int, ...], *payloads: bytes) -> Draft:
+    """A file of a plane that holds these coordinates, and no layers."""
+    chunks = [Chunk(ChunkType.COORDINATES, payload, ancillary=True) for payload in payloads]
+    data = bytes(File(write_header(Header(shape, 0.5)), tuple(chunks)))
+    return Draft(f"plane_mapped_{name}", data, 2, (f"mapped grid: {about}",))
+
+
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
+    yield from limits()
     for shape in (*SHAPES, (1, 7)):
         flat = min(shape) == 1
         space = "plane_flat" if flat else SPACES[len(shape)]

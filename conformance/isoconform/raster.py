@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from isocodec.format.header import Header, write_header
-from isospec.container import ChunkType
+from isospec.container import ALL, ChunkType
 
 from .adaptive import SOME, base_on
 from .draft import Draft, cut_within, encoded
@@ -93,6 +93,11 @@ def refused() -> Iterator[Draft]:
     ):
         file = File(write_header(Header(shape, 0.5)), (layers(steps_of(*steps), run),))
         yield Draft(f"bad_raster_{name}", bytes(file), len(shape), (f"{ABOUT}: {about}",), clause)
+    for name, before in (("base", (BASE, ALL)), ("raster", (REFINE, 0))):
+        unread = Chunk(ChunkType.CUT_LAYERS, b"\0" + steps_of(before, (REFINE, 0)))
+        data = bytes(File(write_header(Header((5, 5), 0.5)), (unread,)))
+        about = f"on the full grid behind a {name}, of which nothing is read"
+        yield Draft(f"bad_unread_raster_after_{name}", data, 2, (f"{ABOUT}: {about}",), "3.6")
     field = waves((9, 9), 40, 3)
     leaning = split(encoded("", field, (20, 24), precision=SIGNS).data)
     kept = [chunk for chunk in leaning.chunks if chunk.type in (ChunkType.LAYERS, ChunkType.ISOVALUE)]

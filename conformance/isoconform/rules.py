@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from isocodec.format.chunks import write_further
+from isocodec.format.chunks import write_further, write_turn
 from isocodec.format.header import Header, write_header
 from isospec.container import ALL, ESCAPE, MAX_SIDE, ChunkType, Operation, Profile
 
@@ -83,6 +83,14 @@ def meshes() -> Iterator[Draft]:
     yield _random(
         "assumed_below", "corners that are not known where the ends differ", (9, 9), ((BASE, 2), (REFINE, ALL)), 278, 30
     )
+    about = "crossed edges of the full grid that are edges of no leaf"
+    for shape, seed in (((4, 5), 32), ((3, 3, 3), 218)):
+        yield _random("offsets_beside_leaves", about, shape, ((BASE, ALL), (OFFSETS, 1)), seed, 16)
+        yield _random("values_beside_leaves", about, shape, ((BASE, ALL), (VALUES, 2), b"\x22"), seed, 16)
+    yield _random(
+        "assumed_twice", "a corner that one diamond makes known, and another one assumes with the other sign", (17, 17),
+        ((BASE, 4), (REFINE, ALL)), 14, 30,
+    )
     yield _random(
         "first_mixed_member", "middles known before the round: only the first mixed member bisects the others",
         (6, 3, 6), ((BASE, 1), (REFINE, 1), (OFFSETS, 2), b"\0", (REFINE, 1), (OFFSETS, 2), b"\0", (REFINE, ALL)),
@@ -129,6 +137,31 @@ def isovalues() -> Iterator[Draft]:
             f"offsets_on_fewer_parts_{side}", f"offsets {side} those of an earlier isovalue in fewer parts", (9, 9),
             programs, seed, 60,
         )
+
+
+def turns() -> Iterator[Draft]:
+    """Values of isovalues in turn: what the earlier one has when a vertex gets its number is what counts."""
+    start = File(write_header(Header((4, 5), 0.5)), (Chunk(ChunkType.ISOVALUE, write_further(1, 3.5, 0)), _turn(0, 1)))
+    steps: Steps = ((BASE, ALL), (VALUES, 1), b"\x44", (VALUES, ALL))
+    about = "values in turn: the earlier isovalue's get more exact after they were taken over"
+    yield _draft("turns_bounds", (4, 5), random_layers(start, steps_of(*steps), 0, 60), (about, *RANDOM))
+    further = Chunk(ChunkType.ISOVALUE, write_further(1, 2.5, 0))
+    file = File(write_header(Header((9, 9), 0.5)), (further,))
+    programs: tuple[tuple[tuple[int, int], Steps, int, int], ...] = (
+        ((0, 1), ((BASE, 2),), 38, 20),
+        ((1, 1), ((VALUES, 1), b"\x44"), 38, 20),
+        ((0, 0), ((REFINE, ALL), (VALUES, ALL), b"\x44"), 38, 40),
+        ((1, 1), ((REFINE, ALL), (VALUES, 0), (VALUES, ALL)), 39, 60),
+    )
+    for (first, last), steps, seed, size in programs:
+        file = random_layers(file.with_chunks(*file.chunks, _turn(first, last)), steps_of(*steps), seed, size)
+    about = "values in turn: the earlier isovalue has none when the first vertices get their numbers"
+    yield _draft("turns_values_first", (9, 9), file, (about, *RANDOM))
+
+
+def _turn(first: int, last: int) -> Chunk:
+    """A turn of isovalues, the last one included."""
+    return Chunk(ChunkType.TURN, write_turn(range(first, last + 1)))
 
 
 def bounds() -> Iterator[Draft]:
@@ -193,6 +226,10 @@ def main_profile() -> Iterator[Draft]:
         "main_near_crossings", "main profile: crossings next to one another that are not extended", (9, 9),
         ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 57, 40, profile=MAIN,
     )
+    yield _random(
+        "main_sides_at_the_border", "main profile: leaves beside an edge that reach beyond the box", (6, 6),
+        ((ADAPTIVE, 0), (OFFSETS, 4), b"\0", (OFFSETS, ESCAPE), b"\x1f\0"), 158, 40, profile=MAIN,
+    )
     # a curve around one corner: of the last edge's ends both have another crossing that falls together with them
     start = File(write_header(Header((65, 65), 0.5, profile=MAIN)), ())
     nearest = said(
@@ -238,5 +275,5 @@ def refused() -> Iterator[Draft]:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (meshes, curves, isovalues, bounds, main_profile, refused):
+    for group in (meshes, curves, isovalues, turns, bounds, main_profile, refused):
         yield from group()

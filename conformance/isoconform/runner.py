@@ -12,10 +12,12 @@ from isocodec.errors import FormatError, LimitError
 from isocodec.limits import LEVELS
 
 from .decoders import Decoder, Request
-from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, REFUSED, parted
+from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, OTHER_MESH, REFUSED, parted
 from .dump_file import dump_file
-from .manifest import ERROR, LIMIT, OK, Vector, digest
+from .manifest import ERROR, LIMIT, NO_MESH, OK, Vector, digest
 
+REFUSALS = {LIMIT: (LimitError.exit_code, FormatError.exit_code), NO_MESH: (OTHER_MESH,)}
+"""Exit codes, by status, of files that are neither decoded nor malformed as far as a decoder has to look."""
 Decode = Callable[[Path, int], tuple[int, str]]
 """A decoder: a file and the layers to decode (0: all) in; exit code and canonical text out."""
 
@@ -95,8 +97,11 @@ def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, level:
         return "refused, but with a text" if text else ""
     if vector.level > level and code == LimitError.exit_code:
         return "over the limits, but with a text" if text else ""
-    if vector.expected.status == LIMIT:
-        return _beyond(vector, code, text)
+    if vector.expected.status in REFUSALS:
+        codes = REFUSALS[vector.expected.status]
+        if code not in codes:
+            return f"exit code {code}, expected {' or '.join(map(str, codes))}"
+        return "refused, but with a text" if text else ""
     wanted = COMPLETE if vector.expected.status == OK else CUT_OFF
     if code != wanted:
         return f"exit code {code}, expected {wanted}"
@@ -114,15 +119,6 @@ def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, level:
         if digest(text) != layer.state:
             return f"{name}another state"
     return ""
-
-
-def _beyond(vector: Vector, code: int, text: str) -> str:
-    """What is wrong with the answer to a file that no decoder has to decode, but not with a refusal by limits."""
-    malformed = [FormatError.exit_code] if vector.expected.clause else []
-    if code in malformed:
-        return "refused, but with a text" if text else ""
-    allowed = [LimitError.exit_code, *malformed, COMPLETE]
-    return "" if code == COMPLETE else f"exit code {code}, expected one of {', '.join(map(str, allowed))}"
 
 
 def _stored(path: Path) -> str | None:

@@ -72,12 +72,15 @@ def seams() -> Iterator[Draft]:
     """Curves through several blocks, whose edges the sizes are near (clause 4.8)."""
     for n, sides in ((2, (63, 64, 65, 129)), (3, (7, 8, 9))):
         for side in sides:
-            shape = (side, side + 2) if n == 2 else (side, 10, 66)
+            # along the last axis of volumes, along which blocks are longer, three blocks
+            shape, isovalue, level = ((side, side + 2), 19.5, None) if n == 2 else ((side, 10, 130), 9.5, 0)
             name, field = f"{'plane' if n == 2 else 'space'}_seams_{side}", waves(shape, 40, side)
+            assert field.min() < isovalue < field.max(), f"{name} has no curve"
             profile = "main" if side % 2 == 0 else "baseline"
             for kind, precision in (("signs", "signs"), ("exact", "exact"), ("offsets", 0.05)):
                 yield encoded(
-                    f"{name}_{kind}", field, 19.5, "seams of blocks", kind, precision=precision, profile=profile,
+                    f"{name}_{kind}", field, isovalue, "seams of blocks", kind, precision=precision, profile=profile,
+                    layers=level,
                 )
 
 

@@ -81,7 +81,7 @@ def said(file: File, program: bytes, *symbols: tuple[str, str]) -> File:
         moved = reg.pos + reg.unknown // 8 - 4
         low, width = (value << 8 * (moved - shifts)) - reg.code, reg.range
         shifts = moved
-    run = _shortest(low, width, shifts)
+    run = shortest(low, width, shifts)
     whole = file.with_chunks(*file.chunks, layers(program, run))
     decoder, _ = _decoded(bytes(whole))
     if decoder.complete and decoder.grid.symbols == before:
@@ -97,7 +97,7 @@ def _total(decoder: Decoder) -> int:
     return sum(decoder.grid.symbols.values())
 
 
-def _shortest(low: int, width: int, shifts: int) -> bytes:
+def shortest(low: int, width: int, shifts: int) -> bytes:
     """The fewest bytes whose value, followed by zeros, lies in an interval (clause 6.3(3))."""
     for extra in range(5):
         unit = 1 << (32 - 8 * extra)

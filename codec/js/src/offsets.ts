@@ -4,7 +4,7 @@ import { OFFSET, OFFSET_LEAN, OFFSET_NEAR } from "./models.js";
 
 import { KNOWN, SIGN } from "./store.js";
 import type { Pass, Tube } from "./tube.js";
-import { wholeEdge } from "./values.js";
+import { gridEdges } from "./values.js";
 
 const MOST = 2 ** 24;
 
@@ -33,29 +33,13 @@ export class Offsets {
 
   /** The list of edges (5.7.2). */
   private relist(): void {
-    const { t } = this, { n } = t, full = t.onFullGrid;
+    const { t } = this, full = t.onFullGrid;
     if (this.listed === t.changes) return;
     this.listed = t.changes;
     const edges = new EdgeIndex(t), old = this.edges;
     let all = new EdgeIndex(t), rings: Crossings["rings"] = [];
     if (full) {
-      const d = t.leaves.data, [lastX, lastY, lastZ] = t.grid.last, { off } = t.grid.phases[0]!;
-      for (let i = 0; i < t.leaves.length; i += 4) {
-        const o = 12 * (d[i]! & 255);
-        t.meter.step(4);
-        let x = 0, y = 0, z = 0, sign = 0;
-        for (let j = 0; j <= n; j++) {
-          const qx = Math.max(0, Math.min(lastX, d[i + 1]! + off[o + 3 * j]! / 2));
-          const qy = Math.max(0, Math.min(lastY, d[i + 2]! + off[o + 3 * j + 1]! / 2));
-          const qz = Math.max(0, Math.min(lastZ, d[i + 3]! + off[o + 3 * j + 2]! / 2));
-          const s = t.store.get(qx, qy, qz) & SIGN;
-          if (j > 0 && s !== sign && wholeEdge(t, x, y, z, qx, qy, qz)) all.add(x, y, z, qx, qy, qz);
-          x = qx;
-          y = qy;
-          z = qz;
-          sign = s;
-        }
-      }
+      gridEdges(t, (px, py, pz, qx, qy, qz) => all.add(px, py, pz, qx, qy, qz));
       this.crossings = this.vertices = undefined;
     } else {
       ({ index: all, rings } = this.crossings = new Crossings(t, t.leaves));

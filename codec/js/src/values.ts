@@ -122,28 +122,24 @@ export class Values {
     this.active = new Uint8Array(t.known.length / 3);
     list.length = 0;
     const [lastX, lastY, lastZ] = grid.last;
-    const at = new Int32Array(4);
-    for (let i = 0; i < length; i += 4) {
+    const add = (x: number, y: number, z: number): void => {
+      const id = this.ids[store.at(x, y, z)]! - 1;
+      if (this.active[id]) return;
+      this.active[id] = 1;
+      list.push(id);
+    };
+    if (full) {
+      gridEdges(t, (px, py, pz, qx, qy, qz) => {
+        add(px, py, pz);
+        add(qx, qy, qz);
+      });
+    } else for (let i = 0; i < length; i += 4) {
       const level = d[i]! >> 8, cls = d[i]! & 255, c = grid.edge(level), { off } = grid.phases[level % n]!;
       t.meter.step(4);
-      let signs = 0;
-      const x: number[] = [], y: number[] = [], z: number[] = [];
-      for (let j = 0; j <= n; j++) {
-        const o = 12 * cls + 3 * j;
-        x.push(Math.max(0, Math.min(lastX, d[i + 1]! + (off[o]! * c) / 2)));
-        y.push(Math.max(0, Math.min(lastY, d[i + 2]! + (off[o + 1]! * c) / 2)));
-        z.push(Math.max(0, Math.min(lastZ, d[i + 3]! + (off[o + 2]! * c) / 2)));
-        at[j] = store.at(x[j]!, y[j]!, z[j]!);
-        if (store.flags[at[j]!]! & SIGN) signs |= 1 << j;
-      }
-      const crossed = (j: number): boolean => j >= 0 && j < n && (((signs >> j) ^ (signs >> (j + 1))) & 1) !== 0 &&
-        wholeEdge(t, x[j]!, y[j]!, z[j]!, x[j + 1]!, y[j + 1]!, z[j + 1]!);
-      for (let j = 0; j <= n; j++) {
-        if (full && !crossed(j - 1) && !crossed(j)) continue;
-        const id = this.ids[at[j]!]! - 1;
-        if (this.active[id]) continue;
-        this.active[id] = 1;
-        list.push(id);
+      for (let j = 0, o = 12 * cls; j <= n; j++, o += 3) {
+        add(Math.max(0, Math.min(lastX, d[i + 1]! + (off[o]! * c) / 2)),
+          Math.max(0, Math.min(lastY, d[i + 2]! + (off[o + 1]! * c) / 2)),
+          Math.max(0, Math.min(lastZ, d[i + 3]! + (off[o + 2]! * c) / 2)));
       }
     }
     const ids = list.data.slice(0, list.length), points = new Int32Array(3 * ids.length);
@@ -338,8 +334,23 @@ export class Values {
   }
 }
 
+/** The crossed edges of the full grid, lower ends first, both ends of which are known, and that carry geometry (5.7.2(2)). */
+export function gridEdges(t: Tube, each: (px: number, py: number, pz: number, qx: number, qy: number, qz: number) => void): void {
+  const { known, store, n } = t, [lastX, lastY, lastZ] = t.grid.last, d = known.data;
+  for (let i = 0; i < known.length; i += 3) {
+    t.meter.step(4);
+    const x = d[i]!, y = d[i + 1]!, z = d[i + 2]!, sign = store.get(x, y, z) & SIGN;
+    for (let a = 0; a < n; a++) {
+      const qx = x + Number(a === 0), qy = y + Number(a === 1), qz = z + Number(a === 2);
+      if (qx > lastX || qy > lastY || qz > lastZ) continue;
+      const flags = store.get(qx, qy, qz);
+      if (flags & KNOWN && (flags & SIGN) !== sign && wholeEdge(t, x, y, z, qx, qy, qz)) each(x, y, z, qx, qy, qz);
+    }
+  }
+}
+
 /** Whether some whole unit cell has the grid edge between two neighbouring samples (5.10.2, 5.10.4). */
-export function wholeEdge(t: Tube, px: number, py: number, pz: number, qx: number, qy: number, qz: number): boolean {
+function wholeEdge(t: Tube, px: number, py: number, pz: number, qx: number, qy: number, qz: number): boolean {
   if (!t.mask) return true;
   const [lastX, lastY, lastZ] = t.grid.last, n = t.n;
   const lx = Math.min(px, qx), ly = Math.min(py, qy), lz = Math.min(pz, qz);

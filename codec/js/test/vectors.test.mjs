@@ -19,7 +19,7 @@ const hash = (text) => createHash("sha256").update(text).digest("hex");
 const SLOW = ["plane_main_mixing_limit"];
 
 function status({ error }) {
-  return error ? { malformed: "error", truncated: "truncated", limit: "limit" }[error.kind] : "ok";
+  return error ? { malformed: "error", truncated: "truncated", limit: "limit", mesh: "mesh" }[error.kind] : "ok";
 }
 
 for (const { name, file, expected } of vectors.filter((v) => /^(bad_)?tiled_/.test(v.name))) {

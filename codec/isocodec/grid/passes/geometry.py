@@ -220,8 +220,10 @@ class Estimates:
         whole = (left == 0) & (low == high)
         self.number[first + known[whole]] = low[whole]
         self.left[first + known[whole]] = 0
-        self._least = np.concatenate([self._least, np.zeros(end - first, np.int64)])
-        self._most = np.concatenate([self._most, np.full(end - first, UNBOUNDED)])
+        # the earlier isovalue may have had no values when the vertices before got their numbers
+        fresh = end - len(self._least)
+        self._least = np.concatenate([self._least, np.zeros(fresh, np.int64)])
+        self._most = np.concatenate([self._most, np.full(fresh, UNBOUNDED)])
         self._least[first + known], self._most[first + known] = low, high
 
     def code_values(self, st: State, cd: Coder) -> int:
