@@ -74,6 +74,7 @@ export class DomainFile implements Contents {
     } else if (type === 5) yield* series.another(stop, bytes);
     else if (type === 9) yield* series.frame(payload, stop, bytes);
     else if (type === 13) yield* series.series(stop, bytes);
+    else if (type === 11) throw s.r.error("3.5.9", "a turn in a file of an explicit domain");
     else yield* this.layer(bytes);
   }
 
