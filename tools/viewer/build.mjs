@@ -33,8 +33,7 @@ const main = await text(`${root}codec/js/src/main/profile.ts`, short);
 const domain = await text(`${root}codec/js/src/domain/contents.ts`, short);
 const kernels = await text(`${root}codec/js/src/kernels.ts`, short);
 const tiles = await text(`${here}tiles.ts`, {});
-// a classic script, which a page from a disk may load, too
-const viewer = await text(`${here}viewer.ts`, { define: { WORKER: JSON.stringify(worker) }, format: "iife" });
+const viewer = await text(`${here}viewer.ts`, { define: { WORKER: JSON.stringify(worker) } });
 const page = readFileSync(`${here}index.html`), style = readFileSync(`${here}viewer.css`);
 mkdirSync(`${root}build/viewer`, { recursive: true });
 writeFileSync(`${root}build/viewer/index.html`, page);
