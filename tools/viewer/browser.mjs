@@ -12,7 +12,7 @@ const python = process.env.ISOCODEC_PYTHON ?? join(root, ".venv-test/bin/python"
 export const chromium = process.env.CHROMIUM ?? ["chromium", "chromium-browser", "google-chrome"]
   .flatMap((name) => (process.env.PATH ?? "").split(delimiter).map((folder) => join(folder, name))).find(existsSync);
 
-const TYPES = { html: "text/html", js: "text/javascript" };
+const TYPES = { html: "text/html", css: "text/css", js: "text/javascript" };
 
 /** The files of `samples.py` by name, made once in build/samples; none if it cannot run. */
 export function samples() {

@@ -1,6 +1,7 @@
-// The page, with all that most files need in it, and beside it what is loaded when a file needs it: build/viewer/index.html;
-// main.js and main.bin, the main profile and its tables; domain.js, meshes and surfaces; kernels.js and kernels.wasm, compiled kernels, where they have been
-// built; tiles.js, a worker for files in tiles.
+// The page, its style and its script, with all that most files need, in build/viewer: index.html, viewer.css, viewer.js; and
+// beside them what is loaded when a file needs it: main.js and main.bin, the main profile and its tables;
+// domain.js, meshes and surfaces; kernels.js and kernels.wasm, compiled kernels, where they have been built; tiles.js, a worker
+// for files in tiles. Nothing is written into the page itself: its policy forbids that.
 import { copyFileSync, existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { fileURLToPath, pathToFileURL } from "node:url";
@@ -33,9 +34,11 @@ const domain = await text(`${root}codec/js/src/domain/contents.ts`, short);
 const kernels = await text(`${root}codec/js/src/kernels.ts`, short);
 const tiles = await text(`${here}tiles.ts`, {});
 const viewer = await text(`${here}viewer.ts`, { define: { WORKER: JSON.stringify(worker) } });
-const page = readFileSync(`${here}index.html`, "utf8").replace("/*viewer*/", () => viewer.replaceAll("</script", "<\\/script"));
+const page = readFileSync(`${here}index.html`), style = readFileSync(`${here}viewer.css`);
 mkdirSync(`${root}build/viewer`, { recursive: true });
 writeFileSync(`${root}build/viewer/index.html`, page);
+writeFileSync(`${root}build/viewer/viewer.css`, style);
+writeFileSync(`${root}build/viewer/viewer.js`, viewer);
 writeFileSync(`${root}build/viewer/main.js`, main);
 writeFileSync(`${root}build/viewer/domain.js`, domain);
 writeFileSync(`${root}build/viewer/kernels.js`, kernels);
@@ -43,6 +46,6 @@ writeFileSync(`${root}build/viewer/tiles.js`, tiles);
 copyFileSync(`${root}spec/isospec/main.bin`, `${root}build/viewer/main.bin`);
 const compiled = `${root}build/wasm/decoder.wasm`;
 if (existsSync(compiled)) copyFileSync(compiled, `${root}build/viewer/kernels.wasm`);
-const size = gzipSync(page, { level: 9 }).length;
-console.log(`viewer: ${page.length} bytes, ${size} gzipped; tiles.js: ${gzipSync(tiles, { level: 9 }).length} gzipped`);
+const parts = [page, style, viewer], size = parts.reduce((sum, part) => sum + gzipSync(part, { level: 9 }).length, 0);
+console.log(`viewer: ${parts.reduce((sum, part) => sum + part.length, 0)} bytes, ${size} gzipped; tiles.js: ${gzipSync(tiles, { level: 9 }).length} gzipped`);
 if (size > 65536) throw new Error("the page takes more than 64 KiB gzipped");

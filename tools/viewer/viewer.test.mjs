@@ -13,10 +13,13 @@ const vectors = join(root, "conformance/vectors");
 const made = skip ? {} : samples(), unmade = skip || (made["terrain.iso"] ? false : "no files: the reference encoder does not run");
 const PLACED = { placement: "10 0 500000 0 10 5200000", crs: "EPSG:2056" };
 let viewer, page, base;
+/** What the page or a worker did that its policy forbids. */
+const violations = [];
 /** Hills in tiles of 128 samples, and the ranges that it was asked for. */
 const large = unmade ? undefined : readFileSync(tile("large", [1300, 1400], ["--isovalue", "5200.5", "--isovalue", "7000", "--precision", "exact",
   "--tile", "128", "--metadata", "placement=0 10 2500000 -20 0 1200000"]));
 let ranges = [];
+const solid = unmade ? undefined : readFileSync(tile("solid", [50, 60, 70], ["--isovalue", "9000.5", "--metadata", "placement=0 0 -2 7 0 3 0 8 4 0 0 9"]));
 /** Lets the rest of a file through that was held back. */
 let release;
 
@@ -36,8 +39,7 @@ function find(name) {
     answer.writeHead(range ? 206 : 200, { "content-length": to - from, ...(range && { "content-range": `bytes ${from}-${to - 1}/${all.length}` }) });
     answer.end(all.subarray(from, to));
   };
-  if (name === "solid.iso") return readFileSync(tile("solid", [50, 60, 70], ["--isovalue", "9000.5", "--metadata",
-    "placement=0 0 -2 7 0 3 0 8 4 0 0 9"]));
+  if (name === "solid.iso") return solid;
   if (made[name]) return made[name];
   const path = join(vectors, name.replace(/^(damaged|placed)-/, ""));
   if (!existsSync(path)) return undefined;
@@ -51,11 +53,38 @@ before(async () => {
   if (skip) return;
   ({ page, address: base } = viewer = await openViewer(find));
   page.setDefaultNavigationTimeout(120000);
+  page.on("console", (message) => {
+    if (/Content.Security.Policy/i.test(message.text())) violations.push(message.text());
+  });
 });
 
 after(async () => {
   await viewer?.close();
   rmSync(scratch, { recursive: true });
+});
+
+test("the page has a strict policy, before all that it holds for, and no script or style in it", () => {
+  const text = readFileSync(join(root, "build/viewer/index.html"), "utf8");
+  const [whole, policy] = /<meta http-equiv="Content-Security-Policy" content="([^"]*)">/.exec(text), before = text.slice(0, text.indexOf(whole));
+  const rules = Object.fromEntries(policy.split(";").map((rule) => rule.trim().split(/ +/)).map(([name, ...sources]) => [name, sources.join(" ")]));
+  assert.deepEqual(rules, {
+    "default-src": "'none'", "script-src": "'self' 'wasm-unsafe-eval'", "worker-src": "'self' blob:", "style-src": "'self'",
+    "connect-src": "'self' http: https:", "img-src": "data:", "base-uri": "'none'", "form-action": "'none'",
+  });
+  assert.doesNotMatch(before, /<(link|script|style)/);
+  assert.doesNotMatch(text, /<style|<[^>]* (style|on\w+)=|javascript:/i);
+  for (const [, attributes, inside] of text.matchAll(/<script([^>]*)>([^<]*)/g)) assert.ok(/ src="\w+\.js"/.test(attributes) && !inside, attributes);
+  for (const file of ["viewer.js", "tiles.js", "main.js", "domain.js", "kernels.js"])
+    assert.doesNotMatch(readFileSync(join(root, "build/viewer", file), "utf8"), /\beval\(|new Function\b|\.innerHTML\b|\.insertAdjacentHTML\b/, file);
+});
+
+test("what the policy forbids is seen", { skip }, async () => {
+  await page.goto(base);
+  await page.evaluate(() => document.head.append(Object.assign(document.createElement("script"), { textContent: "window.ran = true" })));
+  await page.evaluate(() => document.body.setAttribute("style", "color: red"));
+  await frame();
+  assert.equal(violations.splice(0).length, 2);
+  assert.equal(await page.evaluate(() => window.ran), undefined);
 });
 
 const open = async (file, more = "", size = { width: 640, height: 480 }) => {
@@ -508,3 +537,5 @@ test("surfaces in tiles, files that are opened, damaged ones", { skip, timeout: 
   await until("malformed");
   assert.match(await page.textContent("#error"), /clause 12/);
 });
+
+test("nothing that the page has done so far is against its policy", { skip }, () => assert.deepEqual(violations, []));

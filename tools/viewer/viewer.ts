@@ -48,6 +48,7 @@ interface File {
   sought: string | null;
 }
 
+/** A worker from text, which has the policy of the page. */
 const start = (...text: string[]): Worker => new Worker(URL.createObjectURL(new Blob(text, { type: "text/javascript" })), { type: "module" });
 const beside = (name: string): string => new URL(name, location.href).href;
 const worker = start(...["main", "domain", "kernels"].map((name) => `self.${name}=${JSON.stringify(beside(`${name}.js`))};`), WORKER);
@@ -299,7 +300,7 @@ const tellTiles = (request: TilesRequest, transfer: Transferable[] = []): void =
 
 /** Let a worker of its own read the file that is being opened, of which these are all bytes if it is no address. */
 function openTiles(bytes: Uint8Array | undefined): void {
-  tiles = new Worker(beside("tiles.js"), { type: "module" });
+  tiles = start(`import ${JSON.stringify(beside("tiles.js"))};`);
   tiles.onerror = () => failed("failed", "what reads files in tiles cannot be loaded");
   tiles.onmessage = ({ data }: MessageEvent<TilesAnswer>) => tilesAnswer(data);
   tellTiles({ type: "open", id: file!.id, source: bytes ?? file!.url!, tables }, bytes ? [bytes.buffer] : []);

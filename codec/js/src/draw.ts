@@ -221,8 +221,9 @@ export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.leng
   try {
     if (domain) return domain.draw(isovalue, frame);
     const contour = grid?.series.frames[frame]?.[isovalue];
-    if (contour) return drawn(grid!, contour.strand.tube, ends, even ? roundsOf(decoder.metadata) : 0);
-    return { n: 2, d: 2, points: new Float64Array(0), cells: new Uint32Array(0), full: false };
+    if (contour?.strand) return drawn(grid!, contour.strand.tube, ends, even ? roundsOf(decoder.metadata) : 0);
+    const n = grid?.grid.n ?? 2;
+    return { n, d: n, points: new Float64Array(0), cells: new Uint32Array(0), full: false };
   } finally {
     // what drawing took is no part of the state
     meter.memory = memory;

@@ -41,18 +41,27 @@ const BEGINNINGS: readonly (readonly [number, number, number, number])[] = [
   [VALUE_NEAR, 768, 0, 0],
 ];
 
+/** What isovalues learn: models and, in the main profile, mixing weights, those of a panel apart (5.9.2). */
+export interface Weighed {
+  shared: boolean;
+  models: Models;
+  mix?: Float64Array;
+  panel?: Float64Array | undefined;
+}
+
 /** Probabilities and counters of all contexts of an isovalue (7.1). */
 export class Models implements Contexts {
   p: Uint16Array;
   seen: Uint8Array;
 
-  /** What `other` has begins as a copy (5.9.2); `more` contexts follow on the others. */
-  constructor(other: Models | undefined, more = 0) {
+  /** What `other` has begins as a copy (5.9.2); `more` contexts follow on the others, copied if `panel` says so. */
+  constructor(other: Models | undefined, more = 0, panel = false) {
     this.p = new Uint16Array(CONTEXTS + more).fill(32768);
     this.seen = new Uint8Array(CONTEXTS + more);
     if (other) {
-      this.p.set(other.p.subarray(0, this.p.length));
-      this.seen.set(other.seen.subarray(0, this.p.length));
+      const copied = panel ? this.p.length : CONTEXTS;
+      this.p.set(other.p.subarray(0, copied));
+      this.seen.set(other.seen.subarray(0, copied));
       return;
     }
     for (const [from, many, p, seen] of BEGINNINGS) {

@@ -16,8 +16,6 @@ export class Progress {
   bits: [number, number] | undefined;
   plane = 0;
   parts = 1;
-  /** Whether a chunk of layers has come. */
-  begun = false;
   constructor(readonly full: number, public lean: Progress | undefined) {}
 }
 

@@ -15,6 +15,8 @@ export interface Beginnings<T extends Isovalue> {
   /** No further layers come of an isovalue; others may lean on it. */
   rest(contour: T): void;
   finish(contour: T): void;
+  /** The contours of a frame that is no longer kept; the one after it is complete. */
+  drop?(contours: readonly T[]): void;
 }
 
 export class Series<T extends Isovalue> {
@@ -121,7 +123,10 @@ export class Series<T extends Isovalue> {
       frames.push([]);
       s.planned = 0;
       s.meter.frame(!s.keepFrames);
-      if (!s.keepFrames && frame > 1) frames[frame - 2] = undefined;
+      if (!s.keepFrames && frame > 1) {
+        this.beginnings.drop?.(frames[frame - 2]!);
+        frames[frame - 2] = undefined;
+      }
     }
     const key = this.interval > 0 && frame % this.interval === 0, before = back === undefined && !key;
     const lean = back ? index - back : undefined;

@@ -25,12 +25,8 @@ export interface Strand {
   readonly tube: Tube;
   /** Whether a layer has begun that gives signs. */
   readonly begun: boolean;
-  /** Whether it leans on another one, which had begun before it. */
-  readonly leans: boolean;
   /** Begin a run of `length` bytes at the place `start` of the input, of `most` symbols. */
   run(start: number, length: number, most: number): Run;
-  /** Whether it has been put to rest. */
-  readonly resting: boolean;
   /** Go on with a run that another strand may have had. */
   goOn(run: Run): Run;
   /** Begin a layer; `bits` are those of values above and below, once they are stated. */
@@ -41,17 +37,26 @@ export interface Strand {
   masked(missing: Missing, mask: Strand): void;
   /** Forget what only further layers need: none will come. */
   rest(): void;
-  /** The frame has ended: no isovalue of the next ones leans on what this one leans on. */
-  finish(): void;
+  /** Its frame is no longer kept. */
+  drop(): void;
+}
+
+/** Models and weights, of one isovalue or `shared` by several (5.9.2). */
+export interface Learned {
+  shared: boolean;
 }
 
 /** Begins the strands of a file. */
 export interface Engine {
   /**
-   * `lean` is that of the isovalue that this one leans on; `framed` says whether it is one of the frame before. `own` is an
-   * earlier strand of the same isovalue, without layers, whose models this one has.
+   * Models as a file begins with them, or a copy of those that `from` has; `framed` says whether they have a panel (7.18), and
+   * `panel` whether that is copied, too.
    */
-  strand(isovalue: number, lean: Strand | undefined, framed: boolean, own?: Strand): Strand;
+  learn(from: Learned | undefined, framed: boolean, panel: boolean): Learned;
+  /** `lean` is that of the isovalue that this one leans on, if it has had a base; `framed` says whether it is one of the frame before. */
+  strand(isovalue: number, lean: Strand | undefined, framed: boolean, learned: Learned): Strand;
+  /** Nobody needs them any more. */
+  forget(learned: Learned): void;
 }
 
 /** Compiled kernels, from `isocodec/kernels`. */
@@ -65,10 +70,6 @@ export class Passes implements Strand {
 
   get begun(): boolean {
     return this.tube.hasBase;
-  }
-
-  get leans(): boolean {
-    return this.tube.lean !== undefined;
   }
 
   run(start: number, length: number, most: number): Run {
@@ -108,19 +109,14 @@ export class Passes implements Strand {
     this.tube.mask = missing;
   }
 
-  resting = false;
-
   goOn(): Run {
     this.coder.models = this.tube.models;
     return this.coder;
   }
 
   rest(): void {
-    this.resting = true;
     this.tube.finish();
   }
 
-  finish(): void {
-    this.rest();
-  }
+  drop(): void {}
 }

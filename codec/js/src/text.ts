@@ -28,7 +28,9 @@ function vertices(t: Tube, lines: string[]): void {
   }
 }
 
-function tube(t: Tube, lines: string[]): void {
+/** The lines of an isovalue, which has no tube before its first layer. */
+function tube(t: Tube | undefined, lines: string[]): void {
+  if (!t) return void lines.push("level -1");
   const { n } = t;
   lines.push(`level ${t.shown}`);
   const { data, length } = t.explicit;
@@ -58,7 +60,7 @@ export function canonicalText(decoder: Decoder): string {
     if (frame) lines.push(`frame ${frame}`);
     contours.forEach((_, i) => {
       if (i) lines.push(`isovalue ${i}`);
-      if (grid) tube(grid.series.frames[frame]![i]!.strand.tube, lines);
+      if (grid) tube(grid.series.frames[frame]![i]!.strand?.tube, lines);
       else domain!.lines(frame, i, lines);
     });
   });

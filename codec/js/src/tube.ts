@@ -4,7 +4,7 @@ import type { Meter } from "./errors.js";
 import { DiamondView, type Grid } from "./grid.js";
 import type { Mixing } from "./main/mixing.js";
 import type { MainProfile } from "./main/profile.js";
-import { Models } from "./models.js";
+import { Models, type Weighed } from "./models.js";
 import type { Offsets } from "./offsets.js";
 import type { Raster } from "./raster.js";
 import type { Rounds } from "./refine.js";
@@ -92,7 +92,7 @@ export class Tube {
   private readonly marks: Ints;
 
   constructor(readonly grid: Grid, readonly meter: Meter, readonly coder: Coder, main: MainProfile | undefined,
-              readonly isovalue: number, readonly scale: number | undefined, public lean?: Tube, private readonly framed = false, own?: Tube) {
+              readonly isovalue: number, readonly scale: number | undefined, learned?: Weighed, public lean?: Tube, private readonly framed = false) {
     this.n = grid.n;
     this.store = new Store(meter, grid.n, grid.k);
     this.view = new DiamondView(grid);
@@ -100,12 +100,9 @@ export class Tube {
     this.explicit = new Ints(meter, 0);
     this.marks = new Ints(meter, 0);
     this.leaves = new Leaves(meter);
-    // those of an isovalue without layers are the same from then on (5.9.2)
-    const shared = own ?? (lean && !framed && !lean.hasBase ? lean : undefined);
-    this.models = shared?.models ?? new Models(lean?.models, framed ? main?.panelContexts : 0);
+    this.models = learned?.models ?? new Models(undefined);
     this.side = lean && isovalue > lean.isovalue ? 1 : -1;
-    if (lean && !lean.hasBase) this.lean = undefined;
-    this.main = main?.begin(this, lean, framed, shared?.main);
+    this.main = learned && main?.begin(this, framed, learned);
     if (lean && !framed) this.shift = shiftOf(isovalue, lean.isovalue, scale);
   }
 

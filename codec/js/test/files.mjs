@@ -24,6 +24,30 @@ export function summed(bytes) {
   return Uint8Array.from([...bytes, sum >>> 24, (sum >>> 16) & 255, (sum >>> 8) & 255, sum & 255]);
 }
 
+/** The bytes of a header, and the chunks behind it: the bits ancillary and type of their heads, and their payloads. */
+export function chunksOf(data) {
+  const [{ bytes }] = new Decoder().feed(data), chunks = [];
+  for (let at = bytes; at < data.length - 4; ) {
+    const head = data[at++];
+    let length = 0;
+    do length = length * 128 + (data[at] & 127);
+    while (data[at++] & 128);
+    chunks.push({ head: head & 159, payload: data.subarray(at, at + length) });
+    at += length + (head & 64 ? 4 : 0);
+  }
+  return { header: data.subarray(0, bytes), chunks };
+}
+
+/** A file of a header and chunks, without checksums of their own. */
+export function joined({ header, chunks }) {
+  const bytes = [...header];
+  chunks.forEach(({ head, payload }, i) => {
+    bytes.push(head | (i === chunks.length - 1 ? 32 : 0), ...varint(payload.length));
+    for (const byte of payload) bytes.push(byte);
+  });
+  return summed(bytes);
+}
+
 /** A file with a chunk of metadata behind its header. */
 export function withMetadata(data, metadata) {
   const [{ bytes }] = new Decoder().feed(data), note = new TextEncoder().encode(JSON.stringify(metadata));

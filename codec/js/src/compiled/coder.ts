@@ -71,20 +71,19 @@ export class Coders {
       stretch: m.small("int16", tables.stretch, false), trust: m.small("int16", TRUST, false), row: m.array("int64", [MOST_ROWS], false) };
   }
 
-  /** A coder with models as a file begins with them, or as `lean` has left them (5.9.2), of the frame before if `framed`. */
-  coder(lean: Coder | undefined, framed: boolean, same: boolean): Coder {
-    const { m, rate, shared, reg, buf } = this;
-    if (lean && same) return { ...lean, reg, buf };
-    if (lean) {
-      const { prob, seen, blend } = lean, panel = framed && this.tables ? this.panel(blend.panel) : this.noPanel();
-      return { reg, buf, prob: this.wide(prob), seen: this.wide(seen), rate, blend: { ...blend, mix: m.copy(blend.mix), panel } };
+  /** A coder with models as a file begins with them, or as another one has them (5.9.2); with a panel if `framed`, also copied if `panel`. */
+  coder(from: Coder | undefined, framed: boolean, panel: boolean): Coder {
+    const { m, rate, shared, reg, buf } = this, own = framed && this.tables ? this.panel(panel ? from?.blend.panel : undefined) : this.noPanel();
+    if (from) {
+      const { prob, seen, blend } = from;
+      return { reg, buf, prob: this.wide(prob), seen: this.wide(seen), rate, blend: { ...blend, mix: m.copy(blend.mix), panel: own } };
     }
     const models = new Models(undefined), { tables } = this;
     if (tables) begin(tables, models);
     const [prob, seen] = [models.p, models.seen].map((all) => m.numbers(tables ? all : [...all.subarray(0, CLASS)])) as [Arr, Arr];
     const mix = tables ? m.numbers(tables.mix, [KINDS, 4]) : m.array("int64", [0, 1]);
     const { weight, out, squash, stretch, trust, row, trace } = shared;
-    return { reg, buf, prob, seen, rate, blend: { weight, out, mix, squash, stretch, trust, row, trace, panel: this.noPanel() } };
+    return { reg, buf, prob, seen, rate, blend: { weight, out, mix, squash, stretch, trust, row, trace, panel: own } };
   }
 
   /** The models in as few bytes as they take, without the run: others may lean on them, nothing else. */
@@ -117,10 +116,10 @@ export class Coders {
   }
 
   /** What a frame begins with that leans on one with `before`. */
-  private panel(before: Panel): Panel {
+  private panel(before: Panel | undefined): Panel {
     const { m } = this;
     const about = m.array("int64", [6]), [place, said] = [m.array("int64", [PANEL_LISTS]), m.array("int64", [PANEL_LISTS])];
-    if (before.prob.size) return { prob: m.copy(before.prob), seen: m.copy(before.seen), mix: m.copy(before.mix), about, place, said };
+    if (before?.prob.size) return { prob: m.copy(before.prob), seen: m.copy(before.seen), mix: m.copy(before.mix), about, place, said };
     return {
       prob: m.numbers(new Uint16Array(PANEL_CONTEXTS).fill(32768)), seen: m.array("int64", [PANEL_CONTEXTS]),
       mix: m.numbers(new Uint16Array(PANEL_KINDS * PANEL_LISTS).fill(FIRST_WEIGHT), [PANEL_KINDS, PANEL_LISTS]), about, place, said,
@@ -137,9 +136,8 @@ export class Coders {
     return coder.buf === this.buf ? coder : { ...coder, buf: this.buf };
   }
 
-  /** Give memory back, but what is `shared` with other isovalues. */
-  release({ prob, seen, blend: { mix, panel } }: Coder, shared: boolean): void {
-    if (shared) return;
+  /** Give memory back. */
+  release({ prob, seen, blend: { mix, panel } }: Coder): void {
     [prob, seen, mix, ...Object.values(panel) as Arr[]].forEach((array) => this.m.release(array));
   }
 }

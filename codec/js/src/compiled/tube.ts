@@ -41,8 +41,12 @@ export interface Shared {
   readonly grid: Grid;
   readonly coders: Coders;
   readonly states: States;
-  /** Strands of the frame that has ended last. */
-  finished: CompiledStrand[];
+}
+
+/** Models of isovalues, with what decodes them. */
+export interface Coding {
+  shared: boolean;
+  coder: Coder;
 }
 
 /** What a strand leans on: another one, how far below it lies in steps, if they are few enough, and on which side. */
@@ -59,7 +63,6 @@ export class CompiledStrand implements Strand, Run {
   running: Running = "";
   state: State;
   readonly estimates: Estimates;
-  coder: Coder;
   private readonly n: number;
   private readonly reflection: Reflection;
   private readonly none: Arr;
@@ -69,7 +72,7 @@ export class CompiledStrand implements Strand, Run {
   private raster: RasterRun | undefined;
   private births = false;
   private numbers: Numbers | undefined;
-  resting = false;
+  private resting = false;
   /** Whether the bytes of the run are another strand's. */
   private borrowed = false;
   /** Level by complete layers. */
@@ -82,13 +85,11 @@ export class CompiledStrand implements Strand, Run {
   private granted = 0;
   private counted = 0;
 
-  constructor(private readonly shared: Shared, readonly isovalue: number, scale: number | undefined, models: CompiledStrand | undefined, framed: boolean,
-              leaning: Leaning | undefined, private readonly same: boolean) {
-    const { m, grid, coders, states } = shared;
+  constructor(private readonly shared: Shared, readonly isovalue: number, scale: number | undefined, private readonly learned: Coding, leaning: Leaning | undefined) {
+    const { m, grid, states } = shared;
     this.n = grid.n;
     this.none = m.array("int64", [0]);
     this.leaning = leaning;
-    this.coder = coders.coder(models?.coder, framed, same);
     this.state = states.first(grid.n, leaning && this.leanOn(leaning.on));
     if (leaning) {
       this.counters.set("side", leaning.side);
@@ -99,6 +100,10 @@ export class CompiledStrand implements Strand, Run {
     this.reflection = new Reflection(m, grid, Meter.without(), isovalue, scale);
     this.estimates = new Estimates(m, grid.n, told, () => this.tube);
     this.seeds = m.array("int32", [0, 5]);
+  }
+
+  private get coder(): Coder {
+    return this.learned.coder;
   }
 
   private get counters(): State["counters"] {
@@ -125,10 +130,6 @@ export class CompiledStrand implements Strand, Run {
 
   get begun(): boolean {
     return this.count("edge") > 0;
-  }
-
-  get leans(): boolean {
-    return this.leaning !== undefined;
   }
 
   get uniform(): number {
@@ -175,7 +176,7 @@ export class CompiledStrand implements Strand, Run {
   /** Hand bytes that have come to the coder. */
   private arrive(): void {
     const { m, coders, input } = this.shared, count = Math.min(this.length, input.length - this.start);
-    this.coder = coders.room(this.coder, count);
+    this.learned.coder = coders.room(this.coder, count);
     if (count > this.come) {
       m.bytes(this.coder.buf).set(input.data.subarray(this.start + this.come, this.start + count), this.come);
       this.come = count;
@@ -467,20 +468,14 @@ export class CompiledStrand implements Strand, Run {
     this.estimates.part();
     this.state = this.shared.states.atRest(this.state);
     // models that others have, too, stay as they are
-    if (!this.same && !this.borrowed && this.begun) this.coder = this.shared.coders.atRest(this.coder);
+    if (!this.learned.shared && !this.borrowed && this.begun) this.learned.coder = this.shared.coders.atRest(this.coder);
     this.leaning = undefined;
   }
 
-  finish(): void {
-    this.rest();
-    this.shared.finished.push(this);
-  }
-
-  /** Give all memory back: the frame is no longer kept. */
+  /** Give all memory back, but that of the models: the frame is no longer kept. */
   drop(): void {
     if (this.numbers) releaseNumbers(this.shared.m, this.numbers);
     this.estimates.release();
     this.shared.states.release(this.state);
-    this.shared.coders.release(this.coder, this.same || this.borrowed);
   }
 }

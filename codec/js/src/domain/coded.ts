@@ -1,6 +1,6 @@
 /** Meshes in the file, cell by cell (10.10). */
 import type { Coder } from "../coder.js";
-import type { IsoError } from "../errors.js";
+import type { IsoError, Meter } from "../errors.js";
 import { Complex } from "./complex.js";
 import { clip, mulDiv, rootOfSquares, shr } from "./integers.js";
 import { Layout, Opinions } from "./models.js";
@@ -21,18 +21,28 @@ function near(f: number): number {
 /** What is behind a face: a border, or what a neighbour has; faces are open as long as neither is known. */
 const OPEN = -2, BORDER = -1;
 
+/** A longer copy of an array, of at most `most` entries, for whole vertices and cells; what is new has the value `fill`. */
+function longer<A extends Int32Array | Float64Array>(old: A, most: number, fill: number, meter: Meter): A {
+  const size = Math.min(most, Math.max(768, 2 * old.length));
+  meter.take(old.BYTES_PER_ELEMENT * (size - old.length));
+  const found = new (old.constructor as new (size: number) => A)(size).fill(fill) as A;
+  found.set(old);
+  return found;
+}
+
+/** A mesh whose arrays grow with the vertices and cells that come: what a file states may be much more. */
 export class CodedMesh {
-  private readonly positions: Float64Array;
-  private readonly cells: Int32Array;
-  private readonly neighbours: Int32Array;
+  private positions = new Float64Array(0);
+  private cells = new Int32Array(0);
+  private neighbours = new Int32Array(0);
   private vertices = 0;
   private count = 0;
   /** Faces that wait, and the first of them. */
   private readonly waiting: number[] = [];
   private first = 0;
   /** Cells of a vertex, the latest first: the place of its corner in `cells`, and by place the next one. */
-  private readonly latest: Int32Array;
-  private readonly next: Int32Array;
+  private latest = new Int32Array(0);
+  private next = new Int32Array(0);
   private readonly o: Opinions;
   private past = 0;
   private readonly miss = [0, 0];
@@ -44,25 +54,20 @@ export class CodedMesh {
   constructor(private readonly coder: Coder, private readonly d: number, private readonly n: number, private readonly V: number,
               private readonly T: number, private readonly extent: readonly number[],
               private readonly error: (clause: string, what: string) => IsoError) {
-    coder.meter.take(8 * d * V + 4 * V + 12 * (n + 1) * T);
-    this.positions = new Float64Array(d * V);
-    this.cells = new Int32Array((n + 1) * T);
-    this.neighbours = new Int32Array((n + 1) * T).fill(OPEN);
-    this.latest = new Int32Array(V).fill(-1);
-    this.next = new Int32Array((n + 1) * T);
     this.o = new Opinions(coder, LAYOUT.make());
   }
 
   decode(): Complex {
-    const { d, n, V, T, neighbours, waiting } = this, cell = new Int32Array(n + 1);
+    const { d, n, V, T, waiting } = this, cell = new Int32Array(n + 1);
     while (this.count < T) {
       for (let i = 0; i <= n; i++) cell[i] = this.told(undefined);
       this.take(cell);
       while (this.first < waiting.length && this.count < T) {
         const face = waiting[this.first++]!;
-        if (neighbours[face] === OPEN) this.open(face, cell);
+        if (this.neighbours[face] === OPEN) this.open(face, cell);
       }
     }
+    const { neighbours } = this;
     if (this.vertices < V) throw this.error("10.10.1", "a mesh has fewer vertices than it states");
     for (let i = 0; i < neighbours.length; i++) if (neighbours[i] === OPEN) neighbours[i] = BORDER;
     return new Complex(d, n, V, T, this.positions, this.cells, neighbours, this.coder.meter);
@@ -70,6 +75,12 @@ export class CodedMesh {
 
   /** Take a cell (10.10.2). */
   private take(cell: Int32Array): void {
+    if ((this.n + 1) * this.count === this.cells.length) {
+      const { coder: { meter } } = this, most = (this.n + 1) * this.T;
+      this.cells = longer(this.cells, most, 0, meter);
+      this.neighbours = longer(this.neighbours, most, OPEN, meter);
+      this.next = longer(this.next, most, 0, meter);
+    }
     const { n, cells, neighbours, latest, next } = this, m = n + 1, own = this.count, from = m * own;
     for (let i = 0; i <= n; i++) for (let j = 0; j < i; j++)
       if (cell[i] === cell[j]) throw this.error("10.10.2", "a cell has a vertex twice");
@@ -82,6 +93,8 @@ export class CodedMesh {
         for (let j = 0; j <= n && found < 0; j++) if (this.same(cell, i, m * other, j)) found = m * other + j;
       }
       if (found < 0) {
+        // eight bytes each
+        this.coder.meter.take(8);
         this.waiting.push(from + i);
         continue;
       }
@@ -239,9 +252,12 @@ export class CodedMesh {
 
   /** A vertex that is no candidate (10.10.4), behind a face of the cell at `from`, if there is one. */
   private told(from: number | undefined): number {
-    const { o, d, extent, spread, miss, positions } = this, v = this.vertices, behind = from !== undefined;
+    const { o, d, extent, spread, miss } = this, v = this.vertices, behind = from !== undefined;
     if (v && o.coder.bit(behind ? C.FAR : C.AGAIN)) return o.plain(0, v);
     if (v >= this.V) throw this.error("10.10.1", "a mesh has more vertices than it states");
+    if (v === this.latest.length) this.latest = longer(this.latest, this.V, -1, this.coder.meter);
+    if (d * v === this.positions.length) this.positions = longer(this.positions, d * this.V, 0, this.coder.meter);
+    const { positions } = this;
     for (let k = 0; k < d; k++) {
       const kase = behind ? 3 + k : k, size = extent[k]!;
       const guess = behind ? this.expected[0]![k]! : v ? positions[d * (v - 1) + k]! : size >> 1;

@@ -39,7 +39,7 @@ export class DomainFile implements Contents {
 
   constructor(private readonly s: Session, readonly header: Header, private readonly given: KnownMesh | undefined) {
     this.series = new Series<Contour>(s, {
-      begin: (isovalue, lean, framed) => new Contour(this.mesh!, isovalue, lean, framed, s.meter),
+      begin: (isovalue, lean, framed) => new Contour(this.mesh!, isovalue, lean, framed),
       rest: () => undefined,
       finish: (contour) => contour.finish(),
     });
@@ -74,6 +74,7 @@ export class DomainFile implements Contents {
     } else if (type === 5) yield* series.another(stop, bytes);
     else if (type === 9) yield* series.frame(payload, stop, bytes);
     else if (type === 13) yield* series.series(stop, bytes);
+    else if (type === 11) throw s.r.error("3.5.9", "a turn in a file of an explicit domain");
     else yield* this.layer(bytes);
   }
 
@@ -154,7 +155,9 @@ export class DomainFile implements Contents {
     if (kind === 0 ? !bare : kind === 1 ? !contour.whole || contour.offsets : kind === 2 ? !contour.whole || contour.values
       : kind === 4 ? !(contour.cut || bare)
       : contour.whole || (contour.levels && first >= contour.levels.left)) throw wrong("a layer that cannot come now");
-    meter.step(mesh.V + mesh.T);
+    contour.begin(meter);
+    // of each isovalue that it leans on, numbers and signs are looked at
+    meter.step(mesh.V + mesh.T + (mesh.V * contour.depth) / 16);
     meter.take(8 * mesh.V + 4 * mesh.T);
     if (kind === 3 && !contour.levels) contour.levels = this.levels(contour, first, wrong);
     if (kind === 4 && !contour.cut) contour.cut = this.cut(contour);

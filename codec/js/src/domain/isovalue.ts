@@ -10,15 +10,18 @@ import type { Offsets } from "./offsets.js";
 
 export class Contour implements Isovalue {
   /** By vertex: 1 above, 0 below, -1 not known. */
-  readonly sign: Int8Array;
-  readonly models: Models;
-  /** Isovalues that this one leans on, the nearest first; none if it leans on the frame before. */
-  private readonly earlier: readonly Contour[];
+  sign = new Int8Array(0);
+  /** Its own from its first layer on; what they begin as a copy of. */
+  private own: Models | undefined;
+  private readonly from: Models | undefined;
+  /** The isovalue that this one leans on, if it is of its frame; how many it leans on, directly and through others. */
+  private readonly lean: Contour | undefined;
+  readonly depth: number;
   /** Signs that follow from these, by vertex; -1 where none does. */
-  readonly given: Int8Array | undefined;
+  given: Int8Array | undefined;
   /** The isovalue of the frame before, if this one leans on it, and its signs then: -1 where they are not known. */
   before: Contour | undefined;
-  readonly then: Int8Array | undefined;
+  then: Int8Array | undefined;
   /** Whether the last two signs were those then (10.1.5(3)). */
   agreed = 0;
   /** The cells of both signs in the order in which they were visited, if all signs are there. */
@@ -31,18 +34,29 @@ export class Contour implements Isovalue {
   values: Numbers | undefined;
 
   /** `mesh`: what the curve lies on. */
-  constructor(public mesh: Complex, readonly isovalue: number, lean: Contour | undefined, framed: boolean, meter: Meter) {
-    const { V } = mesh;
+  constructor(public mesh: Complex, readonly isovalue: number, lean: Contour | undefined, framed: boolean) {
+    // that one gets no more layers
+    this.from = lean && (lean.own ?? lean.from);
+    this.lean = framed ? undefined : lean;
+    this.before = framed ? lean : undefined;
+    this.depth = this.lean ? this.lean.depth + 1 : 0;
+  }
+
+  /** The first layer begins: an isovalue without any takes no memory. */
+  begin(meter: Meter): void {
+    if (this.own) return;
+    const { V, T } = this.mesh;
     // models, and a byte for each sign, given sign and sign then; looking at all of them is work
     meter.take(3 * V + 16384);
-    meter.step(V + mesh.T);
+    meter.step(V + T);
     this.sign = new Int8Array(V).fill(-1);
-    this.models = lean ? lean.models.copy() : layerModels();
-    this.earlier = lean && !framed ? [lean, ...lean.earlier] : [];
-    if (this.earlier.length) this.given = this.follow();
-    if (!lean || !framed) return;
-    this.before = lean;
-    this.then = lean.everywhere();
+    this.own = this.from?.copy() ?? layerModels();
+    if (this.lean) this.given = this.follow();
+    this.then = this.before?.everywhere();
+  }
+
+  get models(): Models {
+    return this.own!;
   }
 
   /** Forget what only further layers need: none will come. */
@@ -53,7 +67,8 @@ export class Contour implements Isovalue {
   /** 10.1.4(2). */
   private follow(): Int8Array {
     const given = new Int8Array(this.mesh.V).fill(-1);
-    for (const { isovalue, sign } of this.earlier) {
+    for (let other = this.lean; other; other = other.lean) {
+      const { isovalue, sign } = other;
       const above = isovalue > this.isovalue ? 1 : -2, below = isovalue < this.isovalue ? 0 : -2;
       for (let v = 0; v < sign.length; v++) if (sign[v]! === above || sign[v]! === below) given[v] = sign[v]!;
     }
@@ -62,15 +77,16 @@ export class Contour implements Isovalue {
 
   /** The number of a vertex that follows from an earlier isovalue, of integer data (10.1.4(3)); -1 if none does. */
   number(v: number): number {
-    for (let i = this.earlier.length - 1; i >= 0; i--) {
-      const other = this.earlier[i]!, N = other.values?.number[v] ?? -1;
+    let found = -1;
+    for (let other = this.lean; other; other = other.lean) {
+      const N = other.values?.number[v] ?? -1;
       if (N < 0) continue;
       const t = BigInt(Math.floor(other.isovalue)), own = BigInt(Math.floor(this.isovalue));
       const value = other.sign[v] ? t + 1n + BigInt(N) : t - BigInt(N);
       const number = this.sign[v] ? value - own - 1n : own - value;
-      return number < 0n ? 0 : number >= 2n ** 52n ? 2 ** 52 - 1 : Number(number);
+      found = number < 0n ? 0 : number >= 2n ** 52n ? 2 ** 52 - 1 : Number(number);
     }
-    return -1;
+    return found;
   }
 
   /** Whether all signs are there that are told (10.1.3(2)). */
@@ -81,7 +97,7 @@ export class Contour implements Isovalue {
   /** The signs of all vertices that one comes to (10.1.5(2)). */
   everywhere(): Int8Array {
     const { V } = this.mesh, then = this.sign.slice(), queue = new Int32Array(V);
-    if (!this.whole) return then.fill(-1);
+    if (!this.whole) return new Int8Array(V).fill(-1);
     if (this.cut) return then;
     let end = 0;
     for (let v = 0; v < V; v++) if (then[v]! >= 0) queue[end++] = v;

@@ -1,15 +1,15 @@
 /** Symbols of the main profile: mixing (7.11), what their networks see, the panel of frames (7.18). */
 import { bits } from "../bits.js";
-import { CLASS } from "../models.js";
+import { CLASS, type Weighed } from "../models.js";
 import type { Offsets } from "../offsets.js";
-import { PANEL_KINDS, PANEL_LISTS, TRUST } from "../trust.js";
+import { TRUST } from "../trust.js";
 import type { Tube } from "../tube.js";
 import type { Values } from "../values.js";
 import { Crowd } from "./crowd.js";
 import { type OffsetSymbol, offsetRows, valueRows } from "./geometry.js";
 import { Panel } from "./panel.js";
 import { componentRows, questionRows, refinementRows, rows, signRows } from "./rows.js";
-import { begin, PAIR, type Tables } from "./tables.js";
+import { PAIR, type Tables } from "./tables.js";
 
 /** What an isovalue has beside its contexts. */
 export class Mixing {
@@ -20,12 +20,10 @@ export class Mixing {
   private panel: Panel | undefined;
   private crowd: Crowd | undefined;
 
-  /** What `lean` has begins as a copy (5.9.2, 7.18.3(2)). */
-  constructor(private readonly t: Tube, private readonly tables: Tables, lean: Mixing | undefined, framed: boolean, shared?: Mixing) {
-    if (framed) this.weights = lean?.weights?.slice() ?? new Float64Array(PANEL_LISTS * PANEL_KINDS).fill(4096);
+  constructor(private readonly t: Tube, private readonly tables: Tables, { mix, panel }: Weighed, framed: boolean) {
+    if (framed) this.weights = panel;
     if (framed && t.lean) this.panel = new Panel(t.lean.store, t.store, t.grid, t.meter);
-    this.mix = shared?.mix ?? (lean ?? tables).mix.slice();
-    if (!lean && !shared) begin(tables, t.models);
+    this.mix = mix!;
   }
 
   /** Forget what only further layers need. */

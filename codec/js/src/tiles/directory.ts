@@ -30,8 +30,8 @@ export class Directory {
   }
 
   /** Read the head; in most files the first request brings some leaf directories, too. */
-  static async open(pieces: Pieces): Promise<Directory> {
-    const start = await pieces.first(FIRST), size = headSize(start);
+  static async open(pieces: Pieces, signal?: AbortSignal): Promise<Directory> {
+    const start = await pieces.first(FIRST, signal), size = headSize(start);
     return new Directory(pieces, readHead(start.slice(0, size), morton));
   }
 
@@ -47,11 +47,11 @@ export class Directory {
   }
 
   /** Blocks with tiles that lie in a box, in whole or in part, with their directories. */
-  async blocks(box: Box | undefined): Promise<[Block, Channel[]][]> {
+  async blocks(box: Box | undefined, signal?: AbortSignal): Promise<[Block, Channel[]][]> {
     const { head, opened: { blocks } } = this;
     const met = blocks.filter(({ first, extent }) => !box || this.meets(first, first.map((x, a) => x + extent[a]! - 1), box));
     const missing = met.filter((block) => !this.leaves.get(block)), fresh = new Map<Block, Channel[]>();
-    const found = await this.pieces.read(missing.map(({ leaf }) => leaf));
+    const found = await this.pieces.read(missing.map(({ leaf }) => leaf), signal);
     missing.forEach((block, i) => {
       const { leaf: { at, size, sum } } = block;
       verify(found[i]!, sum, at, "12.4", "a leaf directory");
@@ -117,14 +117,14 @@ export class Directory {
   }
 
   /** The groups that hold some segments, their checksums verified. */
-  async fetch(segments: readonly Segment[]): Promise<Map<Group, Uint8Array>> {
+  async fetch(segments: readonly Segment[], signal?: AbortSignal): Promise<Map<Group, Uint8Array>> {
     const wanted = new Set<Group>(), held = new Map<Group, Uint8Array>();
     for (const { group } of segments) {
       const kept = group && this.groups.get(group.at);
       if (kept) held.set(group, kept);
       else if (group) wanted.add(group);
     }
-    const list = [...wanted], found = await this.pieces.read(list);
+    const list = [...wanted], found = await this.pieces.read(list, signal);
     list.forEach((group, i) => {
       verify(found[i]!, group.sum, group.at, "12.5", "a group of segments");
       held.set(group, found[i]!);

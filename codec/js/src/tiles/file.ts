@@ -17,11 +17,13 @@ export type * from "./types.js";
 const KEPT_POINTS = 2 ** 21;
 /** Milliseconds after which others have a turn. */
 const TURN = 40;
+/** Milliseconds that a server may take. */
+const PATIENCE = 8000;
 
 /** Open a file in tiles: reads its head. */
 export async function openTiles(source: TileSource, options: TilesOptions = {}): Promise<TiledFile> {
-  const limits = { ...LIMITS, ...options.limits };
-  return new TiledFile(await Directory.open(new Pieces(source, limits.bytes)), limits, options);
+  const limits = { ...LIMITS, ...options.limits }, most = Math.min(limits.bytes, limits.memory);
+  return new TiledFile(await Directory.open(new Pieces(source, most, options.timeout ?? PATIENCE), options.signal), limits, options);
 }
 
 export class TiledFile {
@@ -56,7 +58,7 @@ export class TiledFile {
     if (unknown !== undefined) throw new RangeError(`there is no isovalue ${unknown}; the file has ${head.isovalues.length}`);
     if (box && (box.length !== head.n || !box.every(([from, to]) => from <= to)))
       throw new RangeError(`a box is ${head.n} pairs, from where to where along each axis`);
-    const blocks = await directory.blocks(box), limits = { ...this.limits };
+    const blocks = await directory.blocks(box, signal), limits = { ...this.limits };
     const wanted = isovalues.map((isovalue) => {
       const places = blocks.flatMap(([block, channels]) => directory.coded(block, channels, [isovalue], box))
         .filter((place) => directory.filled(place, isovalue, stage));
@@ -67,7 +69,7 @@ export class TiledFile {
     });
     signal?.throwIfAborted();
     const fresh = wanted.flat().filter(({ drawing }) => !drawing);
-    const groups = await directory.fetch(fresh.flatMap(({ place, isovalue }) => directory.segments(place, isovalue, stage)));
+    const groups = await directory.fetch(fresh.flatMap(({ place, isovalue }) => directory.segments(place, isovalue, stage)), signal);
     // what a tile has at a group's isovalues is decoded once
     const together = new Map<string, typeof fresh>();
     for (const tile of fresh) together.set(tile.group, [...(together.get(tile.group) ?? []), tile]);

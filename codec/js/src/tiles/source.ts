@@ -1,18 +1,17 @@
-/** Where the bytes of a file in tiles come from, and requests for ranges of them. */
+/** Where the bytes of a file in tiles come from, and which requests for ranges of them are made. */
 import { IsoError } from "../errors.js";
 import type { TileSource } from "./types.js";
+import { WebFile } from "./web.js";
 
 export interface Range {
   at: number;
   size: number;
 }
 
-/** Bytes between two ranges that are read with both rather than asked for twice, and those in all for fewer requests. */
-const GAP = 8192, SLACK = 2 ** 20;
-/** Ranges that are not joined over larger gaps. */
-const FEW = 4;
-/** Statuses after which a server is asked again, and milliseconds before that, and in all. */
-const BUSY = [408, 425, 429, 500, 502, 503, 504], PAUSES = [250, 500, 1000], PATIENCE = 8000;
+/** Bytes between two ranges that may be read with both rather than asked for twice. */
+const GAP = 8192;
+/** Ranges that are not joined over larger gaps; requests at most, unless fewer would read more than so many bytes in vain. */
+const FEW = 4, MOST = 8, SLACK = 2 ** 20;
 /** Requests at a time. */
 const LANES = 6;
 
@@ -23,18 +22,20 @@ export class Pieces {
   /** The beginning of the file, or all of it. */
   private start = new Uint8Array(0);
   private whole = false;
-  private tag: string | null | undefined;
+  private readonly web: WebFile | undefined;
 
-  constructor(private readonly source: TileSource, private readonly most: number) {
-    if (!(source instanceof Uint8Array)) return;
-    this.start = source as Uint8Array<ArrayBuffer>;
-    this.whole = true;
+  /** `most`: the most bytes that are read together; `timeout`: milliseconds that a server may take. */
+  constructor(private readonly source: TileSource, private readonly most: number, timeout: number) {
+    if (source instanceof Uint8Array) {
+      this.start = source as Uint8Array<ArrayBuffer>;
+      this.whole = true;
+    } else if (!(source instanceof Blob)) this.web = new WebFile(source, timeout, most);
   }
 
   /** The first bytes of the file, as many as `count` if it has so many. */
-  async first(count: number): Promise<Uint8Array> {
+  async first(count: number, signal?: AbortSignal): Promise<Uint8Array> {
     if (!this.whole) {
-      const start = await this.fetch(0, count);
+      const start = await this.fetch(0, count, signal);
       if (!this.whole) this.start = start;
       if (start.length < count) this.whole = true;
     }
@@ -42,7 +43,7 @@ export class Pieces {
   }
 
   /** The bytes of some ranges. Neighbours are read together. */
-  async read(ranges: readonly Range[]): Promise<Uint8Array[]> {
+  async read(ranges: readonly Range[], signal?: AbortSignal): Promise<Uint8Array[]> {
     const found: Uint8Array[] = [], joined: Joined[] = [];
     const order = ranges.map((_, i) => i).sort((i, j) => ranges[i]!.at - ranges[j]!.at);
     let total = 0;
@@ -51,7 +52,7 @@ export class Pieces {
       if (this.whole || end <= this.start.length) {
         if (end > this.start.length) throw this.short();
         found[i] = this.start.subarray(at, end);
-      } else if (last && at <= last.end + GAP) {
+      } else if (last && at <= last.end) {
         last.end = Math.max(last.end, end);
         last.members.push(i);
       } else joined.push({ at, end, members: [i] });
@@ -59,14 +60,24 @@ export class Pieces {
     bridge(joined);
     for (const { at, end } of joined) total += end - at;
     if (total > this.most) throw new IsoError("limit", "11.2", joined[0]!.at, "what is needed is longer than the limit");
+    // if one request fails, the others stop
+    const own = new AbortController(), stop = (): void => own.abort(signal!.reason);
+    signal?.throwIfAborted();
+    signal?.addEventListener("abort", stop);
     const lane = async (): Promise<void> => {
       for (let next = joined.shift(); next; next = joined.shift()) {
-        const { at, end, members } = next, bytes = await this.fetch(at, end);
+        const { at, end, members } = next, bytes = await this.fetch(at, end, own.signal);
         if (bytes.length < end - at) throw this.short(at + bytes.length);
-        for (const i of members) found[i] = bytes.subarray(ranges[i]!.at - at, ranges[i]!.at - at + ranges[i]!.size);
+        // what is kept of a range does not keep the others
+        for (const i of members) found[i] = bytes.slice(ranges[i]!.at - at, ranges[i]!.at - at + ranges[i]!.size);
       }
     };
-    await Promise.all(Array.from({ length: LANES }, lane));
+    try {
+      await Promise.all(Array.from({ length: Math.min(LANES, joined.length) }, lane));
+    } finally {
+      signal?.removeEventListener("abort", stop);
+      own.abort();
+    }
     return found;
   }
 
@@ -80,43 +91,18 @@ export class Pieces {
   }
 
   /** Bytes from `from` to `to`, fewer if the file ends before. */
-  private async fetch(from: number, to: number): Promise<Uint8Array<ArrayBuffer>> {
-    const { source } = this;
+  private async fetch(from: number, to: number, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
+    const { source, web } = this;
     if (this.whole) return this.start.slice(from, to);
     this.requests++;
-    const bytes = source instanceof Blob ? new Uint8Array(await source.slice(from, to).arrayBuffer()) : await this.ask(from, to);
+    const { bytes, whole } = web ? await web.read(from, to, signal)
+      : { bytes: new Uint8Array(await (source as Blob).slice(from, to).arrayBuffer()), whole: false };
     this.received += bytes.length;
-    return this.whole ? bytes.slice(from, to) : bytes;
-  }
-
-  /** Ask for a range; again, if the server is busy. */
-  private async ask(from: number, to: number): Promise<Uint8Array<ArrayBuffer>> {
-    const url = this.source as string | URL, until = Date.now() + PATIENCE;
-    for (const pause of [...PAUSES, Infinity]) {
-      const answer = await fetch(url, { headers: { range: `bytes=${from}-${to - 1}` } });
-      const rest = Math.max(pause, 1000 * (Number(answer.headers.get("retry-after")) || 0));
-      if (!BUSY.includes(answer.status) || Date.now() + rest > until) return this.take(answer, from, to);
-      await answer.body?.cancel();
-      await new Promise((resolve) => setTimeout(resolve, rest));
-    }
-    throw new Error(`${url}: is busy`);
-  }
-
-  private async take(answer: Response, from: number, to: number): Promise<Uint8Array<ArrayBuffer>> {
-    const url = this.source as string | URL;
-    if (answer.status === 416) return new Uint8Array(0);
-    if (!answer.ok || !answer.body) throw new Error(`${url}: ${answer.status} ${answer.statusText}`);
-    const tag = answer.headers.get("etag") ?? answer.headers.get("last-modified");
-    if ((this.tag ??= tag) !== tag) throw new Error(`${url}: has changed while it was read`);
-    const range = answer.headers.get("content-range"), ends = range && /^bytes (\d+)-(\d+)\//.exec(range);
-    if (answer.status === 206 && range && !(ends && Number(ends[1]) === from && Number(ends[2]) < to))
-      throw new Error(`${url}: sends other bytes than those asked for`);
-    const ranged = answer.status === 206, bytes = await collect(answer.body, ranged ? to - from : this.most);
-    if (ranged) return bytes;
-    console.warn(`${url}: the server sends no parts of files; all of it was read`);
+    if (!whole) return bytes;
+    console.warn(`${source}: the server sends no parts of files; all of it was read`);
     this.start = bytes;
     this.whole = true;
-    return bytes;
+    return bytes.slice(from, to);
   }
 }
 
@@ -126,37 +112,21 @@ interface Joined {
   members: number[];
 }
 
-/** Join ranges over the smallest gaps while there are more than a few, as far as that reads little in vain. */
+/**
+ * Join ranges over the smallest gaps: over small ones, and while there are more than a few, as long as no more bytes are read
+ * in vain than are needed; and while there are too many, as far as that reads little in vain.
+ */
 function bridge(ranges: Joined[]): void {
   const gaps = ranges.slice(1).map(({ at }, i) => ({ size: at - ranges[i]!.end, next: ranges[i + 1]! })).sort((a, b) => a.size - b.size);
-  let left = SLACK + ranges.reduce((sum, { at, end }) => sum + end - at, 0);
+  const needed = ranges.reduce((sum, { at, end }) => sum + end - at, 0);
+  let vain = 0;
   for (const { size, next } of gaps) {
-    if (ranges.length <= FEW || (left -= size) < 0) return;
+    vain += size;
+    const twice = vain <= needed && (size <= GAP || ranges.length > FEW);
+    if (!twice && !(vain <= needed + SLACK && ranges.length > MOST)) return;
     const i = ranges.indexOf(next), before = ranges[i - 1]!;
     before.end = next.end;
     before.members.push(...next.members);
     ranges.splice(i, 1);
   }
-}
-
-/** All bytes of a stream, at most so many. */
-async function collect(stream: ReadableStream<Uint8Array>, most: number): Promise<Uint8Array<ArrayBuffer>> {
-  const parts: Uint8Array[] = [], reader = stream.getReader();
-  let length = 0;
-  for (;;) {
-    const { done, value } = await reader.read();
-    if (done) break;
-    parts.push(value);
-    if ((length += value.length) > most) {
-      await reader.cancel();
-      throw new IsoError("limit", "11.2", most, "a server sends more bytes than the limit");
-    }
-  }
-  const bytes = new Uint8Array(length);
-  let at = 0;
-  for (const part of parts) {
-    bytes.set(part, at);
-    at += part.length;
-  }
-  return bytes;
 }

@@ -38,7 +38,7 @@ export interface TilesHead {
 export type Box = readonly (readonly [number, number])[];
 
 export interface TilesOptions {
-  /** Bounds on what a call may ask for, all tiles together; `bytes` are those that it needs of the file. */
+  /** Bounds on what a call may ask for, all tiles together; `bytes` and `memory` bound what it reads of the file. */
   limits?: Partial<Limits>;
   /** The main profile, from `isocodec/main`. */
   main?: MainProfile;
@@ -46,6 +46,10 @@ export interface TilesOptions {
   kernels?: Kernels | undefined;
   /** Fetches `main.bin`, if `main` is not given; by default from beside this module. */
   loadTables?: () => Promise<Uint8Array>;
+  /** Milliseconds that a server's answer, and then each piece of it, may take: 8000 if it is not given. */
+  timeout?: number;
+  /** Aborts opening the file. */
+  signal?: AbortSignal;
 }
 
 export interface WindowOptions {
@@ -55,6 +59,6 @@ export interface WindowOptions {
   within?: number;
   /** The number of a stage, from 0; without it and `within` the last one. */
   layer?: number;
-  /** Aborts the work between two tiles. */
+  /** Aborts requests, and the work between two tiles. */
   signal?: AbortSignal;
 }
