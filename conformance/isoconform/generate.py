@@ -20,6 +20,7 @@ from . import (
     hostile,
     isovalues,
     mapped,
+    misplaced,
     missing,
     mixed,
     raster,
@@ -51,7 +52,7 @@ from .tiled_dump import dump_tiled, is_tiled
 
 _MODULES = (
     valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
-    surfaces, tiled, raster,
+    surfaces, tiled, raster, misplaced,
 )
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
