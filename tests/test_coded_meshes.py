@@ -33,6 +33,10 @@ def same_cells(cells):
     return {tuple(cell) for cell in np.sort(cells, axis=1).tolist()}
 
 
+def nothing(size, passing):
+    """Let memory be taken as it is needed."""
+
+
 @pytest.mark.parametrize("name", MAKERS)
 def test_meshes_return(name):
     """All cells and positions, whatever borders, pieces, holes and handles there are."""
@@ -41,7 +45,8 @@ def test_meshes_return(name):
         used, numbers = np.unique(cells, return_inverse=True)
         found, domain = quantised(points[used], numbers.reshape(cells.shape), 0.001)
         run, coded, order = encoded_mesh(domain, found.extent, found.unit)
-        back = decoded_mesh(run, 0, (len(used), len(cells)), cells.shape[1], found.extent, found.unit, Account())
+        size = len(used), len(cells)
+        back = decoded_mesh(run, 0, size, cells.shape[1], found.extent, found.unit, Account(), nothing)
         assert np.array_equal(back.mesh.cell, coded.mesh.cell)
         assert np.array_equal(back.mesh.position, domain.mesh.position[order])
         assert same_cells(order[back.mesh.cell]) == same_cells(domain.mesh.cell)
@@ -153,7 +158,7 @@ def test_random_runs():
         data = rng.bytes(int(rng.integers(1, 60)))
         vertices, cells = rng.integers(corners, 30), rng.integers(1, 40)
         try:
-            found = decoded_mesh(data, 0, (int(vertices), int(cells)), corners, [50] * d, 1.0, Account())
+            found = decoded_mesh(data, 0, (int(vertices), int(cells)), corners, [50] * d, 1.0, Account(), nothing)
         except IsoError as error:
             ended[error.code] = ended.get(error.code, 0) + 1
             continue

@@ -202,7 +202,7 @@ def test_two_chunks_of_metadata():
     decoder = Decoder()
     decoder.feed(with_checksum(data[:head] + first + second + layers))
     read = [event.metadata for event in decoder if isinstance(event, MetadataRead)]
-    assert read == [{"name": "hill", "unit": "m"}, notes]
+    assert read == [{"name": "hill", "unit": "m"}, {"unit": "km", "source": "survey"}]
     assert decoder.contour().metadata == notes
 
 

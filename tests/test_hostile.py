@@ -11,15 +11,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import hurtful
 import isocodec
 from brute import INTERPRETED, examples
 from files import HEADER, NAMES, files, layers_file, picture, same_drawing, with_checksum
+from hurtful import BASES, GRID, decoded, empty_series, isovalues, measured, mutants, stated_mesh
 from isocodec import Decoder, IsoError, Limits
 from isocodec.drawing.snapshot import state_of
 from isocodec.errors import FormatError, LimitError, OptionError
+from isocodec.format.events import MetadataRead
 from isocodec.format.header import Header, write_header
 from isocodec.grid.passes.runner import Tube
-from isospec.container import ChunkType, Profile, write_varint
+from isoconform.streams import Chunk, File
+from isospec.container import ChunkType, DomainKind, Profile, write_varint
 
 # --- limits ---------------------------------------------------------------------------------------------------------
 
@@ -114,6 +118,87 @@ def test_memory_follows_the_curve_not_the_header():
     decoder.feed(head)
     assert len(list(decoder)) == 1
     assert sum(a.nbytes for a in decoder.grid._tube.state if isinstance(a, np.ndarray)) < 1 << 20
+
+
+# --- small files that ask for much -----------------------------------------------------------------------------------
+
+
+def refused(data, **limits):
+    """The decoder after a file that it refuses, and the error."""
+    decoder = Decoder(Limits(**limits))
+    decoder.feed(data)
+    with pytest.raises(IsoError) as caught:
+        decoder.close()
+    return decoder, caught.value
+
+
+@pytest.mark.parametrize("run", [b"\xff" * 2000, bytes(2000), b"\x5a" * 2000])
+@pytest.mark.parametrize(("kind", "n"), [(DomainKind.CODED, 2), (DomainKind.CODED, 3), (DomainKind.DELAUNAY, 2)])
+def test_meshes_that_claim_to_be_large(kind, n, run):
+    """Memory is taken for what has come of a mesh, and counted as work before it is, whatever the file states."""
+    data = stated_mesh(kind, n, run, 4096 if kind == DomainKind.CODED else 1 << 24)
+    decoder, error = refused(data, work=1 << 18)
+    allowed = (1 << 18) + 512 * len(data)
+    # the last that was asked for may have been too much, and was not taken
+    assert decoder.budget.peak <= 8 * allowed and decoder.account.units <= 2 * allowed
+    assert decoder.memory == 0 or not isinstance(error, LimitError)
+    stated = isocodec.Decoder(Limits(memory=1 << 22))
+    stated.feed(data)
+    with pytest.raises(IsoError):
+        stated.close()
+
+
+@pytest.mark.parametrize("profile", Profile)
+def test_isovalues_without_layers_take_no_memory(profile):
+    """Nothing is allocated for an isovalue, of any frame, before its first layer."""
+    decoder = Decoder()
+    decoder.feed(empty_series(300, 3, profile))
+    decoder.close()
+    assert decoder.budget.peak == 0 and len(decoder.isovalues) == 300
+    assert {id(tube) for tube in decoder.grid.tubes} == {id(decoder.grid.tubes[0])}
+    assert len(decoder.contour(299).points) == 0
+
+
+def test_events_have_the_notes_of_their_chunks():
+    """Not all that came before: what thousands of chunks take would grow with the square of their number."""
+    notes = [Chunk(ChunkType.METADATA, b'{"k%d":"v"}' % i, ancillary=True) for i in range(3000)]
+    decoder = Decoder()
+    decoder.feed(bytes(File(HEADER, tuple(notes))))
+    found = [event.metadata for event in decoder if isinstance(event, MetadataRead)]
+    assert found == [{f"k{i}": "v"} for i in range(3000)]
+    assert len(decoder.metadata) == 3000
+
+
+def test_turns_of_thousands_of_isovalues():
+    """Each takes next to no time, however many isovalues it names."""
+    turn = Chunk(ChunkType.TURN, write_varint(0) + write_varint(4096))
+    seconds, _ = measured(lambda: decoded(bytes(File(GRID, (*isovalues(4095), *[turn] * 20_000)))))
+    assert INTERPRETED or seconds < SECONDS / 2
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("kind", BASES)
+def test_mutants_stay_within_bounds(kind):
+    """Each takes some seconds and some memory at most, with the limits by default."""
+    decoded(next(mutants(kind, 1)))
+    for number, data in enumerate(mutants(kind, 5000)):
+        seconds, memory = measured(lambda: decoded(data))  # noqa: B023 - called at once
+        assert seconds < hurtful.SECONDS and memory < hurtful.BYTES, number
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("make", [
+    lambda: stated_mesh(DomainKind.CODED, 2, b"\xff" * 20_000),
+    lambda: stated_mesh(DomainKind.CODED, 3, b"\xff" * 20_000),
+    lambda: stated_mesh(DomainKind.DELAUNAY, 2, bytes(20_000), 1 << 24),
+    lambda: empty_series(4096, 2, Profile.MAIN),
+    lambda: bytes(File(GRID, tuple(Chunk(ChunkType.METADATA, b'{"k%d":"v"}' % i, True) for i in range(40_000)))),
+])
+def test_small_files_stay_within_bounds(make):
+    data = make()
+    decoded(GRID)
+    seconds, memory = measured(lambda: decoded(data))
+    assert seconds < hurtful.SECONDS and memory < hurtful.BYTES
 
 
 # --- hostile bytes --------------------------------------------------------------------------------------------------

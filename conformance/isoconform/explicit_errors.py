@@ -14,10 +14,11 @@ from isocodec.format.domain import DomainHead, MeshLayerHead, write_domain
 from isocodec.format.header import Header, write_header
 from isocodec.mesh import walk
 from isocodec.mesh.before import spread_signs
-from isocodec.mesh.coded_mesh import Original, code_mesh, growth_of
+from isocodec.mesh.coded_mesh import Original, code_mesh
 from isocodec.mesh.complex import complex_of
 from isocodec.mesh.mesh_run import encoded_mesh
 from isocodec.mesh.models import COMPONENT, coder_of_meshes
+from isocodec.mesh.room import whole_growth
 from isocodec.tin.models import new_coder
 from isocodec.tin.point_tree import code_positions
 from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
@@ -205,7 +206,9 @@ def _growing() -> Wrong:
         origin = Original(
             points, cell, neighbour, np.full(vertices, -1), np.full(len(cell), -1), np.full(len(cell), -1)
         )
-        code_mesh(growth_of(vertices, len(cell), 3, extent), origin, run.coder)
+        g = whole_growth(vertices, len(cell), 3, extent)
+        g.reg.most = run.left()
+        code_mesh(g, origin, run.coder)
         head = DomainHead(DomainKind.CODED, 2, 0, vertices, len(cell), b"", 1, (0, 0), (10, 10))
         yield name, "10.10.2", about, _file(head, 2, run.end())
 
@@ -214,7 +217,7 @@ def _points(position: Integers, vertices: int, cells: int) -> bytes:
     """A file with points of a Delaunay triangulation, of which the head says that they are so many."""
     run = WritingRun(new_coder())
     run.room(4096)
-    code_positions(run.coder, (10, 10), vertices, position, len(position), lambda _: None)
+    code_positions(run, (10, 10), vertices, position, len(position))
     return _file(DomainHead(DomainKind.DELAUNAY, 2, 0, vertices, cells, b"", 1, (0, 0), (10, 10)), 2, run.end())
 
 

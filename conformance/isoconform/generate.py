@@ -22,6 +22,7 @@ from . import (
     hostile,
     isovalues,
     mapped,
+    misplaced,
     missing,
     mixed,
     raster,
@@ -55,7 +56,7 @@ from .tiled_dump import dump_tiled, is_tiled
 
 _MODULES = (
     valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
-    explicit_rules, explicit_errors, surfaces, surface_errors, tiled, raster,
+    explicit_rules, explicit_errors, surfaces, surface_errors, tiled, raster, misplaced,
 )
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""

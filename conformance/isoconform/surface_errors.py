@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from isocodec.entropy.run import Account, WritingRun
+from isocodec.entropy.run import WritingRun
 from isocodec.errors import FormatError
 from isocodec.format.header import Header, write_header
 from isocodec.format.surface import TinHead
@@ -88,7 +88,7 @@ def _run(counts: Sequence[int], points: Integers, numbers: Integers, sizes: Sequ
     """A run of layers as far as it can be decoded; ``sizes`` of the layers, where they are not as stated."""
     run = WritingRun(new_coder())
     run.room(1 << 14)
-    surface = _Surface(run, _BOX, len(points), Account())
+    surface = _Surface(run, _BOX, len(points))
     begin = 0
     try:
         for count, size in zip(counts, sizes or [len(points)], strict=True):

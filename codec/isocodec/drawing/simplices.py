@@ -88,7 +88,7 @@ def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> D
     for ring in rings(leaves, edges):
         at = np.ones(len(ring.edge), np.bool_)
         if leaves.value is not None:
-            at = np.isnan(leaves.value[edges[ring.edge]]).any(axis=1)
+            at &= np.isnan(leaves.value[edges[ring.edge]]).any(axis=1)
         ratio[ring.edge[at]] = ring.ratio(ratio)[at]
         known = part[ring.beside[at]]
         free = ((known[..., 0] == 0) & (known[..., 1] == 1)).any(axis=1)

@@ -100,6 +100,19 @@ class Run:
     def room(self, symbols: int) -> None:
         """Make room for bytes of so many more symbols, if they are written."""
 
+    def left(self, per_unit: int = SYMBOLS_PER_UNIT) -> int:
+        """Steps that may be taken beside symbols, if so many count as a unit of work."""
+        return UNLIMITED
+
+    def spend(self, steps: int, per_unit: int = 1) -> None:
+        """Count steps taken beside symbols, of which so many count as a unit of work.
+
+        Raises
+        ------
+        LimitError
+            If it is more than the run may take.
+        """
+
     def check(self, status: int, reasons: Reasons | None = None, error: int = 0, code: str = "domain") -> None:
         """Raise what a kernel came back with, unless it is done.
 
@@ -241,6 +254,19 @@ class ReadingRun(Run):
         left, room = self.coder.reg.left, self._account.room(self._per_unit)
         self.coder.reg.left = max(left, min(most, room, left + self._stated - self._granted))
         self._granted += self.coder.reg.left - left
+
+    def left(self, per_unit: int = SYMBOLS_PER_UNIT) -> int:
+        """Steps that may be taken beside symbols, if so many count as a unit of work."""
+        self.count()
+        return self._account.left(per_unit)
+
+    def spend(self, steps: int, per_unit: int = 1) -> None:
+        """Count steps taken beside symbols, of which so many count as a unit of work; as `Run.spend`."""
+        try:
+            self._account.spend(-(-steps // per_unit))
+        except LimitError as limit:
+            limit.offset = self.place
+            raise
 
     def count(self) -> None:
         """Put the symbols decoded since the last time down to the account."""

@@ -121,7 +121,13 @@ class LayerComplete(Event):
 
 @dataclass(frozen=True)
 class MetadataRead(Event):
-    """A metadata chunk has been read."""
+    """A metadata chunk has been read.
+
+    Attributes
+    ----------
+    metadata : dict of str to str
+        Notes of this chunk.
+    """
 
     metadata: dict[str, str]
 

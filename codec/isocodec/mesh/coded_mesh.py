@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..entropy.guesses import DEPTHS, FINE, clear_opinions, decided, hear, near_guess
 from ..entropy.range_coder import DECODE, Coder, code
-from ..kernel import BAD, DONE, GROW, inlined, inner, kernel, record
+from ..kernel import BAD, CUT, DONE, GROW, inlined, inner, kernel, record
 from ..kernel.types import IntMatrix, IntVector
 from .complex import Complex, assembled
 from .expected import expect, learn_miss
@@ -19,7 +18,6 @@ from .growth import (
     NEAR,
     OPEN,
     Growth,
-    GrowthRegisters,
     attach,
     borders,
     face_size,
@@ -43,8 +41,6 @@ from .walk import uniform
 
 LEAST = 1 << (FINE - 2)
 """Positions are never expected more sharply than this."""
-MOST_WORK = 1024
-"""Cells that may be looked at for each cell of a mesh, in the mean."""
 TOO_MANY, NO_COMPLEX = 1, 2
 REASONS = {
     TOO_MANY: ("more vertices or cells than stated", "10.10.1"),
@@ -73,7 +69,7 @@ class Original(NamedTuple):
 def _code_place(g, cd, origin, face, truth):
     """Code where a new vertex lies: behind a face, or far from all."""
     v = np.int64(g.reg.vertices)
-    if v >= len(g.position):
+    if v >= g.reg.all_vertices:
         g.reg.error = TOO_MANY
         return BAD
     for k in range(g.position.shape[1]):
@@ -207,7 +203,7 @@ def _code_face(g, cd, origin, face):
     if bit:
         g.neighbour[t, o] = BORDER
         return DONE
-    if g.reg.cells >= len(g.cell):
+    if g.reg.cells >= g.reg.all_cells:
         g.reg.error = TOO_MANY
         return BAD
     v = np.int64(NONE)
@@ -227,46 +223,46 @@ def _code_face(g, cd, origin, face):
     return _take(g, origin, truth)
 
 
+@inner
+def _code_seed(g, cd, origin, seed):
+    """Code the first cell of a piece."""
+    truth = seed if cd.reg.mode != DECODE else np.int64(-1)
+    for i in range(g.cell.shape[1]):
+        v = _code_new_or_far(g, cd, origin, np.int64(-1), origin.cell[truth, i] if truth >= 0 else np.int64(-1))
+        if v < 0:
+            return v
+        g.cell[g.reg.cells, i] = v
+    return _take(g, origin, truth)
+
+
 @kernel
 def code_mesh(g: Growth, origin: Original, cd: Coder) -> int:
-    """Code a mesh: the encoder's original, or the decoder's from the run; GROW if too many cells are looked at."""
+    """Code a mesh: the encoder's original, or the decoder's from the run.
+
+    GROW where there is no room for the next cell, CUT if too many cells are looked at; it can go on from there.
+    """
     corners = g.cell.shape[1]
     seed = np.int64(0)
-    while g.reg.cells < len(g.cell):
-        truth = np.int64(-1)
-        if cd.reg.mode != DECODE:
-            while origin.place[seed] >= 0:
-                seed += 1
-            truth = seed
-        for i in range(corners):
-            v = _code_new_or_far(g, cd, origin, np.int64(-1), origin.cell[truth, i] if truth >= 0 else np.int64(-1))
-            if v < 0:
-                return v
-            g.cell[g.reg.cells, i] = v
-        status = _take(g, origin, truth)
-        while status == DONE and g.reg.cells < len(g.cell) and g.reg.first < g.reg.last:
+    while g.reg.cells < g.reg.all_cells:
+        if g.reg.work + g.reg.granted - cd.reg.left > g.reg.most:
+            return CUT
+        if g.reg.cells == len(g.cell) or g.reg.vertices + corners > len(g.position):
+            return GROW
+        status = DONE
+        if g.reg.first < g.reg.last:
             face = g.queue[g.reg.first]
             g.reg.first += 1
             t = face // corners
             if g.neighbour[t, face - t * corners] == OPEN:
-                status = np.int64(_code_face(g, cd, origin, face))
-            if g.reg.work > MOST_WORK * len(g.cell) + MOST_WORK * MOST_WORK:
-                return GROW
+                status = _code_face(g, cd, origin, face)
+        else:
+            if cd.reg.mode != DECODE:
+                while origin.place[seed] >= 0:
+                    seed += 1
+            status = _code_seed(g, cd, origin, seed)
         if status != DONE:
             return status
     return DONE
-
-
-def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]) -> Growth:
-    """Make a mesh of which nothing has come."""
-    d = len(extent)
-    return Growth(
-        np.zeros((vertices, d), np.int64), extent, np.zeros((cells, corners), np.int64),
-        np.full((cells, corners), OPEN, np.int64), np.full(vertices, -1, np.int64),
-        np.zeros(cells * corners, np.int64), np.zeros(cells * corners, np.int64), np.zeros(2 * CANDIDATES, np.int64),
-        np.zeros(6, np.int64), np.zeros((2, d), np.int64), np.zeros(2, np.int64), np.zeros(4, np.int64),
-        GrowthRegisters(),
-    )
 
 
 def original_of(domain: Complex | None, d: int, corners: int) -> Original:
@@ -284,4 +280,5 @@ def original_of(domain: Complex | None, d: int, corners: int) -> Original:
 
 def grown(g: Growth, unit: float) -> Complex:
     """The complex of a mesh that is complete."""
-    return assembled(g.position, g.cell, unit, np.where(g.neighbour < 0, -1, g.neighbour))
+    position = g.position[: g.reg.vertices]
+    return assembled(position, g.cell, unit, np.where(g.neighbour < 0, -1, g.neighbour))

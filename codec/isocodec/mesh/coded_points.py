@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..entropy.run import Account, WritingRun, whole_run
+from ..entropy.range_coder import UNLIMITED
+from ..entropy.run import Account, Run, WritingRun, whole_run
 from ..errors import FormatError, InputError, LimitError
 from ..tin.coded_tin import STEPS
 from ..tin.delaunay import delaunay, triangles
@@ -134,7 +135,7 @@ def _without_slivers(position: NDArray[np.int64], cells: NDArray[np.int64], flat
         cells = cells[~outside]
 
 
-def delaunay_complex(position: NDArray[np.int64], unit: float, account: Account | None = None) -> Complex:
+def delaunay_complex(position: NDArray[np.int64], unit: float, run: Run | None = None) -> Complex:
     """The complex of distinct points (V, 2) in the order of ranks.
 
     Raises
@@ -142,13 +143,13 @@ def delaunay_complex(position: NDArray[np.int64], unit: float, account: Account 
     InputError
         If all lie on a line.
     LimitError
-        If it takes more work than the account allows.
+        If it takes more work than the run that the points are from may.
     """
-    account = account or Account()
     x, y = np.ascontiguousarray(position.T)
-    tri, _ = delaunay(x, y, account.left(STEPS))
-    # where it has stopped, this exceeds what was left
-    account.spend(-(-tri.reg.work // STEPS))
+    tri, _ = delaunay(x, y, UNLIMITED if run is None else run.left(STEPS))
+    if run is not None:
+        # where it has stopped, this exceeds what was left
+        run.spend(tri.reg.work, STEPS)
     cells = triangles(tri).astype(np.int64)
     return assembled(position, cells, unit, neighbours(cells))
 
@@ -160,13 +161,14 @@ def encoded_points(
     run = WritingRun(new_coder())
     run.room(_ROOM * len(position) + 2048)
     box = int(extent[0]), int(extent[1])
-    run.check(code_positions(run.coder, box, len(position), position, len(position), Account().spend)[0])
+    run.check(code_positions(run, box, len(position), position, len(position))[0])
     order = by_rank(position[:, 0], position[:, 1])
     return run.end(), delaunay_complex(np.ascontiguousarray(position[order]), unit), order
 
 
 def decoded_points(
-    data: bytes, at: int, size: tuple[int, int], extent: Sequence[int], unit: float, account: Account
+    data: bytes, at: int, size: tuple[int, int], extent: Sequence[int], unit: float, account: Account,
+    hold: Callable[[int, int], None],
 ) -> Complex:
     """Inverse of ``encoded_points``.
 
@@ -184,29 +186,35 @@ def decoded_points(
         Of positions.
     account : Account
         The file's.
+    hold : callable
+        As of `decoded_mesh`.
 
     Raises
     ------
     FormatError
         If the run violates the specification.
     LimitError
-        If it takes more than the account allows.
+        If it takes more than the account or ``hold`` allows.
     """
     run = whole_run(new_coder(), data, account, at)
     box = int(extent[0]), int(extent[1])
     try:
-        status, position = code_positions(run.coder, box, size[0], None, size[0], account.spend)
+        status, position = code_positions(run, box, size[0], None, size[0], hold)
     except LimitError as error:
         if error.code != "limit-vertices":
             raise
         raise FormatError("more points than stated", code="domain", offset=at, clause="10.11") from None
     run.check(status)
     run.end()
+    if len(position) != size[0]:
+        raise FormatError("fewer points than stated", code="domain", offset=at, clause="10.11")
+    # the triangulation and the complex
+    hold(BYTES_PER_POINT * len(position), 0)
     order = by_rank(position[:, 0], position[:, 1])
     try:
-        found = delaunay_complex(np.ascontiguousarray(position[order]), unit, account)
+        found = delaunay_complex(np.ascontiguousarray(position[order]), unit, run)
     except InputError:
         raise FormatError("all points lie on a line", code="domain", offset=at, clause="10.11") from None
-    if (len(found.mesh.position), len(found.mesh.cell)) != size:
-        raise FormatError("other numbers of points or triangles", code="domain", offset=at, clause="10.11")
+    if len(found.mesh.cell) != size[1]:
+        raise FormatError("another number of triangles", code="domain", offset=at, clause="10.11")
     return found

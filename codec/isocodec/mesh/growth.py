@@ -24,12 +24,16 @@ class GrowthRegisters(Registers):
     ----------
     vertices, cells : int
         So far.
+    all_vertices, all_cells : int
+        That the mesh has.
     first, last : int
         The faces that wait: from which place of the queue to which.
     past : int
         Whether the last faces were on the border, as bits, the latest lowest.
     work : int
         Cells that were looked at.
+    most, granted : int
+        Cells that may be looked at and symbols that may be decoded, together, and ``left`` of the coder at first.
     chosen : int
         Which row of ``aim`` is followed.
     error : int
@@ -38,17 +42,21 @@ class GrowthRegisters(Registers):
 
     vertices: int
     cells: int
+    all_vertices: int
+    all_cells: int
     first: int
     last: int
     past: int
     work: int
+    most: int
+    granted: int
     chosen: int
     error: int
 
 
 @record
 class Growth(NamedTuple):
-    """A mesh of V vertices in d dimensions and T cells of n + 1 vertices, as far as it has come.
+    """A mesh in d dimensions of cells of n + 1 vertices, as far as it has come; with room for V vertices and T cells.
 
     ``position`` (V, d), from 0 to below ``extent`` (d,); ``cell`` (T, n + 1); ``neighbour`` (T, n + 1): the cell across
     the face opposite each vertex, ``OPEN`` or ``BORDER``; ``head`` (V,): the last corner (cell times (n + 1) plus
@@ -133,6 +141,7 @@ def attach(g):
             return False
         g.link[t * corners + i] = g.head[v]
         g.head[v] = t * corners + i
+        g.neighbour[t, i] = OPEN
     g.reg.cells += 1
     fits = True
     for i in range(corners):

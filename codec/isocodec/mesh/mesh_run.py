@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.run import Account, WritingRun, whole_run
-from ..errors import FormatError, LimitError
+from ..entropy.run import SYMBOLS_PER_UNIT, Account, WritingRun, whole_run
+from ..errors import FormatError
 from ..kernel import GROW
-from .coded_mesh import REASONS, code_mesh, grown, growth_of, original_of
+from .coded_mesh import REASONS, code_mesh, grown, original_of
 from .complex import Complex
 from .models import coder_of_meshes
+from .room import bytes_of, growth_of, longer, more_rows, whole_growth
 
-BYTES_PER_CELL = 160
-"""Memory that decoding a mesh takes for a cell or vertex, about."""
+BYTES_PER_UNIT = 8
+"""Bytes of a mesh that count as a unit of work: they are to grow with the bytes of the file, too."""
 
 
 def encoded_mesh(domain: Complex, extent: Sequence[int], unit: float) -> tuple[bytes, Complex, NDArray[np.int64]]:
@@ -34,7 +35,8 @@ def encoded_mesh(domain: Complex, extent: Sequence[int], unit: float) -> tuple[b
     cells, corners = domain.mesh.cell.shape
     run = WritingRun(coder_of_meshes())
     run.room(cells * (corners + 3) + vertices * 25 * d)
-    g, origin = growth_of(vertices, cells, corners, np.array(extent, np.int64)), original_of(domain, d, corners)
+    g = whole_growth(vertices, cells, corners, np.array(extent, np.int64))
+    g.reg.most, origin = run.left(), original_of(domain, d, corners)
     run.check(code_mesh(g, origin, run.coder))
     order = np.empty(vertices, np.int64)
     order[origin.vertex] = np.arange(vertices)
@@ -42,7 +44,8 @@ def encoded_mesh(domain: Complex, extent: Sequence[int], unit: float) -> tuple[b
 
 
 def decoded_mesh(
-    data: bytes, at: int, size: tuple[int, int], corners: int, extent: Sequence[int], unit: float, account: Account
+    data: bytes, at: int, size: tuple[int, int], corners: int, extent: Sequence[int], unit: float, account: Account,
+    hold: Callable[[int, int], None],
 ) -> Complex:
     """Inverse of ``encoded_mesh``.
 
@@ -62,20 +65,34 @@ def decoded_mesh(
         Of positions.
     account : Account
         The file's.
+    hold : callable
+        Called before anything is allocated with the bytes there will be, and those more while arrays are copied.
 
     Raises
     ------
     FormatError
         If the run violates the specification.
     LimitError
-        If it takes more than the account allows, or much more time than meshes do.
+        If it takes more than the account or ``hold`` allows.
     """
     vertices, cells = size
     run = whole_run(coder_of_meshes(), data, account, at)
     g = growth_of(vertices, cells, corners, np.array(extent, np.int64))
-    status = code_mesh(g, original_of(None, len(extent), corners), run.coder)
-    if status == GROW:
-        raise LimitError("a mesh with too many cells at its vertices", code="limit-work", offset=at, clause="11.2")
+    origin, counted = original_of(None, len(extent), corners), 0
+    while True:
+        g.reg.most, g.reg.granted = run.left() + counted, run.coder.reg.left
+        status = code_mesh(g, origin, run.coder)
+        run.spend(g.reg.work - counted, SYMBOLS_PER_UNIT)
+        counted = int(g.reg.work)
+        if status != GROW:
+            break
+        before, rows = bytes_of(g), more_rows(g)
+        after = bytes_of(g, rows)
+        run.spend(sum(after) - sum(before), BYTES_PER_UNIT)
+        hold(sum(after), max(before))
+        # one after the other: what each was before is let go of
+        for name, count in rows.items():
+            g = longer(g, name, count)
     run.check(status, REASONS, g.reg.error)
     run.end()
     if g.reg.vertices < vertices:

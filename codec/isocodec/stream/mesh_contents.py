@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -300,12 +300,12 @@ class MeshContents:
         else:
             with np.errstate(over="ignore"):
                 run, unit = self.outline.run_of_domain, float(np.ldexp(float(head.multiple), head.exponent))
-            size, data = (head.vertices, head.cells), payload[run:]
+            size, data, hold = (head.vertices, head.cells), payload[run:], partial(self._budget.hold, self)
             if head.kind == DomainKind.DELAUNAY:
                 self._budget.check(BYTES_PER_POINT * head.vertices)
-                self._domain = decoded_points(data, start + run, size, head.extent, unit, self._account)
+                self._domain = decoded_points(data, start + run, size, head.extent, unit, self._account, hold)
             else:
-                self._domain = decoded_mesh(data, start + run, size, n + 1, head.extent, unit, self._account)
+                self._domain = decoded_mesh(data, start + run, size, n + 1, head.extent, unit, self._account, hold)
             self._points = coordinates_of(self._domain, head)
         self._begin(0, None)
 
@@ -416,7 +416,7 @@ class MeshContents:
             present.code_levels(self._hierarchy, head.rounds)
         elif head.kind == MeshLayer.CUT:
             present.code_cut(self._history)
-            self._account.spend(len(present.domain.mesh.cell))
+            run.spend(len(present.domain.mesh.cell))
         elif head.kind == MeshLayer.OFFSETS:
             present.code_offsets(head.step)
         else:

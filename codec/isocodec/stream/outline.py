@@ -71,8 +71,10 @@ class Outline:
         Numbers of the isovalues that the next chunk of layers belongs to.
     turned : bool
         Whether a turn has been read.
-    layered, closed : set of int
-        Numbers of isovalues that have had layers since an isovalue began last, and of those that get none any more.
+    layered : set of int
+        Numbers of isovalues that have had layers since an isovalue began last.
+    closed : int
+        Isovalues that get no layers any more, as bits: files may have thousands of turns of thousands of isovalues.
     begun : bool
         Whether a chunk of layers has been read.
     coordinates : CoordinatesRecord or None
@@ -102,7 +104,7 @@ class Outline:
     turn: range = range(0)
     turned: bool = False
     layered: set[int] = field(default_factory=set)
-    closed: set[int] = field(default_factory=set)
+    closed: int = 0
     begun: bool = False
     coordinates: CoordinatesRecord | None = None
     shape: tuple[int, ...] = ()
@@ -169,7 +171,8 @@ class Outline:
         self.leans.append(lean)
         self.number = len(self.leans) - 1
         self.turn = range(self.number, self.number + 1)
-        self.closed |= self.layered
+        for layered in self.layered:
+            self.closed |= 1 << layered
         self.layered.clear()
         self.promises.append(Promises({}, False))
 
@@ -187,10 +190,11 @@ def _isovalue(outline: Outline, payload: bytes, start: int, behind: int) -> Even
 
 
 def _turn(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
-    if outline.interval is not None:
-        raise FormatError("a turn of isovalues in a series", code="turn", offset=start, clause="3.5.9")
+    if outline.interval is not None or outline.cells is not None:
+        where = "a series" if outline.interval is not None else "a file on a mesh"
+        raise FormatError(f"a turn of isovalues in {where}", code="turn", offset=start, clause="3.5.9")
     turn = read_turn(payload, start, len(outline.isovalues))
-    if not outline.closed.isdisjoint(turn):
+    if outline.closed >> turn.start & (1 << len(turn)) - 1:
         raise FormatError("a turn of an isovalue whose layers have ended", code="turn", offset=start, clause="3.5.9")
     outline.turn, outline.turned = turn, True
     return TurnRead(behind, turn.start, len(turn))
@@ -215,8 +219,9 @@ def _frame_end(outline: Outline, payload: bytes, start: int, behind: int) -> Non
 
 
 def _metadata(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
-    outline.metadata.update(read_metadata(payload))
-    return MetadataRead(behind, dict(outline.metadata))
+    found = read_metadata(payload)
+    outline.metadata.update(found)
+    return MetadataRead(behind, found)
 
 
 def _promises(outline: Outline, payload: bytes, start: int, behind: int) -> Event | None:

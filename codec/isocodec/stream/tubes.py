@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 
+from ..deferred import dataclass
+from ..entropy.panel import no_panel
 from ..entropy.range_coder import Coder
 from ..entropy.run import Account
 from ..errors import LimitError, OptionError
@@ -15,7 +16,7 @@ from ..format.events import FrameRead
 from ..format.frames import key_of
 from ..format.header import Header
 from ..format.program import Progress
-from ..grid.layers.beginning import leaning_tube
+from ..grid.layers.beginning import further_coder, leaning_tube, shared_coder
 from ..grid.passes.runner import Tube
 from ..limits import Budget, Limits
 from .mask_strand import MaskStrand
@@ -25,8 +26,50 @@ _ROOM = 4096
 """Initial size, in bytes, of a coder's buffer for runs."""
 
 
+@dataclass
+class _Models:
+    """Models that isovalues without layers are to begin with, made when the first of these has a layer.
+
+    Attributes
+    ----------
+    earlier : Coder or None
+        Whose models they are copies of; None for those of the start of a file.
+    frame : bool
+        Whether that is of the frame before.
+    coder : Coder or None
+        With the models, once they are made.
+    """
+
+    earlier: Coder | None
+    frame: bool = False
+    coder: Coder | None = None
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """An isovalue without layers.
+
+    Attributes
+    ----------
+    models : _Models
+    lean : int or None
+        Number of the isovalue that it leans on.
+    earlier : Tube or None
+        The tube of that one, if it had layers already.
+    before : bool
+        Whether it is of the frame before.
+    """
+
+    models: _Models
+    lean: int | None
+    earlier: Tube | None
+    before: bool
+
+
 class Tubes:
     """Tubes (decoded states), one for each isovalue read so far.
+
+    Nothing is allocated for an isovalue before its first layer: until then it has the tube ``_empty``.
 
     Parameters
     ----------
@@ -69,7 +112,10 @@ class Tubes:
         self.frame = frame
         self._progresses_before: list[Progress] = []
         self._header: Header | None = None
-        self._settled = 0
+        self._empty: Tube | None = None
+        self._waiting: dict[int, _Waiting] = {}
+        self._models_before: dict[int, _Models] = {}
+        self._kept: dict[int, Coder] = {}
         self._known: dict[int, tuple[int, int]] = {}
         self._sum = np.zeros(2, np.int64)
         self._at: int | None = None
@@ -99,24 +145,20 @@ class Tubes:
         """A chunk of layers of an isovalue has begun."""
         self._outline.layered.add(number)
         self._layered.add(number)
+        self._kept.clear()
 
     def ready(self, number: int) -> Tube:
-        """The tube of an isovalue whose next layer begins; it is made anew if it was made before what it leans on."""
+        """The tube of an isovalue whose next layer begins or goes on."""
         tube = self.all[number]
-        assert tube is not None and self._header is not None
+        assert tube is not None
         self._outline.number = number
-        if number != self._at:
+        moved = number != self._at
+        if moved:
             self._recount(number)
+        if number in self._waiting:
+            tube = self.all[number] = self._fresh(number, self._waiting.pop(number))
+        elif moved:
             tube.limits = self._left(number)
-        if not tube.begun:
-            lean = self._outline.leans[number]
-            stale = tube.holes is not self.mask.holes or (
-                lean is not None and tube.lean is None and cast("Tube", self.all[lean]).level >= 0
-            )
-            if self._outline.frame == 0 and (stale or number < self._settled):
-                self._budget.release(tube, tube.estimates)
-                tube = self.all[number] = self._fresh(self._header, number, lean, coder=tube.coder)
-                self._recount(number)
         return tube
 
     @property
@@ -139,7 +181,9 @@ class Tubes:
                 f"more than {self._limits.isovalues} isovalues", code="limit-isovalues", offset=offset, clause="11.2"
             )
         self.settle()
-        self._header = header
+        if self._header is None or self._empty is None:
+            self._header, self._empty = header, leaning_tube(header, 0.0, None, 0.0, 0, self._limits)
+            self._empty.rest()
         before = self.progresses[-1] if self.progresses else Progress(0)
         if not self._is_wanted(number):
             self.all.append(None)
@@ -147,16 +191,14 @@ class Tubes:
             return
         if lean is not None and self.all[lean] is None:
             raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded", code="only")
-        tube = self._fresh(header, number, lean)
-        before = replace(before, full_level=tube.full_level)
+        before = replace(before, full_level=self._empty.full_level)
         self.progresses.append(before.begin(None if lean is None else self.progresses[lean]))
-        self.all.append(tube)
+        self._wait(number, lean)
 
     def begin_series(self) -> None:
         """Handle that the file is a series, whose first frame may not be wanted."""
-        for number, tube in enumerate(self.all):
-            if tube is not None and not self._is_wanted(number):
-                self._budget.release(tube, tube.estimates)
+        for number in range(len(self.all)):
+            if not self._is_wanted(number):
                 self.all[number] = None
         self._forget()
 
@@ -173,34 +215,63 @@ class Tubes:
         earlier, progresses = (self.before, self._progresses_before) if event.before else (self.all, self.progresses)
         if lean is not None and (lean >= len(earlier) or earlier[lean] is None):
             raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded", code="only")
-        tube = self._fresh(header, number, lean, event.before)
+        assert self._empty is not None
         layers = self.progresses[-1].layers if self.progresses else 0
-        before = Progress(tube.full_level, layers=layers)
+        before = Progress(self._empty.full_level, layers=layers)
         self.progresses.append(before.begin(None if lean is None else progresses[lean]))
-        self.all.append(tube)
+        self._wait(number, lean, event.before)
 
     def next_frame(self) -> None:
         """Release the previous frame, and make the current one the previous."""
-        for tube in self.before:
-            if tube is not None:
-                self._budget.release(tube, tube.estimates)
+        self._budget.release(*(held for tube in self.before if tube for held in (tube, tube.estimates)))
         self.settle()
         self.before[:], self._progresses_before = self.all, list(self.progresses)
+        self._models_before = {number: waiting.models for number, waiting in self._waiting.items()}
         self.all.clear()
         self.progresses.clear()
+        self._waiting.clear()
+        self._kept.clear()
         self._forget()
         self._sum[:] = sum((np.array(_size(tube)) for tube in self.before if tube), np.zeros(2, np.int64))
 
-    def _fresh(
-        self, header: Header, number: int, lean: int | None, before: bool = False, coder: Coder | None = None
-    ) -> Tube:
-        """Make the tube of an isovalue, predicted from one of its frame or of the previous one, if any."""
-        isovalues = self._outline.isovalues
-        tubes = self.before if before else self.all
-        earlier, other = (None, 0.0) if lean is None else (tubes[lean], isovalues[lean])
+    def _wait(self, number: int, lean: int | None, before: bool = False) -> None:
+        """Let an isovalue begin, which leans on one of its frame or of the previous one, if on any."""
+        earlier: Tube | None = None
+        if lean is None:
+            models = _Models(None)
+        elif not before and lean in self._waiting:
+            models = self._waiting[lean].models
+        elif before and lean in self._models_before:
+            then = self._models_before[lean]
+            models = _Models(then.coder or then.earlier, True)
+        else:
+            earlier = (self.before if before else self.all)[lean]
+            assert earlier is not None
+            models = _Models(earlier.coder, True) if before else _Models(self._models_of(lean, earlier))
+        self._waiting[number] = _Waiting(models, lean, earlier, before)
+        self.all.append(self._empty)
+
+    def _models_of(self, number: int, tube: Tube) -> Coder:
+        """Models of an isovalue that has had its layers; others with the same ones may change them later."""
+        if number not in self._kept:
+            blend = tube.coder.blend
+            self._kept[number] = tube.coder._replace(blend=blend._replace(mix=blend.mix.copy(), panel=no_panel()))
+        return self._kept[number]
+
+    def _fresh(self, number: int, waiting: _Waiting) -> Tube:
+        """Make the tube of an isovalue whose first layer begins."""
+        assert self._header is not None
+        models, lean, isovalues = waiting.models, waiting.lean, self._outline.isovalues
+        shares = models.coder is not None
+        if models.coder is None:
+            models.coder = further_coder(self._header, models.earlier, _ROOM, models.frame)
+        earlier = waiting.earlier
+        if earlier is None and lean is not None:
+            earlier = (self.before if waiting.before else self.all)[lean]
         return leaning_tube(
-            header, isovalues[number], earlier, other, _ROOM, self._left(), budget=self._budget, holes=self.mask.holes,
-            frame=before, coder=coder,
+            self._header, isovalues[number], earlier, 0.0 if lean is None else isovalues[lean], _ROOM,
+            self._left(number), budget=self._budget, holes=self.mask.holes, frame=waiting.before,
+            coder=shared_coder(models.coder, _ROOM) if shares else models.coder, shares=shares,
         )
 
     def _left(self, number: int | None = None) -> Limits:
@@ -223,19 +294,18 @@ class Tubes:
 
     def _forget(self) -> None:
         """Count nothing: a further frame begins."""
-        self._settled, self._at = 0, None
+        self._at = None
         self._known.clear()
         self._layered.clear()
         self._sum[:] = 0
 
     def settle(self) -> None:
-        """Let the isovalues rest to which no further layers come, and those that have none yet."""
-        for number in {*self._layered, *range(self._settled, len(self.all))}:
+        """Let the isovalues rest to which no further layers come."""
+        for number in self._layered:
             tube = self.all[number]
             if tube is not None:
                 tube.rest()
         self._layered.clear()
-        self._settled = len(self.all)
         self._recount(None)
 
     def begin_mask(self, header: Header, offset: int) -> None:

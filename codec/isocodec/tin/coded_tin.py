@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,8 +73,10 @@ def rounds(count: int) -> NDArray[np.int64]:
 class _Surface:
     """Points and numbers of the layers so far, in either direction."""
 
-    def __init__(self, run: Run, extent: tuple[int, int], most: int, account: Account) -> None:
-        self.run, self.extent, self.most, self.account = run, extent, most, account
+    def __init__(
+        self, run: Run, extent: tuple[int, int], most: int, hold: Callable[[int, int], None] | None = None
+    ) -> None:
+        self.run, self.extent, self.most, self._hold = run, extent, most, hold
         self.points = np.zeros((0, 2), np.int64)
         self.numbers = np.zeros(0, np.int64)
         self.corners = np.zeros((0, 2), np.int64)
@@ -85,7 +87,7 @@ class _Surface:
     ) -> int:
         """Code the next layer; a status."""
         coder = self.run.coder
-        status, found = code_positions(coder, self.extent, count, points, self.most, self.account.spend)
+        status, found = code_positions(self.run, self.extent, count, points, self.most, self._hold)
         if status != DONE:
             return status
         known = len(self.points)
@@ -118,10 +120,10 @@ class _Surface:
                 queue = queue[~told[queue]]
         done = 0
         if status == DONE:
-            status, done = code_inner(coder, tri, values, queue, self.account.left(STEPS))
+            status, done = code_inner(coder, tri, values, queue, self.run.left(STEPS))
             told[queue[:done]] = True
             # where it has stopped, this exceeds what was left
-            self.account.spend(-(-tri.reg.work // STEPS))
+            self.run.spend(tri.reg.work, STEPS)
         if status == DONE or told.sum() > known:
             self.points, self.numbers = union[told[place]], number[place][told[place]]
             self.ends.append(len(self.points))
@@ -159,7 +161,7 @@ def encoded(layers: SurfaceLayers, extent: tuple[int, int], largest: int) -> byt
     """
     run = WritingRun(new_coder())
     run.room(_ROOM * len(layers.points) + 2048)
-    surface = _Surface(run, extent, len(layers.points), Account())
+    surface = _Surface(run, extent, len(layers.points))
     begin = 0
     for end in layers.ends:
         run.check(surface.layer(end - begin, largest, layers.points[begin:end], layers.numbers[begin:end]))
@@ -169,7 +171,7 @@ def encoded(layers: SurfaceLayers, extent: tuple[int, int], largest: int) -> byt
 
 def decoded(
     data: bytes, counts: Sequence[int], extent: tuple[int, int], largest: int, most: int, account: Account,
-    at: int = 0, whole: bool = True,
+    at: int = 0, whole: bool = True, hold: Callable[[int, int], None] | None = None,
 ) -> SurfaceLayers:
     """Inverse of ``encoded``.
 
@@ -189,6 +191,8 @@ def decoded(
         Where the run lies in the file.
     whole : bool
         Whether these are all bytes of the run; if not, what they hold is decoded.
+    hold : callable, optional
+        As of `code_positions`.
 
     Raises
     ------
@@ -198,7 +202,7 @@ def decoded(
         If it takes more than the account allows.
     """
     run = whole_run(new_coder(), data, account, at, last=whole)
-    surface = _Surface(run, extent, most, account)
+    surface = _Surface(run, extent, most, hold)
     places: list[int] = []
     for count in counts:
         status = surface.layer(count, largest, None, None)

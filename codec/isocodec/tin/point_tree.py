@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..entropy.guesses import clear_opinions, decided, hear, say
 from ..entropy.range_coder import Coder
+from ..entropy.run import Run
 from ..errors import LimitError
 from ..kernel import DONE, inlined, inner, kernel, record
 from ..kernel.types import IntMatrix, IntVector
@@ -22,8 +23,8 @@ _SECOND = np.array(
     [-1419, -1241, -1063, -883, -702, -516, -322, -111, 139, 475, 1019, 2047, 2047, 2047, 2047, 2047, 2047]
 )
 """Logits of: the second half has points, too."""
-_WORK = 8
-"""Units of work that a cell counts as."""
+_WORK = 24
+"""Units of work that halving a cell counts as, its memory included."""
 _EMPTY, _FULL, _OPEN = 0, 1, 2
 _FREE = -1
 
@@ -198,7 +199,15 @@ def _log(side: int) -> int:
 
 
 def _table(count: int) -> NDArray[np.int64]:
-    return np.full((1 << (2 * count + 2).bit_length(), 2), _FREE, np.int64)
+    return np.full((_rows(count), 2), _FREE, np.int64)
+
+
+def _table_bytes(count: int) -> int:
+    return 16 * _rows(count)
+
+
+def _rows(count: int) -> int:
+    return 1 << (2 * count + 2).bit_length()
 
 
 @kernel
@@ -209,14 +218,14 @@ def enter_all(table: IntMatrix, cell: IntMatrix) -> None:
 
 
 def code_positions(
-    coder: Coder, extent: tuple[int, int], count: int, points: NDArray[np.int64] | None, most: int,
-    spend: Callable[[int], None],
+    run: Run, extent: tuple[int, int], count: int, points: NDArray[np.int64] | None, most: int,
+    hold: Callable[[int, int], None] | None = None,
 ) -> tuple[int, NDArray[np.int64]]:
     """Code positions in a box.
 
     Parameters
     ----------
-    coder : Coder
+    run : Run
     extent : (int, int)
         Positions are below these.
     count : int
@@ -225,8 +234,8 @@ def code_positions(
         Distinct ones, of an encoder.
     most : int
         Points at most.
-    spend : callable
-        Takes units of work and raises `LimitError` where they are too many.
+    hold : callable, optional
+        Called before each halving with the bytes that it takes, and those more that are let go of at its end.
 
     Returns
     -------
@@ -238,7 +247,7 @@ def code_positions(
     Raises
     ------
     LimitError
-        If there are too many points, or it takes too much work.
+        If there are too many points, or it takes more work than the run may, or more memory than ``hold`` allows.
     """
     sx, sy = map(_log, extent)
     cell = np.zeros((1, 2), np.int64)
@@ -255,16 +264,19 @@ def code_positions(
             side = points[:, axis] >> (sx, sy)[axis] & 1
             truth = np.zeros(len(cell), np.int64)
             np.bitwise_or.at(truth, owner, 1 + side)
+        run.spend(_WORK * len(cell))
+        if hold is not None:
+            hold(2 * cell.nbytes, 2 * cell.nbytes + _table_bytes(len(cell)) + _table_bytes(2 * len(cell)))
         table, halves = _table(len(cell)), _table(2 * len(cell))
         enter_all(table, cell)
         level = Level(cell, np.zeros((2 * len(cell), 2), np.int64), table, halves, size)
-        status = halve(coder, level, truth)
+        status = halve(run.coder, level, truth)
         if status != DONE:
             return status, cell[:0]
         cell = level.half[: size[_LISTED]].copy()
+        del table, halves, level
         if len(cell) > most:
             raise LimitError(f"more than {most:,} points", code="limit-vertices", clause="11.2")
-        spend(_WORK * len(cell))
         if owner is not None:
             # halves of each cell lie one after the other
             behind = np.concatenate([[0], np.cumsum((truth & 1) + (truth >> 1))])

@@ -26,22 +26,34 @@ MOST_SHIFT = 1 << 52
 """From this distance of isovalues on, in steps, values of the one are no bounds for the other (clause 5.9.3)."""
 
 
-def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = False) -> Coder:
-    """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2).
-
-    With ``frame`` that is one of the frame before. Of an isovalue without layers the models are shared.
-    """
-    if lean is not None and not lean.begun and not frame:
-        return lean.coder._replace(reg=CoderRegisters(), buf=np.zeros(size, np.uint8))
-    if lean is not None:
-        cd = gone_on(lean.coder, size)
-        further = frame and header.profile == Profile.MAIN
-        panel = panel_after(lean.coder.blend.panel) if further else no_panel()
-        return cd._replace(blend=cd.blend._replace(panel=panel))
+def first_coder(header: Header, size: int) -> Coder:
+    """A coder with models as at the start of a file."""
     if header.profile == Profile.MAIN:
         prob, seen, blend = shipped_models(len(header.shape))
         return Coder(CoderRegisters(), np.zeros(size, np.uint8), prob, seen, rates(), blend)
     return context_coder(*models(), size)
+
+
+def further_coder(header: Header, earlier: Coder | None, size: int, frame: bool = False) -> Coder:
+    """A coder with copies of the models of an isovalue that is leant on (clause 5.9.2); None of one without layers.
+
+    With ``frame`` that is one of the frame before.
+    """
+    cd = first_coder(header, size) if earlier is None else gone_on(earlier, size)
+    panel = panel_after(cd.blend.panel) if frame and header.profile == Profile.MAIN else no_panel()
+    return cd._replace(blend=cd.blend._replace(panel=panel))
+
+
+def shared_coder(coder: Coder, size: int) -> Coder:
+    """A coder with the same models as another one."""
+    return coder._replace(reg=CoderRegisters(), buf=np.zeros(size, np.uint8))
+
+
+def _leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool) -> Coder:
+    """A coder for an isovalue that begins: of one without layers the models are shared, but across frames."""
+    if lean is None:
+        return first_coder(header, size)
+    return further_coder(header, lean.coder, size, frame) if lean.begun or frame else shared_coder(lean.coder, size)
 
 
 def shift_of(isovalue: float, other: float, scale: float | None) -> tuple[int, int]:
@@ -61,14 +73,16 @@ def shift_of(isovalue: float, other: float, scale: float | None) -> tuple[int, i
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
     truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None, frame: bool = False,
-    coder: Coder | None = None,
+    coder: Coder | None = None, shares: bool | None = None,
 ) -> Tube:
     """The tube of an isovalue, leaning on that of another one or on none, with a mask or without.
 
-    With ``frame`` the other one is that of the frame before. With a coder its models are those of the tube.
+    With ``frame`` the other one is that of the frame before. With a coder its models are those of the tube, and
+    ``shares`` says whether others have them, too.
     """
-    shares = lean is not None and not frame and (coder is not None or not lean.begun)
-    coder = coder or leaning_coder(header, lean, size, frame)
+    if shares is None:
+        shares = lean is not None and not frame and (coder is not None or not lean.begun)
+    coder = coder or _leaning_coder(header, lean, size, frame)
     shape = header.shape
     if lean is None or lean.level < 0:
         return Tube(shape, coder, limits, truth, holes=holes, budget=budget, shares=shares)
@@ -87,7 +101,7 @@ def mask_tube(
     header: Header, size: int, limits: Limits, truth: Truth | None = None, budget: Budget | None = None
 ) -> Tube:
     """Make the tube of a mask, which has separate models (clause 5.10.1)."""
-    return Tube(header.shape, leaning_coder(header, None, size), limits, truth, budget=budget)
+    return Tube(header.shape, first_coder(header, size), limits, truth, budget=budget)
 
 
 def begin_layer(tube: Tube, layer: Layer) -> None:

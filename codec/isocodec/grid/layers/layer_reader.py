@@ -239,11 +239,11 @@ class LayerReader:
             try:
                 tube = self._present(number, run)
                 if not tube.running:
-                    self._account.units += _listed(tube)
+                    run.spend(_listed(tube))
                     self._grant(run)
                     begin_layer(tube, layer)
                     if layer.kind == LayerKind.RASTER:
-                        self._account.spend(math.prod(tube.shape) // WORK)
+                        run.spend(math.prod(tube.shape), WORK)
                 status = tube.advance()
                 while status == CUT and not run.complete:
                     self._grant(run)
