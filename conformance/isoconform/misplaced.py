@@ -23,7 +23,9 @@ from .tiled_file import CODED
 UNKNOWN = next(number for number in range(1, 32) if number not in set(ChunkType))
 """A type of chunk that is none."""
 TYPES = (*ChunkType, UNKNOWN)
-ANCILLARY = {ChunkType.METADATA, ChunkType.INDEX, ChunkType.PROMISES, ChunkType.COORDINATES}
+ANCILLARY = {
+    ChunkType.METADATA, ChunkType.INDEX, ChunkType.PROMISES, ChunkType.COORDINATES, ChunkType.FRAME_END,
+}
 """Types of chunks that are always ancillary (clause 3.5.1)."""
 PAYLOADS = {
     ChunkType.LAYERS: b"\0", ChunkType.CUT_LAYERS: b"\0\0", ChunkType.METADATA: b"{}",
