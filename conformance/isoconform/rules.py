@@ -187,7 +187,7 @@ def _descended(n: int, level: int) -> File:
     """One new component, deep in the largest domain, on the mesh of the root's simplices; a level of phase 0."""
     start = File(write_header(Header((MAX_SIDE[n],) * n, 0.5)), ())
     empty = [("continue", "1"), ("significance", "0")] * level
-    # by turns the second and the third child; the only slot of the cube needs no symbol, TURNED is the last one
+    # by turns the second and the third child; the only slot of the cube needs no symbol, CONTRARY is the last one
     turns = "".join(("01", "001")[i % 2] for i in range(level // n))
     return said(
         start, steps_of((BASE, 0), (ADAPT, 1)), ("origin", "0"), ("component", "0"), *empty, ("continue", "1"),

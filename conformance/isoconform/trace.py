@@ -36,7 +36,7 @@ CONTEXTS = (
     ("OFFSET", "OFFSET", "offset bit", (2, 8, 3, 3)), ("LEVEL", "LEVEL", "level", (3, 2, 4)),
     ("LEVEL_PATH", "LEVEL_PATH", "level", (64,)), ("SPLIT", "SPLIT", "split", (3, 2, 4, 8)),
     ("CONTINUE", "CONTINUE", "continue", ()), ("SEED", "SEED", "base sign", (2, 4, 2)),
-    ("OFFSET_LEAN", "OFFSET_LEAN", "offset bit", (8, 16)), ("TURNED", "TURNED", "significance", ()),
+    ("OFFSET_LEAN", "OFFSET_LEAN", "offset bit", (8, 16)), ("CONTRARY", "CONTRARY", "significance", ()),
     ("VALUE_NEAR", "VALUE_NEAR", "value bit", (16, 2, 16)), ("OFFSET_NEAR", "OFFSET_NEAR", "offset bit", (2, 4, 2, 16)),
 )
 """Names of contexts in the implementation and in clause 7.1, the syntax element, and the numbers of their values."""

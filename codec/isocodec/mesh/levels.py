@@ -12,25 +12,25 @@ from ..kernel.types import IntMatrix, IntVector
 from .before import AGREED, UNKNOWN, learn_agreement, sign_before
 from .hierarchy import MOST_STAR, Round
 from .models import (
+    CHANGED,
     COARSE,
     COARSE_THEN,
     FIT_BOUNDS,
-    LEANS,
     LEVEL_COUNT,
     LEVEL_FIT,
-    LEVEL_LEAN,
     LEVEL_PAST,
     LEVEL_RING,
     LEVEL_SHARE,
     LEVEL_SLOPE,
     LEVEL_THEN,
     LEVEL_THEN_SHARE,
+    LEVEL_TILT,
     MIX_LEVEL,
     MOST_COUNT,
     NEW,
     NEW_THEN,
     PARTS,
-    TURNED,
+    TILTS,
 )
 from .ring_fit import RingEstimates, RingRegisters, gather, weighted
 from .walk import WalkState
@@ -42,11 +42,11 @@ COARSE_PARTS = 16
 TRUST = 180
 """Trust at first, of ``ALL``."""
 ALL = 256
-"""Full trust, and the lean of a vertex around which all lie above."""
+"""Full trust, and the tilt of a vertex around which all lie above."""
 OPEN = 1
 """A vertex that comes back has the sign of its ring, unless it is found to have the other one."""
 LEARNT = 77
-"""Share by which trust and lean of a ring move towards a sign, of ``ALL``."""
+"""Share by which trust and tilt of a ring move towards a sign, of ``ALL``."""
 
 
 @inlined
@@ -103,7 +103,7 @@ def _begin(st, g, v, bit, height):
     st.reg.past = (st.reg.past << 1 | bit) & 63
     g.height[v] = height if bit else -height
     g.trust[v] = TRUST
-    g.lean[v] = ALL >> 1 if bit else -(ALL >> 1)
+    g.tilt[v] = ALL >> 1 if bit else -(ALL >> 1)
 
 
 @kernel
@@ -145,13 +145,13 @@ def code_coarse(
 
 
 @inner
-def _turned(st, g):
+def _changed(st, g):
     """Class of how many vertices of a ring have another sign than in the frame before."""
     count = np.int64(0)
     for i in range(g.reg.count):
         u = g.ring[i]
         count += np.int64(st.before[u] != UNKNOWN and st.before[u] != st.sign[u])
-    return min(count, np.int64(TURNED - 1))
+    return min(count, np.int64(CHANGED - 1))
 
 
 @inner
@@ -183,16 +183,16 @@ def _hear_ring(st, g, cd, target, above, then):
     size = _class_of(abs(reg.fit), reg.far)
     share = _agreeing(g, st.sign, above)
     trust = weighted(g, g.trust)
-    lean = weighted(g, g.lean)
-    lean = min(((ALL + (lean if above else -lean)) * (LEANS >> 1)) >> 8, np.int64(LEANS - 1))
+    tilt = weighted(g, g.tilt)
+    tilt = min(((ALL + (tilt if above else -tilt)) * (TILTS >> 1)) >> 8, np.int64(TILTS - 1))
     like = np.int64(0)
     for i in range(reg.count):
         like += np.int64(st.sign[g.ring[i]] == above)
     clear_opinions(cd)
     hear(cd, LEVEL_FIT + 8 * size + min(trust >> 5, np.int64(7)))
-    hear(cd, LEVEL_RING + LEANS * share + lean)
+    hear(cd, LEVEL_RING + TILTS * share + tilt)
     hear(cd, LEVEL_SHARE + 2 * (PARTS * size + share) + np.int64(st.sign[target] == above))
-    hear(cd, LEVEL_LEAN + LEANS * size + lean)
+    hear(cd, LEVEL_TILT + TILTS * size + tilt)
     many = np.int64(MOST_COUNT)
     hear(cd, LEVEL_COUNT + (MOST_COUNT + 1) * min(reg.count, many) + min(like, many))
     hear(cd, LEVEL_PAST + 16 * size + reg.past)
@@ -201,7 +201,7 @@ def _hear_ring(st, g, cd, target, above, then):
     if st.reg.leans:
         then += 3 * st.reg.agreed
         hear(cd, LEVEL_THEN_SHARE + 12 * (_agreeing(g, st.before, above) + 1) + then)
-        hear(cd, LEVEL_THEN + 12 * (4 * _turned(st, g) + (share >> 2)) + then)
+        hear(cd, LEVEL_THEN + 12 * (4 * _changed(st, g) + (share >> 2)) + then)
     return size
 
 
@@ -213,11 +213,11 @@ def _learn(st, g, v, sign, right):
     if right:
         height = max(height, (abs(reg.fit) << reg.shift) >> 4)
     g.trust[v] = (weighted(g, g.trust) + ALL * right) >> 1
-    g.lean[v] = (weighted(g, g.lean) + (ALL if sign else -ALL)) >> 1
+    g.tilt[v] = (weighted(g, g.tilt) + (ALL if sign else -ALL)) >> 1
     for i in range(reg.count):
         u = g.ring[i]
         g.trust[u] += (LEARNT * (ALL * right - g.trust[u])) >> 8
-        g.lean[u] += (LEARNT * ((ALL if sign else -ALL) - g.lean[u])) >> 8
+        g.tilt[u] += (LEARNT * ((ALL if sign else -ALL) - g.tilt[u])) >> 8
         if st.sign[u] != sign:
             distance = g.distance[i] << reg.shift
             height = min(height, distance)
@@ -257,7 +257,7 @@ def _follow(st, g, v, sign):
     st.sign[v] = sign
     g.height[v] = height if sign else -height
     g.trust[v] = weighted(g, g.trust)
-    g.lean[v] = weighted(g, g.lean)
+    g.tilt[v] = weighted(g, g.tilt)
 
 
 @inlined
@@ -351,7 +351,7 @@ def code_round(
             continue
         sign = np.int64(st.sign[v])
         if st.before[v] != UNKNOWN and st.before[v] != sign:
-            bit = code(cd, NEW_THEN + _turned(st, g), np.int64(st.truth[v] != sign))
+            bit = code(cd, NEW_THEN + _changed(st, g), np.int64(st.truth[v] != sign))
             if bit < 0:
                 return bit
             if bit:

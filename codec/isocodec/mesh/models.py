@@ -19,13 +19,13 @@ CROSSINGS = 4
 """Classes of what is known about where an edge is crossed; as many more where the frame before knows, too."""
 NUMBERS = 4
 """Classes of what is known about a value at a vertex; as many more where the frame before knows, too."""
-TURNED = 4
+CHANGED = 4
 """Numbers of vertices of a ring whose signs are others than in the frame before: so many or more are one class."""
 SHARES = 18
 """Classes of the share of what is around that lies above: none known, 0 to 16."""
 PARTS = 16
 """The share of a ring's weight with a sign is taken in as many parts."""
-LEANS = 12
+TILTS = 12
 """Classes of how far the signs around a ring lean towards one."""
 MOST_COUNT = 30
 """Numbers of vertices of a ring, and of those with a sign: so many or more are one class."""
@@ -47,16 +47,16 @@ CONTEXT = Layout({
     "COARSE": (8 * SHARES, 0.5, 0),
     "COARSE_THEN": (3 * AGREED * SHARES, 0.5, 0),
     "LEVEL_FIT": (8 * SIZES, 0.5, 4),
-    "LEVEL_RING": (LEANS * PARTS, 0.5, 4),
+    "LEVEL_RING": (TILTS * PARTS, 0.5, 4),
     "LEVEL_SHARE": (2 * PARTS * SIZES, 0.5, 4),
-    "LEVEL_LEAN": (LEANS * SIZES, 0.5, 4),
+    "LEVEL_TILT": (TILTS * SIZES, 0.5, 4),
     "LEVEL_COUNT": ((MOST_COUNT + 1) ** 2, 0.5, 4),
     "LEVEL_PAST": (16 * SIZES, 0.5, 4),
     "LEVEL_SLOPE": (24 * SIZES, 0.5, 4),
-    "LEVEL_THEN": (3 * AGREED * TURNED * 4, 0.5, 0),
+    "LEVEL_THEN": (3 * AGREED * CHANGED * 4, 0.5, 0),
     "LEVEL_THEN_SHARE": (3 * AGREED * (PARTS + 1), 0.5, 0),
     "NEW": (16, 0.1, 1),
-    "NEW_THEN": (TURNED, 0.5, 0),
+    "NEW_THEN": (CHANGED, 0.5, 0),
     "UNASKED": (16, 0.1, 1),
     "SPLIT": (4 * MIXED_FACES, 0.5, 0),
     "OFFSET": (2 * CROSSINGS * 4 * DEPTHS, 0.5, 0),
@@ -69,7 +69,7 @@ COARSE, COARSE_THEN, NEW, NEW_THEN = CONTEXT.firsts("COARSE", "COARSE_THEN", "NE
 UNASKED, SPLIT = CONTEXT.firsts("UNASKED", "SPLIT")
 LEVEL_THEN, LEVEL_THEN_SHARE = CONTEXT.firsts("LEVEL_THEN", "LEVEL_THEN_SHARE")
 LEVEL_FIT, LEVEL_RING, LEVEL_SHARE = CONTEXT.firsts("LEVEL_FIT", "LEVEL_RING", "LEVEL_SHARE")
-LEVEL_LEAN, LEVEL_COUNT = CONTEXT.firsts("LEVEL_LEAN", "LEVEL_COUNT")
+LEVEL_TILT, LEVEL_COUNT = CONTEXT.firsts("LEVEL_TILT", "LEVEL_COUNT")
 LEVEL_PAST, LEVEL_SLOPE = CONTEXT.firsts("LEVEL_PAST", "LEVEL_SLOPE")
 OFFSET, VALUE = CONTEXT.firsts("OFFSET", "VALUE")
 MIX_SIGN = 0
@@ -100,19 +100,19 @@ LEVEL_WEIGHT = 11000
 """Mixing weight of opinions on signs of vertices that come back."""
 BY_SIZE = (51, 57, 64, 74, 85, 94, 98, 99, 99, 97, 91)
 BY_SHARE = (46, 46, 51, 55, 60, 60, 62, 65, 68, 72, 79, 84, 90, 95, 98, 99)
-BY_LEAN = (61, 72, 73, 74, 78, 82, 85, 87, 91, 93, 95, 95)
+BY_TILT = (61, 72, 73, 74, 78, 82, 85, 87, 91, 93, 95, 95)
 """Hundredths of fits with the right sign: by the class of their size, the share of their ring with that sign, and how
 far signs around lean towards it."""
 
 
 def _level_starts() -> dict[int, NDArray[np.int64]]:
     """Sums of two beginnings, in hundredths, of the contexts of signs of vertices that come back, by the first one."""
-    size, share, lean = (np.array(each) for each in (BY_SIZE, BY_SHARE, BY_LEAN))
+    size, share, tilt = (np.array(each) for each in (BY_SIZE, BY_SHARE, BY_TILT))
     k, a = np.divmod(np.arange((MOST_COUNT + 1) ** 2), MOST_COUNT + 1)
     counted = share[np.minimum(a * PARTS // np.maximum(k, 1), PARTS - 1)]
     return {
-        LEVEL_FIT: np.repeat(2 * size, 8), LEVEL_RING: (share[:, None] + lean).ravel(),
-        LEVEL_SHARE: np.repeat((size[:, None] + share).ravel(), 2), LEVEL_LEAN: (size[:, None] + lean).ravel(),
+        LEVEL_FIT: np.repeat(2 * size, 8), LEVEL_RING: (share[:, None] + tilt).ravel(),
+        LEVEL_SHARE: np.repeat((size[:, None] + share).ravel(), 2), LEVEL_TILT: (size[:, None] + tilt).ravel(),
         LEVEL_COUNT: 2 * counted, LEVEL_PAST: np.repeat(2 * size, 16), LEVEL_SLOPE: np.repeat(2 * size, 24),
     }
 

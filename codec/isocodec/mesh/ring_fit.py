@@ -52,7 +52,7 @@ class RingEstimates(NamedTuple):
     """Estimates at V vertices, and the ring of one.
 
     ``position`` (V, 3); ``height`` (V,): estimated distances above the isovalue, in units of positions; ``trust``
-    (V,): shares of signs around that were those of the fit, in 1/256; ``lean`` (V,): means of signs around, from -256
+    (V,): shares of signs around that were those of the fit, in 1/256; ``tilt`` (V,): means of signs around, from -256
     to 256; ``mark`` (V + 1,); ``ring``, ``square``, ``distance``, ``weight``, ``level`` (R,): vertices of the ring,
     with squares of their distances, distances, weights and heights, of shifted positions; ``side`` (R, 3): differences;
     ``mean`` (3,): weighted means of these.
@@ -61,7 +61,7 @@ class RingEstimates(NamedTuple):
     position: IntMatrix
     height: IntVector
     trust: IntVector
-    lean: IntVector
+    tilt: IntVector
     mark: IntVector
     ring: IntVector
     square: IntVector

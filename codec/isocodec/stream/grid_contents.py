@@ -376,3 +376,4 @@ class GridContents:
             if tube is not None:
                 self._budget.release(tube, tube.estimates)
                 self._reader.drop(i)
+                self._strands.drop(i)

@@ -135,10 +135,6 @@ class SurfaceContents:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
         return contour_of_tin(self.tin(), isovalue)
 
-    def _hold(self, size: int, passing: int) -> None:
-        """Check that there is room for so many bytes, in all."""
-        self._session.budget.check(size + passing)
-
     def _decoded(self, payload: bytes, start: int, whole: bool) -> tuple[TinHead, SurfaceLayers]:
         """Decode a payload, or its beginning; an invalid head is refused only with verified checksums (``whole``)."""
         if not payload:
@@ -153,9 +149,7 @@ class SurfaceContents:
         most = min(limits.vertices, limits.memory // PER_POINT)
         account = Account(limits.symbols, limits.work)
         arrived = self._chunk is not None and self._chunk.end <= len(self._session.data)
-        parts = decoded(
-            payload[at:], head.counts, head.extent, head.largest, most, account, start + at, arrived, self._hold
-        )
+        parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, account, start + at, arrived)
         if len(parts.points) < 3:
             raise _early(len(self._session.data))
         return head, parts

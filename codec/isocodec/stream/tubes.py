@@ -181,9 +181,7 @@ class Tubes:
                 f"more than {self._limits.isovalues} isovalues", code="limit-isovalues", offset=offset, clause="11.2"
             )
         self.settle()
-        if self._header is None or self._empty is None:
-            self._header, self._empty = header, leaning_tube(header, 0.0, None, 0.0, 0, self._limits)
-            self._empty.rest()
+        self._header = header
         before = self.progresses[-1] if self.progresses else Progress(0)
         if not self._is_wanted(number):
             self.all.append(None)
@@ -191,7 +189,7 @@ class Tubes:
             return
         if lean is not None and self.all[lean] is None:
             raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded", code="only")
-        before = replace(before, full_level=self._empty.full_level)
+        before = replace(before, full_level=self._nothing.full_level)
         self.progresses.append(before.begin(None if lean is None else self.progresses[lean]))
         self._wait(number, lean)
 
@@ -215,9 +213,8 @@ class Tubes:
         earlier, progresses = (self.before, self._progresses_before) if event.before else (self.all, self.progresses)
         if lean is not None and (lean >= len(earlier) or earlier[lean] is None):
             raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded", code="only")
-        assert self._empty is not None
         layers = self.progresses[-1].layers if self.progresses else 0
-        before = Progress(self._empty.full_level, layers=layers)
+        before = Progress(self._nothing.full_level, layers=layers)
         self.progresses.append(before.begin(None if lean is None else progresses[lean]))
         self._wait(number, lean, event.before)
 
@@ -249,7 +246,22 @@ class Tubes:
             assert earlier is not None
             models = _Models(earlier.coder, True) if before else _Models(self._models_of(lean, earlier))
         self._waiting[number] = _Waiting(models, lean, earlier, before)
-        self.all.append(self._empty)
+        self.all.append(self._nothing)
+
+    @property
+    def _nothing(self) -> Tube:
+        """The tube of isovalues without layers."""
+        if self._empty is None:
+            assert self._header is not None
+            self._empty = leaning_tube(self._header, 0.0, None, 0.0, 0, self._limits)
+            self._empty.rest()
+        return self._empty
+
+    def drop(self, number: int) -> None:
+        """Forget what an isovalue would begin with, whose tube has been dropped."""
+        self._waiting.pop(number, None)
+        if not any(self.all):
+            self._empty = None
 
     def _models_of(self, number: int, tube: Tube) -> Coder:
         """Models of an isovalue that has had its layers; others with the same ones may change them later."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,10 +73,8 @@ def rounds(count: int) -> NDArray[np.int64]:
 class _Surface:
     """Points and numbers of the layers so far, in either direction."""
 
-    def __init__(
-        self, run: Run, extent: tuple[int, int], most: int, hold: Callable[[int, int], None] | None = None
-    ) -> None:
-        self.run, self.extent, self.most, self._hold = run, extent, most, hold
+    def __init__(self, run: Run, extent: tuple[int, int], most: int) -> None:
+        self.run, self.extent, self.most = run, extent, most
         self.points = np.zeros((0, 2), np.int64)
         self.numbers = np.zeros(0, np.int64)
         self.corners = np.zeros((0, 2), np.int64)
@@ -87,7 +85,7 @@ class _Surface:
     ) -> int:
         """Code the next layer; a status."""
         coder = self.run.coder
-        status, found = code_positions(self.run, self.extent, count, points, self.most, self._hold)
+        status, found = code_positions(self.run, self.extent, count, points, self.most)
         if status != DONE:
             return status
         known = len(self.points)
@@ -171,7 +169,7 @@ def encoded(layers: SurfaceLayers, extent: tuple[int, int], largest: int) -> byt
 
 def decoded(
     data: bytes, counts: Sequence[int], extent: tuple[int, int], largest: int, most: int, account: Account,
-    at: int = 0, whole: bool = True, hold: Callable[[int, int], None] | None = None,
+    at: int = 0, whole: bool = True,
 ) -> SurfaceLayers:
     """Inverse of ``encoded``.
 
@@ -191,8 +189,6 @@ def decoded(
         Where the run lies in the file.
     whole : bool
         Whether these are all bytes of the run; if not, what they hold is decoded.
-    hold : callable, optional
-        As of `code_positions`.
 
     Raises
     ------
@@ -202,7 +198,7 @@ def decoded(
         If it takes more than the account allows.
     """
     run = whole_run(new_coder(), data, account, at, last=whole)
-    surface = _Surface(run, extent, most, hold)
+    surface = _Surface(run, extent, most)
     places: list[int] = []
     for count in counts:
         status = surface.layer(count, largest, None, None)

@@ -3,7 +3,7 @@
 /** First numbers of the contexts of each name (7.10(2)). */
 export const ORIGIN = 0, COMPONENT = 3, ROOT = 4, PATH = 5, FIRST = 7, CURVE = 31, SURFACE = 319, TREE = 895, LEAF = 970,
   SIGN = 1030, VALUE = 2150, OFFSET = 2462, LEVEL = 2606, LEVEL_PATH = 2630, SPLIT = 2694, CONTINUE = 2886, SEED = 2887,
-  OFFSET_LEAN = 2903, TURNED = 3031, VALUE_NEAR = 3032, OFFSET_NEAR = 3544, CLASS = 3800, CONTEXTS = 5368;
+  OFFSET_LEAN = 2903, CONTRARY = 3031, VALUE_NEAR = 3032, OFFSET_NEAR = 3544, CLASS = 3800, CONTEXTS = 5368;
 
 /** Probabilities and counters by context. */
 export interface Contexts {
@@ -36,7 +36,7 @@ const BEGINNINGS: readonly (readonly [number, number, number, number])[] = [
   [CONTINUE, 1, 52429, 2],
   [SEED, 16, 32768, 2],
   [OFFSET_LEAN, 128, 32768, 2],
-  [TURNED, 1, 1311, 2],
+  [CONTRARY, 1, 1311, 2],
   // VALUE_NEAR and OFFSET_NEAR: a `p` of 0 stands for that of the context above (7.1(4))
   [VALUE_NEAR, 768, 0, 0],
 ];

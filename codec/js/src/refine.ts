@@ -1,5 +1,5 @@
 /** Rounds of refinement, uniform and adaptive, and new components (5.4, 5.5, 5.8.4). */
-import { CONTINUE, LEAF, SIGN as SIGNS, SPLIT, TREE, TURNED } from "./models.js";
+import { CONTINUE, LEAF, SIGN as SIGNS, SPLIT, TREE, CONTRARY } from "./models.js";
 import { eachOnce } from "./order.js";
 import { EXPLICIT, Ints, KNOWN, OUT, SIGN } from "./store.js";
 import { MIDDLE } from "./tables.js";
@@ -317,7 +317,7 @@ export class Rounds {
         sign = t.infer(x + d.corner[at]! * g, y + d.corner[at + 1]! * g, z + d.corner[at + 2]! * g);
         if (t.adapted) {
           let bit: number;
-          while ((bit = t.coder.bit(TURNED)) < 0) yield;
+          while ((bit = t.coder.bit(CONTRARY)) < 0) yield;
           if (bit) sign = 1 - sign;
         }
       }

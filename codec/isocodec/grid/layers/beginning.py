@@ -77,8 +77,8 @@ def leaning_tube(
 ) -> Tube:
     """The tube of an isovalue, leaning on that of another one or on none, with a mask or without.
 
-    With ``frame`` the other one is that of the frame before. With a coder its models are those of the tube, and
-    ``shares`` says whether others have them, too.
+    With ``frame`` the other one is that of the frame before. With a coder its models are those of the tube;
+    ``shares``: others have them, too.
     """
     if shares is None:
         shares = lean is not None and not frame and (coder is not None or not lean.begun)

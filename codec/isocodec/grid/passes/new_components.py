@@ -123,15 +123,15 @@ def _sign_of_new(st, cd, diamond, seen):
         st.counters.error = OUT_OF_STEPS
         return np.int64(BAD)
     if st.counters.adapted:
-        turned = np.int64(0)
+        contrary = np.int64(0)
         if cd.reg.mode == ENCODE:
             x, y, z = middle_position(diamond)
-            turned = np.int64(sign == truth(st, x, y, z))
-        turned = code(cd, ctx.TURNED, turned)
-        if turned < 0:
-            return turned
+            contrary = np.int64(sign == truth(st, x, y, z))
+        contrary = code(cd, ctx.CONTRARY, contrary)
+        if contrary < 0:
+            return contrary
         st.tally[SIGNIFICANCE] += 1
-        sign ^= turned
+        sign ^= contrary
     return 1 - sign
 
 

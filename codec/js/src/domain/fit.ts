@@ -6,10 +6,10 @@ import { root, scaleOf } from "./shapes.js";
 const MOST = 256;
 
 export class RingFit {
-  /** Estimates of each vertex: height, trust, and lean. */
+  /** Estimates of each vertex: height, trust, and tilt. */
   readonly height: Float64Array;
   readonly trust: Int32Array;
-  readonly lean: Int32Array;
+  readonly tilt: Int32Array;
   /** The ring, its vertices' weights and distances, and how many there are. */
   readonly ring = new Int32Array(MOST);
   readonly weight = new Float64Array(MOST);
@@ -29,7 +29,7 @@ export class RingFit {
   constructor(private readonly p: Float64Array, private readonly V: number) {
     this.height = new Float64Array(V);
     this.trust = new Int32Array(V);
-    this.lean = new Int32Array(V);
+    this.tilt = new Int32Array(V);
     this.mark = new Int32Array(V);
   }
 

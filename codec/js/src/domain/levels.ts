@@ -81,7 +81,7 @@ export class Levels {
         this.past = ((this.past << 1) & 63) | s;
         fit.height[v] = s ? height : -height;
         fit.trust[v] = 180;
-        fit.lean[v] = s ? 128 : -128;
+        fit.tilt[v] = s ? 128 : -128;
         for (const u of around) if (sign[u]! < 0) queue.push(u);
       }
       queue.length = 0;
@@ -101,7 +101,7 @@ export class Levels {
       const v = vertices[i]!;
       if (!this.returns(o, v, targets[i]!, faces, n * (ends[i - 1] ?? 0), n * ends[i]!)) continue;
       if (then && then[v]! >= 0 && then[v] !== sign[v]) {
-        if (o.coder.bit(C.NEW_THEN + this.turned())) this.flip(v);
+        if (o.coder.bit(C.NEW_THEN + this.changed())) this.flip(v);
       } else candidates.push(v);
     }
     for (const i of this.sought(o, C.NEW, candidates.length)) this.flip(candidates[i]!);
@@ -124,11 +124,11 @@ export class Levels {
   }
 
   /** How many of the ring have another sign than then, at most 3. */
-  private turned(): number {
+  private changed(): number {
     const { contour: { sign, then }, fit: { ring, count } } = this;
-    let turned = 0;
-    if (then) for (let i = 0; i < count; i++) if (then[ring[i]!]! >= 0 && then[ring[i]!] !== sign[ring[i]!]) turned++;
-    return Math.min(turned, 3);
+    let changed = 0;
+    if (then) for (let i = 0; i < count; i++) if (then[ring[i]!]! >= 0 && then[ring[i]!] !== sign[ring[i]!]) changed++;
+    return Math.min(changed, 3);
   }
 
   /** The share of the ring that has the sign `above`, of known ones; -1 without any. */
@@ -147,23 +147,23 @@ export class Levels {
   /** The sign of a vertex whose ring has both. */
   private between(o: Opinions, v: number, target: number, known: number): void {
     const { contour, contour: { sign, then }, fit, fit: { ring, count, far, value } } = this, above = value > 0 ? 1 : 0;
-    const t = fit.mean(fit.trust), g = fit.mean(fit.lean);
+    const t = fit.mean(fit.trust), g = fit.mean(fit.tilt);
     let right = known === above ? 1 : 0;
     if (known < 0) {
       const ratio = Math.floor((4 * Math.abs(value)) / far), share = this.agreeing(sign, above);
       let size = 0, like = 0;
       for (const bound of BOUNDS) if (ratio >= bound) size++;
       for (let i = 0; i < count; i++) if (sign[ring[i]!] === above) like++;
-      const lean = Math.min(Math.floor(((256 + (above ? g : -g)) * 6) / 256), 11);
+      const tilt = Math.min(Math.floor(((256 + (above ? g : -g)) * 6) / 256), 11);
       const slope = Math.min(Math.floor((6 * fit.slope) / 16384), 7);
-      o.context(C.LEVEL_FIT + 8 * size + Math.min(t >> 5, 7)).context(C.LEVEL_RING + 12 * share + lean)
+      o.context(C.LEVEL_FIT + 8 * size + Math.min(t >> 5, 7)).context(C.LEVEL_RING + 12 * share + tilt)
         .context(C.LEVEL_SHARE + 2 * (16 * size + share) + (sign[target] === above ? 1 : 0))
-        .context(C.LEVEL_LEAN + 12 * size + lean).context(C.LEVEL_COUNT + 31 * Math.min(count, 30) + Math.min(like, 30))
+        .context(C.LEVEL_TILT + 12 * size + tilt).context(C.LEVEL_COUNT + 31 * Math.min(count, 30) + Math.min(like, 30))
         .context(C.LEVEL_PAST + 16 * size + this.right).context(C.LEVEL_SLOPE + 3 * (8 * size + slope) + Math.min((3 * t) >> 8, 2));
       if (then) {
         const y = 3 * contour.agreed + contour.was(v, above);
         o.context(C.LEVEL_THEN_SHARE + 12 * (this.agreeing(then, above) + 1) + y)
-          .context(C.LEVEL_THEN + 12 * (4 * this.turned() + (share >> 2)) + y);
+          .context(C.LEVEL_THEN + 12 * (4 * this.changed() + (share >> 2)) + y);
       }
       right = o.bit(sets.LEVEL + size);
     }
@@ -175,15 +175,15 @@ export class Levels {
 
   /** What is learnt from a sign (10.8.5(3)). */
   private learn(v: number, s: number, right: number, t: number, g: number): void {
-    const { contour: { sign }, fit: { ring, count, far, value, unit, height, trust, lean, distance } } = this, z = s ? 256 : -256;
+    const { contour: { sign }, fit: { ring, count, far, value, unit, height, trust, tilt, distance } } = this, z = s ? 256 : -256;
     let size = Math.floor((3 * far * unit) / 5);
     if (right) size = Math.max(size, Math.floor((Math.abs(value) * unit) / 16));
     trust[v] = (t + 256 * right) >> 1;
-    lean[v] = (g + z) >> 1;
+    tilt[v] = (g + z) >> 1;
     for (let i = 0; i < count; i++) {
       const u = ring[i]!;
       trust[u]! += (77 * (256 * right - trust[u]!)) >> 8;
-      lean[u]! += (77 * (z - lean[u]!)) >> 8;
+      tilt[u]! += (77 * (z - tilt[u]!)) >> 8;
       if (sign[u] === s) continue;
       const a = distance[i]! * unit, l = Math.abs(height[u]!);
       size = Math.min(size, a);
@@ -200,7 +200,7 @@ export class Levels {
     sign[v] = s;
     fit.height[v] = s ? size : -size;
     fit.trust[v] = fit.mean(fit.trust);
-    fit.lean[v] = fit.mean(fit.lean);
+    fit.tilt[v] = fit.mean(fit.tilt);
   }
 
   /** A vertex has another sign than its ring. */

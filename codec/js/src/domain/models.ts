@@ -55,7 +55,7 @@ export const LAYERS = new Layout([
   ["COMPONENT", 1, 52429, 1], ["FIRST", 16, 32768, 0], ["SIGN_SURE", 24, 45875, 2], ["SIGN_RING", 72, 45875, 1],
   ["SIGN_PAST", 128, 45875, 1], ["SIGN_BOTH", 216, 45875, 1], ["SIGN_THEN", 108, 45875, 1],
   ["SIGN_THEN_SURE", 216, 45875, 1], ["COARSE", 144, 32768, 0], ["COARSE_THEN", 216, 32768, 0],
-  ["LEVEL_FIT", 88, 0, 4], ["LEVEL_RING", 192, 0, 4], ["LEVEL_SHARE", 352, 0, 4], ["LEVEL_LEAN", 132, 0, 4],
+  ["LEVEL_FIT", 88, 0, 4], ["LEVEL_RING", 192, 0, 4], ["LEVEL_SHARE", 352, 0, 4], ["LEVEL_TILT", 132, 0, 4],
   ["LEVEL_COUNT", 961, 0, 4], ["LEVEL_PAST", 176, 0, 4], ["LEVEL_SLOPE", 264, 0, 4],
   ["LEVEL_THEN", 192, 32768, 0], ["LEVEL_THEN_SHARE", 204, 32768, 0], ["NEW", 16, 6554, 1], ["NEW_THEN", 4, 32768, 0],
   ["UNASKED", 16, 6554, 1], ["SPLIT", 24, 32768, 0],
@@ -64,7 +64,7 @@ export const LAYERS = new Layout([
 
 /** How often a fit has the right sign, in hundredths: by its size, the share of its ring, and the signs around. */
 const SIZE = [51, 57, 64, 74, 85, 94, 98, 99, 99, 97, 91], SHARE = [46, 46, 51, 55, 60, 60, 62, 65, 68, 72, 79, 84, 90, 95, 98, 99],
-  LEAN = [61, 72, 73, 74, 78, 82, 85, 87, 91, 93, 95, 95];
+  TILT = [61, 72, 73, 74, 78, 82, 85, 87, 91, 93, 95, 95];
 
 /** Models of an isovalue as they begin (10.4.1). */
 export function layerModels(): Models {
@@ -73,9 +73,9 @@ export function layerModels(): Models {
     for (let i = 0; i < count; i++) models.p[first + i] = Math.round((sum(i) * 65536) / 200);
   };
   start(at.LEVEL_FIT, 88, (i) => 2 * SIZE[i >> 3]!);
-  start(at.LEVEL_RING, 192, (i) => SHARE[Math.floor(i / 12)]! + LEAN[i % 12]!);
+  start(at.LEVEL_RING, 192, (i) => SHARE[Math.floor(i / 12)]! + TILT[i % 12]!);
   start(at.LEVEL_SHARE, 352, (i) => SIZE[i >> 5]! + SHARE[(i >> 1) & 15]!);
-  start(at.LEVEL_LEAN, 132, (i) => SIZE[Math.floor(i / 12)]! + LEAN[i % 12]!);
+  start(at.LEVEL_TILT, 132, (i) => SIZE[Math.floor(i / 12)]! + TILT[i % 12]!);
   start(at.LEVEL_COUNT, 961, (i) => 2 * SHARE[Math.min(Math.floor((16 * (i % 31)) / Math.max(Math.floor(i / 31), 1)), 15)]!);
   start(at.LEVEL_PAST, 176, (i) => 2 * SIZE[i >> 4]!);
   start(at.LEVEL_SLOPE, 264, (i) => 2 * SIZE[Math.floor(i / 24)]!);
