@@ -17,9 +17,14 @@ from isocodec.entropy.range_coder import code
 from isocodec.entropy.run import Account, ReadingRun, WritingRun, whole_run
 from isocodec.errors import FormatError, LimitError
 from isocodec.field.placement import Placement
+from isocodec.format.events import CoordinatesRead, DomainRead, LayerComplete, MaskComplete, MeshLayerComplete
+from isocodec.format.kinds import LayerKind
 from isocodec.kernel import BAD, DONE, NEED
 from isocodec.limits import WORK_STEPS
 from isocodec.stream.grid_contents import GridContents
+from isocodec.stream.plan_file import read_plan
+from isoconform.explicit import some_nodes, with_cuts
+from isospec.container import ChunkType, DomainKind, MeshLayer
 
 # --- runs by themselves -----------------------------------------------------------------------------------------------
 
@@ -156,6 +161,14 @@ def on_mesh(base: Mesh = PLANE, precision: str | None = None, **options) -> byte
     return isocodec.encode(isocodec.Mesh(*base, wavy(base[0]), **options), 3, precision=precision)
 
 
+def planned(plan: str) -> bytes:
+    return isocodec.encode(HILLS, 0, layers=read_plan(plan))
+
+
+def on_cuts() -> bytes:
+    return with_cuts(isocodec.Mesh(*PLANE, wavy(PLANE[0])), 3, some_nodes(5), precision="signs")
+
+
 def surface() -> bytes:
     return isocodec.encode(isocodec.thin(HILLS.astype(float), error=3.0, layers=3))
 
@@ -170,13 +183,47 @@ KINDS: dict[str, tuple[Callable[[], bytes], int]] = {
     "coded mesh of space": (partial(on_mesh, SPACE, stored="whole"), 3),
     "coded points": (partial(on_mesh, (PLANE[0], None)), 3),
     "surface": (surface, 1),
+    "raster layer": (partial(planned, "raster"), 1),
+    "adaptive base": (partial(planned, "adaptive-base distortion=2\nadapt distortion=0.5"), 1),
+    "offsets": (partial(isocodec.encode, HILLS, 0, precision=0.05, layers=3), 1),
+    "cuts": (on_cuts, 1),
 }
 """Files, and how many runs they have at least."""
 
 
+KNOWN = ("signs, offsets", "levels, values", "cuts")
+"""Files that do not hold their mesh."""
+
+
+def kinds_of_runs(kind: str) -> set[object]:
+    """What the runs of a file hold: layers of a grid or of a mesh, meshes, a surface, a mask or coordinates."""
+    decoder, out = Decoder(mesh=PLANE if kind in KNOWN else None), set[object]()
+    decoder.feed(KINDS[kind][0]())
+    for event in decoder:
+        match event:
+            case LayerComplete():
+                out.add(event.layer.kind)
+            case MeshLayerComplete():
+                out.add(MeshLayer[event.kind.upper()])
+            case MaskComplete():
+                out.add(ChunkType.MASK)
+            case CoordinatesRead():
+                out.add(ChunkType.COORDINATES)
+            case DomainRead():
+                out.add(DomainKind.POINTS if decoder.outline.domain is None else decoder.outline.domain.kind)
+    return out
+
+
+def test_every_kind_of_run_is_here():
+    """Each one is bounded by the tests below."""
+    of_meshes = {*MeshLayer, *DomainKind} - {DomainKind.KNOWN}
+    found = set[object]().union(*map(kinds_of_runs, KINDS))
+    assert found - {DomainKind.KNOWN} == {*LayerKind, *of_meshes, ChunkType.MASK, ChunkType.COORDINATES}
+
+
 def decode(kind: str, data: bytes, limits: Limits | None = None) -> None:
     """Decode all runs of a file; where a limit is met, nothing is held of what went beyond it."""
-    known = PLANE if kind in ("signs, offsets", "levels, values") else None
+    known = PLANE if kind in KNOWN else None
     decoder = Decoder(limits, mesh=known)
     decoder.feed(data)
     try:
