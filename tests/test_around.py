@@ -22,7 +22,7 @@ from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
 from isocodec.format.events import LayerComplete
 from isocodec.grid.tube.capacity import at_rest, wider_state
-from isocodec.limits import LEVELS, Budget
+from isocodec.limits import TIERS, Budget
 from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.inspect import inspect
@@ -133,9 +133,9 @@ def test_points_in_the_middles_of_cells_are_smoothed_with_the_others():
 # --- limits -----------------------------------------------------------------------------------------------------------
 
 
-def test_levels_leave_room_for_the_symbol_and_the_step_that_is_asked_for():
-    for number, (_, _, symbols, steps, _) in LEVELS.items():
-        limits = Limits.level(number)
+def test_tiers_leave_room_for_the_symbol_and_the_step_that_is_asked_for():
+    for number, (_, _, symbols, steps, _) in TIERS.items():
+        limits = Limits.tier(number)
         assert limits.symbols > symbols and limits.steps > steps
 
 

@@ -16,7 +16,7 @@ from brute import INTERPRETED
 from isocodec import Decoder, Limits
 from isocodec.errors import LimitError
 from isocodec.grid.models.trained import shipped_models
-from isocodec.limits import LEVELS
+from isocodec.limits import TIERS
 from isoconform import decoders, runner
 from isoconform.__main__ import main
 from isoconform.circle import CENTRE, RADIUS
@@ -153,33 +153,33 @@ def test_vectors_of_the_main_profile_use_every_kind_of_symbols(n):
     assert set(np.flatnonzero(~used)) == ({4, 5, 10, 11, 45, 48} if n == 2 else set())
 
 
-@pytest.mark.parametrize("level", LEVELS)
-def test_levels_of_conformance(level):
-    """Within the counts of its level every vector decodes; some beyond level 0 do not, and exit with 6 then."""
-    limits = Limits.level(level)
+@pytest.mark.parametrize("tier", TIERS)
+def test_tiers_of_conformance(tier):
+    """Within the counts of its tier every vector decodes; some beyond tier 0 do not, and exit with 6 then."""
+    limits = Limits.tier(tier)
     refused = 0
     for vector in LIGHT:
-        if vector.expected.status == ERROR or (INTERPRETED and vector.level):
+        if vector.expected.status == ERROR or (INTERPRETED and vector.tier):
             continue
         output = dump_file(HOME / vector.file, limits=limits)
-        if vector.level <= level:
+        if vector.tier <= tier:
             assert digest(output.text) == vector.expected.state, vector.name
         refused += output.exit_code == LimitError.exit_code
-    assert (refused >= 3) == (level == 0) or INTERPRETED
+    assert (refused >= 3) == (tier == 0) or INTERPRETED
 
 
-@pytest.mark.parametrize("level, code, passes", [(0, 6, True), (1, 6, False), (1, 0, False), (0, 4, False)])
-def test_a_decoder_may_refuse_what_its_level_does_not_ask_for(level, code, passes):
-    vector = next(v for v in VECTORS if v.level == 1 and v.expected.status == OK)
-    (result,) = runner.run([vector], HOME, lambda path, layers: (code, ""), level=level)
+@pytest.mark.parametrize("tier, code, passes", [(0, 6, True), (1, 6, False), (1, 0, False), (0, 4, False)])
+def test_a_decoder_may_refuse_what_its_tier_does_not_ask_for(tier, code, passes):
+    vector = next(v for v in VECTORS if v.tier == 1 and v.expected.status == OK)
+    (result,) = runner.run([vector], HOME, lambda path, layers: (code, ""), tier=tier)
     assert result.passed == passes
 
 
 @pytest.mark.parametrize("code, passes", [(6, True), (4, True), (0, False), (5, False), (-9, False)])
-def test_nobody_has_to_decode_what_is_beyond_all_levels(code, passes):
-    (vector,) = (v for v in VECTORS if v.expected.status == LIMIT)
-    (result,) = runner.run([vector], HOME, lambda path, layers: (code, ""))
-    assert result.passed == passes
+def test_nobody_has_to_decode_what_is_beyond_all_tiers(code, passes):
+    beyond = [v for v in VECTORS if v.expected.status == LIMIT]
+    results = runner.run(beyond, HOME, lambda path, layers: (code, ""))
+    assert beyond and [result.passed for result in results] == [passes] * len(beyond)
 
 
 def test_a_file_on_another_mesh_has_an_exit_code_of_its_own():
@@ -252,7 +252,7 @@ import resource, sys, time, tracemalloc
 from brute import INTERPRETED
 from isocodec import Decoder, Limits
 from isocodec.errors import LimitError
-from isocodec.limits import LEVELS
+from isocodec.limits import TIERS
 from isocodec.grid.models.trained import shipped_models
 from isospec.tables import KINDS
 

@@ -394,7 +394,7 @@ def test_damaged_bytes_never_crash():
         for at in rng.integers(8, len(data) - 4, rng.integers(1, 4)):
             bad[at] = rng.integers(256)
         try:
-            for _curves in isocodec.open(with_checksum(bytes(bad)), limits=Limits.level(0)).each_frame():
+            for _curves in isocodec.open(with_checksum(bytes(bad)), limits=Limits.tier(0)).each_frame():
                 pass
         except IsoError:
             pass

@@ -284,7 +284,7 @@ def test_hostile_masks() -> None:
         junk = write_chunk(ChunkType.MASK, bytes(rng.integers(0, 256, int(rng.integers(0, 60)), np.uint8)))
         for parts in ([junk, layers], [layers, junk]):
             with pytest.raises(isocodec.IsoError):
-                isocodec.decode(joined(data, parts), limits=isocodec.Limits.level(0))
+                isocodec.decode(joined(data, parts), limits=isocodec.Limits.tier(0))
                 raise FormatError("by chance a mask", code="none")
 
 

@@ -401,8 +401,10 @@ def test_values_of_floats_follow_exactly(n):
                 at = tuple(state.position.T)
                 assert np.array_equal(state.above, field[at] > np.float64(isovalue))
                 known = state.missing == 0
-                assert np.array_equal(state.number[known], steps_of(field, isovalue, step)[at][known])
-                assert np.count_nonzero(known) or not len(decoder.contour(number).points)
+                # of a curve that is nowhere no bits are sent
+                if len(decoder.contour(number).points):
+                    assert np.array_equal(state.number[known], steps_of(field, isovalue, step)[at][known])
+                    assert np.count_nonzero(known)
 
     run()
 

@@ -65,13 +65,13 @@ def test_sizes_are_told_in_units():
     assert [in_units(size) for size in (5, 2048, 3 << 19, 1 << 30)] == ["5 bytes", "2 KiB", "1.5 MiB", "1 GiB"]
 
 
-def test_levels():
+def test_tiers():
     # with room for the step that is asked for before it is known to be needed
-    assert 1 << 14 <= Limits.level(0).vertices < (1 << 14) + 100
-    assert Limits.level(1).isovalues == MAX_ISOVALUES == Limits().isovalues
-    assert all(a <= b for a, b in zip(*(module.LEVELS[i] for i in (0, 1)), strict=True))
+    assert 1 << 14 <= Limits.tier(0).vertices < (1 << 14) + 100
+    assert Limits.tier(1).isovalues == MAX_ISOVALUES == Limits().isovalues
+    assert all(a <= b for a, b in zip(*(module.TIERS[i] for i in (0, 1)), strict=True))
     with pytest.raises(OptionError):
-        Limits.level(2)
+        Limits.tier(2)
 
 
 # --- memory -----------------------------------------------------------------------------------------------------------

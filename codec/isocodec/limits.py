@@ -89,17 +89,17 @@ class Limits:
     work: int = 1 << 23
 
     @classmethod
-    def level(cls, number: int) -> Limits:
-        """The counts that every decoder of a level of conformance has to be able to do (spec clause 11.3).
+    def tier(cls, number: int) -> Limits:
+        """The counts that every decoder of a tier of conformance has to be able to do (spec clause 11.3).
 
         Raises
         ------
         OptionError
-            If there is no such level.
+            If there is no such tier.
         """
-        if number not in LEVELS:
-            raise OptionError(f"there is no level {number}", code="level", remedy="levels are 0 and 1")
-        vertices, simplices, symbols, steps, isovalues = LEVELS[number]
+        if number not in TIERS:
+            raise OptionError(f"there is no tier {number}", code="tier", remedy="tiers are 0 and 1")
+        vertices, simplices, symbols, steps, isovalues = TIERS[number]
         # room for a step is asked for before it is known to be needed
         return cls(
             vertices=vertices + _STEP, simplices=simplices + _STEP, symbols=symbols + 1, steps=steps + 1,
@@ -107,7 +107,7 @@ class Limits:
         )
 
 
-LEVELS = {
+TIERS = {
     0: (1 << 14, 1 << 15, 1 << 20, 1 << 20, 4),
     1: (1 << 19, 1 << 20, 1 << 23, 1 << 24, ISOVALUES),
 }

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from isocodec.limits import LEVELS, Limits
+from isocodec.limits import TIERS, Limits
 
 from .decoders import TIMEOUT, Batch, Command, Decoder, Reference, serve
 from .dump_file import dump_file
@@ -52,8 +52,8 @@ def _parser() -> argparse.ArgumentParser:
     runs.add_argument("--only", action="append", metavar="NAME", help="this vector; may be given several times")
     runs.add_argument("--layers", action="store_true", help="also compare states after each layer")
     runs.add_argument(
-        "--level", type=int, choices=sorted(LEVELS), default=max(LEVELS),
-        help="level of conformance that the decoder is to have; default: %(default)s",
+        "--tier", type=int, choices=sorted(TIERS), default=max(TIERS),
+        help="tier of conformance that the decoder is to have; default: %(default)s",
     )
     runs.add_argument("--json", action="store_true", help="print a JSON object")
     runs.set_defaults(call=_run)
@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     dumps.add_argument("file", type=Path, nargs="?")
     dumps.add_argument("--layers", type=int, default=0, metavar="N", help="decode N layers only; 0, the default: all")
-    dumps.add_argument("--level", type=int, choices=sorted(LEVELS), help="with the limits of a level of conformance")
+    dumps.add_argument("--tier", type=int, choices=sorted(TIERS), help="with the limits of a tier of conformance")
     dumps.add_argument("--coordinates", action="store_true", help="print coordinates of a mapped grid, too")
     dumps.add_argument("--batch", action="store_true", help="answer requests of the batch protocol on standard input")
     dumps.set_defaults(call=_dump)
@@ -120,7 +120,7 @@ def _run(options: argparse.Namespace) -> int:
     decoder = _decoder(options)
     results = []
     try:
-        for result in run(vectors, options.vectors, asked(decoder), layers=options.layers, level=options.level):
+        for result in run(vectors, options.vectors, asked(decoder), layers=options.layers, tier=options.tier):
             results.append(result)
             if not options.json:
                 print(f"ok    {result.name}" if result.passed else f"FAIL  {result.name}: {result.reason}", flush=True)
@@ -141,7 +141,7 @@ def _dump(options: argparse.Namespace) -> int:
         return 0
     if options.file is None:
         raise ValueError("dump needs a file, or --batch")
-    limits = None if options.level is None else Limits.level(options.level)
+    limits = None if options.tier is None else Limits.tier(options.tier)
     output = dump_file(options.file, layers=options.layers, limits=limits)
     if output.error is not None:
         print(f"isoconform: {output.error}", file=sys.stderr)

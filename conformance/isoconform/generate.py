@@ -9,7 +9,7 @@ from pathlib import Path
 
 from isocodec.errors import LimitError
 from isocodec.format.events import Event, FrameRead, IsovalueRead, LayerComplete, MeshLayerComplete
-from isocodec.limits import LEVELS, Limits
+from isocodec.limits import TIERS, Limits
 
 from . import (
     adaptive,
@@ -37,7 +37,6 @@ from .draft import Draft
 from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, OTHER_MESH, Output
 from .dump_file import dump_any, layers_of
 from .explicit_dump import MESH, Mesh, is_explicit, read_mesh
-from .levels import BEYOND, needs
 from .manifest import (
     ERROR,
     LIMIT,
@@ -52,6 +51,7 @@ from .manifest import (
     read_manifest,
     write_manifest,
 )
+from .tiers import BEYOND, needs
 from .tiled_dump import dump_tiled, is_tiled
 
 _MODULES = (
@@ -149,17 +149,17 @@ def _described(draft: Draft, output: Output, mesh: Mesh | None) -> Vector:
         features=features,
         expected=expected,
         layers=layers,
-        level=_level(draft.data, expected),
+        tier=_tier(draft.data, expected),
     )
 
 
-def _level(data: bytes, expected: Expected) -> int:
+def _tier(data: bytes, expected: Expected) -> int:
     if expected.status == LIMIT:
         return BEYOND
     if is_tiled(data) and expected.status != ERROR:
-        codes = ((level, dump_tiled(data, Limits.level(level)).exit_code) for level in sorted(LEVELS))
-        return next((level for level, code in codes if code != LimitError.exit_code), BEYOND)
-    return 0 if expected.status == ERROR or is_explicit(data) else needs(data).level
+        codes = ((tier, dump_tiled(data, Limits.tier(tier)).exit_code) for tier in sorted(TIERS))
+        return next((tier for tier, code in codes if code != LimitError.exit_code), BEYOND)
+    return 0 if expected.status == ERROR or is_explicit(data) else needs(data).tier
 
 
 def _features(events: list[Event], n: int) -> Iterator[str]:

@@ -78,8 +78,8 @@ class Vector:
     expected : Expected
     layers : list of LayerState
         States after each layer; empty where they are not stated.
-    level : int
-        Lowest level of conformance (spec clause 11.3) whose decoders have to decode the file.
+    tier : int
+        Lowest tier of conformance (spec clause 11.3) whose decoders have to decode the file.
     """
 
     name: str
@@ -91,7 +91,7 @@ class Vector:
     features: list[str]
     expected: Expected
     layers: list[LayerState] = field(default_factory=list)
-    level: int = 0
+    tier: int = 0
 
 
 def digest(text: str) -> str:
@@ -144,6 +144,6 @@ def _brief(entry: dict[str, Any]) -> dict[str, Any]:
             del layer["isovalue"]
     if not entry["layers"]:
         del entry["layers"]
-    if not entry["level"]:
-        del entry["level"]
+    if not entry["tier"]:
+        del entry["tier"]
     return entry

@@ -9,7 +9,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from isocodec.errors import FormatError, LimitError
-from isocodec.limits import LEVELS
+from isocodec.limits import TIERS
 
 from .decoders import Decoder, Request
 from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, OTHER_MESH, REFUSED, parted
@@ -67,7 +67,7 @@ def asked(decoder: Decoder) -> Decode:
 
 
 def run(
-    vectors: Sequence[Vector], directory: Path, decode: Decode, *, layers: bool = False, level: int = max(LEVELS)
+    vectors: Sequence[Vector], directory: Path, decode: Decode, *, layers: bool = False, tier: int = max(TIERS)
 ) -> Iterator[Result]:
     """Run a decoder over vectors, one result each.
 
@@ -75,18 +75,18 @@ def run(
     ----------
     layers : bool
         Also compare the states after each layer, where the manifest states them.
-    level : int
+    tier : int
         Level of conformance that the decoder is to have: what needs a higher one it may refuse with exit code 6.
     """
     for vector in vectors:
         try:
-            reason = _check(vector, directory, decode, layers, level)
+            reason = _check(vector, directory, decode, layers, tier)
         except DecoderFailed as failed:
             reason = str(failed)
         yield Result(vector.name, reason)
 
 
-def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, level: int) -> str:
+def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, tier: int) -> str:
     path = directory / vector.file
     if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != vector.sha256:
         return "the file is missing or is not the one of the manifest"
@@ -95,7 +95,7 @@ def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, level:
         if code not in REFUSED:
             return f"exit code {code}, expected {REFUSED[0]}: the file violates clause {vector.expected.clause}"
         return "refused, but with a text" if text else ""
-    if vector.level > level and code == LimitError.exit_code:
+    if vector.tier > tier and code == LimitError.exit_code:
         return "over the limits, but with a text" if text else ""
     if vector.expected.status in REFUSALS:
         codes = REFUSALS[vector.expected.status]

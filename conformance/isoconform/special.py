@@ -124,9 +124,9 @@ def chunks() -> Iterator[Draft]:
     assert isinstance(encoder, GridEncoder)
     whole = split(b"".join(encoder))
     index = Chunk(ChunkType.INDEX, write_index(encoder.frame.layers, encoder.frame.records), ancillary=True)
-    yield Draft("space_index", bytes(whole.with_chunks(*whole.chunks, index)), 3, ("level index",))
+    yield Draft("space_index", bytes(whole.with_chunks(*whole.chunks, index)), 3, ("layer index",))
     wrong = Chunk(ChunkType.INDEX, bytes(11), ancillary=True)
-    yield Draft("space_index_wrong", bytes(whole.with_chunks(*whole.chunks, wrong)), 3, ("level index to ignore",))
+    yield Draft("space_index_wrong", bytes(whole.with_chunks(*whole.chunks, wrong)), 3, ("layer index to ignore",))
     unknown = Chunk(UNKNOWN, b"anything at all", ancillary=True)
     first, *rest = several.chunks
     yield Draft(

@@ -1,4 +1,4 @@
-"""Chunks: envelopes, checksums and the level index (spec clauses 3.4, 3.5, 3.7)."""
+"""Chunks: envelopes, checksums and the layer index (spec clauses 3.4, 3.5, 3.7)."""
 
 from __future__ import annotations
 
@@ -286,7 +286,7 @@ class LayerRecord:
 
 
 def write_index(layers: Sequence[Layer], records: Sequence[LayerRecord]) -> bytes:
-    """Write the payload of a level index: for each layer its bytes, then its symbols by element (clause 3.7)."""
+    """Write the payload of a layer index: for each layer its bytes, then its symbols by element (clause 3.7)."""
     out = b""
     for layer, record in zip(layers, records, strict=True):
         out += write_varint(record.bytes)

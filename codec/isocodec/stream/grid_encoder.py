@@ -72,7 +72,7 @@ MOST_IN_TURN = 256
 MOST_SIGNS = 1 << 29
 """They do by default where the encoder holds at most so many signs of samples."""
 INDEX_SHARE = 100
-"""A level index is written if it takes at most this fraction of the data."""
+"""A layer index is written if it takes at most this fraction of the data."""
 
 
 @dataclass(frozen=True)
@@ -569,7 +569,7 @@ class GridFrame:
         )
 
     def _layers(self, number: int, last: bool) -> Iterator[bytes]:
-        """Chunks of layers of one isovalue; behind the last one the level index."""
+        """Chunks of layers of one isovalue; behind the last one the layer index."""
         strand = self.strands[number]
         if promise := self.file.promise(number):
             strand.within[len(strand.layers)] = promise

@@ -561,7 +561,7 @@ def _program(
 
 
 def _with_index(records: Sequence[LayerRecord], layers: list[LayerInfo]) -> list[LayerInfo]:
-    """Complete the first layers with their entries in a level index."""
+    """Complete the first layers with their entries in a layer index."""
     out = []
     place = 0
     for info, record in zip(layers, records, strict=False):

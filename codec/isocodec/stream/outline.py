@@ -58,7 +58,7 @@ class Outline:
     layers : list of Layer
         Layers announced so far; added by the code that reads chunks of layers.
     records : list of LayerRecord
-        Entries of the level index, if the file has one.
+        Entries of the layer index, if the file has one.
     masked : bool
         Whether there is a mask.
     interval : int or None

@@ -60,7 +60,7 @@ function ours(data, mesh, kernels) {
 test("mutated files decode as the reference decodes them", { skip: existsSync(python) ? false : "no reference decoder" },
   async (t) => {
     const { vectors } = JSON.parse(readFileSync(join(folder, "manifest.json"), "utf8"));
-    const small = vectors.filter((v) => v.bytes < 4000 && v.level === undefined && v.name !== LEFT_OUT && only.test(v.name) && !/^(bad_)?tiled_/.test(v.name));
+    const small = vectors.filter((v) => v.bytes < 4000 && v.tier === undefined && v.name !== LEFT_OUT && only.test(v.name) && !/^(bad_)?tiled_/.test(v.name));
     const scratch = mkdtempSync(join(tmpdir(), "isocodec-"));
     const other = reference();
     try {

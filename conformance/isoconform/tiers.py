@@ -1,4 +1,4 @@
-"""What decoding a file needs, in the counts of the levels of conformance (spec clause 11.3)."""
+"""What decoding a file needs, in the counts of the tiers of conformance (spec clause 11.3)."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from isocodec.format.kinds import LayerKind
 from isocodec.grid.lattice.store import PAGES
 from isocodec.grid.passes.raster import WORK
 from isocodec.grid.passes.runner import Tube
-from isocodec.limits import BLOCKS, LEVELS
+from isocodec.limits import BLOCKS, TIERS
 
-BEYOND = max(LEVELS) + 1
-"""In place of a level, of files that no level has to decode."""
+BEYOND = max(TIERS) + 1
+"""In place of a tier, of files that no tier has to decode."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class Needs:
     blocks: int
 
     @property
-    def level(self) -> int:
-        """The lowest level whose decoders have to decode the file, or ``BEYOND``."""
-        for level, counts in sorted(LEVELS.items()):
-            if all(need <= most for need, most in zip(astuple(self), (*counts, BLOCKS[level]), strict=True)):
-                return level
+    def tier(self) -> int:
+        """The lowest tier whose decoders have to decode the file, or ``BEYOND``."""
+        for tier, counts in sorted(TIERS.items()):
+            if all(need <= most for need, most in zip(astuple(self), (*counts, BLOCKS[tier]), strict=True)):
+                return tier
         return BEYOND
 
 
