@@ -159,7 +159,7 @@ def test_tiers_of_conformance(tier):
     limits = Limits.tier(tier)
     refused = 0
     for vector in LIGHT:
-        if vector.expected.status == ERROR or (INTERPRETED and vector.tier):
+        if vector.expected.state is None or (INTERPRETED and vector.tier):
             continue
         output = dump_file(HOME / vector.file, limits=limits)
         if vector.tier <= tier:
@@ -195,7 +195,7 @@ def test_vectors_are_small():
     """They travel with the package."""
     large = {v.name for v in VECTORS if v.bytes >= 5000}
     assert large == {"plane_isovalues_4096", "bad_isovalues_4097", "bad_layers_131073"}  # as many as there may be
-    assert sum(path.stat().st_size for path in HOME.iterdir()) < 2_300_000
+    assert sum(path.stat().st_size for path in HOME.iterdir()) < 2_500_000
 
 
 def test_generation_gives_the_same_bytes(tmp_path):

@@ -193,20 +193,29 @@ def ratios_at(
     """
     ratio = np.full(len(edges), 0.5)
     part = np.tile((0.0, 1.0), (len(edges) if parts else 0, 1))
-    if leaves.value is not None:
-        f_low, f_high = leaves.value[edges[:, 0]], leaves.value[edges[:, 1]]
-        # Equal estimates at both ends, and differences that overflow, do not determine the place.
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            linear = (leaves.isovalue - f_low) / (f_high - f_low)
-        known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)
-        ratio[known] = np.clip(linear[known], 0.0, 1.0)
-        if parts:
-            part[known] = ratio[known, None]
+    linear = linear_ratio(leaves, edges)
+    known = np.isfinite(linear)
+    ratio[known] = np.clip(linear[known], 0.0, 1.0)
+    if parts:
+        part[known] = ratio[known, None]
     there = number >= 0
     ratio[number[there]] = leaves.edge_offset[there]
     if parts:
         part[number[there]] = leaves.edge_offset[there, None] + (0.5 / leaves.edge_parts[there, None]) * (-1, 1)
     return ratio, part
+
+
+def linear_ratio(leaves: Leaves, edges: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Crossings by linear interpolation, as fractions from the first ends, (P,) float64; NaN where it places none.
+
+    Equal estimates at both ends, and differences that overflow, do not determine the place.
+    """
+    if leaves.value is None:
+        return np.full(len(edges), np.nan)
+    f_low, f_high = leaves.value[edges[:, 0]], leaves.value[edges[:, 1]]
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        linear = (leaves.isovalue - f_low) / (f_high - f_low)
+    return np.where(np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear), linear, np.nan)
 
 
 def edge_points(leaves: Leaves, edges: NDArray[np.integer], ratio: NDArray[np.float64]) -> NDArray[np.float64]:

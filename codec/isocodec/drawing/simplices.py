@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..deferred import dataclass
 from ..grid.lattice.implied import Implied, implied_edges, implied_ratio, near_ends
-from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_ratios, rank_of
+from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_ratios, linear_ratio, rank_of
 from .leaves import Leaves
 
 _SLOPE = 1e-6
@@ -86,9 +86,7 @@ def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> D
     edges, cells = distinct_edges(leaves, ends)
     ratio, part = edge_ratios(leaves, edges)
     for ring in rings(leaves, edges):
-        at = np.ones(len(ring.edge), np.bool_)
-        if leaves.value is not None:
-            at &= np.isnan(leaves.value[edges[ring.edge]]).any(axis=1)
+        at = np.isnan(linear_ratio(leaves, edges[ring.edge]))
         ratio[ring.edge[at]] = ring.ratio(ratio)[at]
         known = part[ring.beside[at]]
         free = ((known[..., 0] == 0) & (known[..., 1] == 1)).any(axis=1)

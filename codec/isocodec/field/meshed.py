@@ -48,7 +48,7 @@ class Mesh:
     progressive : bool or None
         Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show the whole curve;
         or, if False, along the curve. The default is level by level if encoder and decoder have the mesh, except for
-        isovalues that this makes more than 2 % longer; with a distance, only as far as that takes.
+        isovalues of less than 1 kB that this makes more than 2 % longer; with a distance, only as far as that takes.
     crs : str or None
         Reference system of the coordinates.
     unit : str or None

@@ -62,6 +62,8 @@ REACH = 2
 """Scattered points may be moved so many times as far as they are rounded, where their triangles would change."""
 SHORTER = 50
 """Signs come along a walk, unless levels are asked for, where that saves more than such a part of an isovalue."""
+SMALL = 1000
+"""Such walks are for isovalues of fewer bytes: the first bytes of larger ones draw the whole curve."""
 CELL_KINDS, POINT_KINDS = ("known", "coded", "whole"), ("delaunay", "whole")
 """Ways to store a mesh with cells, and scattered points."""
 KINDS = (*CELL_KINDS, "delaunay")
@@ -390,10 +392,11 @@ class MeshFrames:
         else:
             signs = [self._signs(strand, field, head) for head in level_heads(self._hierarchy)]
             found = [*signs, *self._layer_of_places(strand, field)]
-            if self._asked_levels is None:
+            whole = sum(map(len, found))
+            if self._asked_levels is None and whole < SMALL:
                 other = begun()
                 walk = self._signs(other, field, MeshLayerHead(MeshLayer.SIGNS))
-                if SHORTER * (sum(map(len, signs)) - len(walk)) > sum(map(len, found)):
+                if SHORTER * (sum(map(len, signs)) - len(walk)) > whole:
                     strand, found = other, [walk, *self._layer_of_places(other, field)]
         return strand, found
 

@@ -127,8 +127,7 @@ class Points {
   private place(e: Int32Array, o: number, id: number): number {
     const ring = this.crossings?.rings[id];
     if (!ring || this.busy.has(id)) return this.plain(e, o);
-    if (this.t.values && ![o, o + 3].some((v) => Number.isNaN(this.estimate(e[v]!, e[v + 1]!, e[v + 2]!))))
-      return this.plain(e, o);
+    if (Number.isFinite(this.linear(e, o))) return this.plain(e, o);
     this.busy.add(id);
     const { store } = this.t, first = store.get(e[o]!, e[o + 1]!, e[o + 2]!) & SIGN;
     let sum = 0, count = 0;
