@@ -146,17 +146,18 @@ def test_grids(kind: str, n: int, data: st.DataObject) -> None:
     check(encoded)
 
 
-@examples(6)
-@given(recipes(2), st.sampled_from(PRECISIONS))
-def test_known_meshes(recipe: tuple[tuple[int, ...], float, int], precision: Any) -> None:
-    mesh = on_mesh(field_of(*recipe), "known")
-    check(isocodec.encode(mesh, LEVELS[0], precision="step=1" if precision == "exact" else precision), mesh)
+@pytest.mark.parametrize("precision", [None, "step=1"])
+def test_known_meshes(precision: Any) -> None:
+    """On meshes smooth enough for coarse ones to show the curve; with a distance, only in files of some kB."""
+    mesh = on_mesh(smooth((120, 150), 1.5, 0), "known")
+    data = isocodec.encode(mesh, LEVELS[0], precision=precision)
+    assert len(data) > LEAST_BYTES
+    check(data, mesh)
 
 
-@examples(3)
-@given(recipes(2))
-def test_surfaces(recipe: tuple[tuple[int, ...], float, int]) -> None:
-    check(isocodec.encode(isocodec.thin(field_of(*recipe).astype(float), to=1000, layers=8)))
+def test_surfaces() -> None:
+    """In layers, of which the first one has to be there."""
+    check(isocodec.encode(isocodec.thin(smooth((90, 110), 4.0, 0).astype(float), to=1500, layers=8)))
 
 
 @pytest.mark.parametrize("stored", [name for name in get_args(StoredName) if name != "known"])
