@@ -321,7 +321,8 @@ def run_layers(encoder, steps):
     other = decoder.grid._tube
     start(other.coder.reg, 1)
     other.estimates.bits = tube.estimates.bits
-    other.coder.buf[: len(run)] = np.frombuffer(run, np.uint8)
+    other.coder.buf.resize(len(run), refcheck=False)
+    other.coder.buf[:] = np.frombuffer(run, np.uint8)
     for step in steps:
         begin(other, step)
         while (status := other.advance()) != DONE:

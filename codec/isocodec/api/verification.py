@@ -298,9 +298,15 @@ def _bounds(curves: Sequence[tuple[NDArray[Any], NDArray[Any]]], promised: float
         scale = SMALLEST / unsure
         return Target(theirs * scale, others, limit * scale).exceeded(ours * scale, cells, todo).cells
 
-    low, high, todo = 0.0, math.inf, None
+    low, high, todo = 0.0, math.inf, _not_among(ours[cells], theirs[others], rounding / 8)
+    if promised == 0 and len(cells) == len(others) and not len(_not_among(ours[:, None], theirs[:, None], rounding / 8)):
+        # planar quadrangles of the same points, cut along the other diagonal
+        todo = todo[:0]
+    if not len(todo):
+        same = not len(_not_among(ours[cells], theirs[others], 0.0))
+        return 0.0, 0.0 if same else rounding if promised is None else promised
     if promised is not None:
-        todo = beyond(promised + rounding, finest / 4, None)
+        todo = beyond(promised + rounding, finest / 4, todo)
         todo = beyond(promised + rounding, rounding / 2, todo) if len(todo) else todo
         low, high = (promised + rounding / 2, math.inf) if len(todo) else (0.0, promised)
         todo = todo if len(todo) else None
@@ -312,6 +318,16 @@ def _bounds(curves: Sequence[tuple[NDArray[Any], NDArray[Any]]], promised: float
         else:
             high = middle
     return low, high
+
+
+def _not_among(pieces: NDArray[np.float64], others: NDArray[np.float64], rounding: float) -> NDArray[np.int64]:
+    """Find the pieces, (M, n, d) points, that are not among others, all rounded: those are at no greater distance."""
+    keys = []
+    for each in (np.rint(each / rounding) if rounding else each for each in (pieces, others)):
+        order = np.lexsort(each.transpose(2, 0, 1)[::-1], axis=-1)
+        rows = np.ascontiguousarray(np.take_along_axis(each, order[..., None], axis=1).reshape(len(each), -1) + 0.0)
+        keys.append(rows.view([("", rows.dtype)] * rows.shape[1]).ravel())
+    return np.flatnonzero(~np.isin(*keys))
 
 
 def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
