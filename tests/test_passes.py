@@ -318,11 +318,10 @@ def run_layers(encoder, steps):
     decoder = Decoder()
     decoder.feed(write_header(encoder.header))
     assert len(list(decoder)) == 1
-    other = decoder.grid._tube
+    other = decoder.grid._strands.ready(0)
     start(other.coder.reg, 1)
     other.estimates.bits = tube.estimates.bits
-    other.coder.buf.resize(len(run), refcheck=False)
-    other.coder.buf[:] = np.frombuffer(run, np.uint8)
+    other.coder.buf[: len(run)] = np.frombuffer(run, np.uint8)
     for step in steps:
         begin(other, step)
         while (status := other.advance()) != DONE:

@@ -299,7 +299,8 @@ def _bounds(curves: Sequence[tuple[NDArray[Any], NDArray[Any]]], promised: float
         return Target(theirs * scale, others, limit * scale).exceeded(ours * scale, cells, todo).cells
 
     low, high, todo = 0.0, math.inf, _not_among(ours[cells], theirs[others], rounding / 8)
-    if promised == 0 and len(cells) == len(others) and not len(_not_among(ours[:, None], theirs[:, None], rounding / 8)):
+    points = _not_among(ours[:, None], theirs[:, None], rounding / 8)
+    if promised == 0 and len(cells) == len(others) and not len(points):
         # planar quadrangles of the same points, cut along the other diagonal
         todo = todo[:0]
     if not len(todo):
