@@ -15,8 +15,8 @@ const { vectors } = JSON.parse(readFileSync(new URL("manifest.json", folder), "u
 const main = new MainProfile(readFileSync(new URL("../dist/main.bin", import.meta.url)));
 const hash = (text) => createHash("sha256").update(text).digest("hex");
 const skip = kernels ? false : "they have not been built";
-const domain = ({ name }) => /^(bad_)?(mesh|tin)_/.test(name) || existsSync(new URL(`${name}.mesh`, folder));
-const inTiles = ({ name }) => /^(bad_)?tiled_/.test(name);
+const domain = ({ name }) => /^(bad_)?(mesh|tin)_|^bad_(known|coded|delaunay|mesh_series|surface)_chunk_/.test(name) || existsSync(new URL(`${name}.mesh`, folder));
+const inTiles = ({ name }) => /^(bad_)?tiled_|^bad_tiles_/.test(name);
 
 function status({ error }) {
   return error ? { malformed: "error", truncated: "truncated", limit: "limit" }[error.kind] : "ok";

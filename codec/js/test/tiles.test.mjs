@@ -274,7 +274,7 @@ function mutated(data) {
 
 test("parts with checksums are found in files with isovalues and stages of every kind", { skip: !existsSync(folder) && "no vectors" }, () => {
   const { vectors } = JSON.parse(readFileSync(join(folder, "manifest.json"), "utf8"));
-  for (const { name } of vectors.filter((v) => v.name.startsWith("tiled_") && !v.name.startsWith("tiled_cut"))) {
+  for (const { name } of vectors.filter((v) => v.name.startsWith("tiled_") && !v.name.startsWith("tiled_cut") && v.name !== "tiled_plane_many_wrong")) {
     const data = vector(name);
     for (const part of tiledParts(data).parts) {
       const sum = crc32(data.subarray(part.at, part.at + part.size));

@@ -213,9 +213,11 @@ export class Estimates {
   private take(st: State, first: number, end: number): void {
     const { m, earlier } = this;
     if (!earlier || earlier.shift === undefined || !earlier.on.estimates.number.size) return;
-    const { on: { estimates: before, state: other }, shift: { down, up } } = earlier;
+    const { on: { estimates: before, state: other }, shift: { down, up } } = earlier, had = this.most.size;
     this.least = this.instead(this.least, m.wider(this.least, end));
     this.most = this.instead(this.most, m.wider(this.most, end));
+    // the earlier isovalue may have had no values when the vertices before got their numbers
+    for (let v = had; v < first; v++) m.enter(this.most, v, UNBOUNDED);
     const positions: number[] = [];
     for (let v = first, rows = m.words(st.vertex); v < end; v++) positions.push(rows[4 * v]!, rows[4 * v + 1]!, rows[4 * v + 2]!);
     const there = this.numbersAt(other, positions);
