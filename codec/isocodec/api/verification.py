@@ -298,12 +298,9 @@ def _bounds(curves: Sequence[tuple[NDArray[Any], NDArray[Any]]], promised: float
         scale = SMALLEST / unsure
         return Target(theirs * scale, others, limit * scale).exceeded(ours * scale, cells, todo).cells
 
-    low, high, todo = 0.0, math.inf, _not_among(ours[cells], theirs[others], rounding / 8)
-    points = _not_among(ours[:, None], theirs[:, None], rounding / 8)
-    if promised == 0 and len(cells) == len(others) and not len(points):
-        # planar quadrangles of the same points, cut along the other diagonal
-        todo = todo[:0]
-    if not len(todo):
+    low, high = 0.0, math.inf
+    todo: NDArray[np.int64] | None = _not_among(ours[cells], theirs[others], rounding / 8)
+    if todo is not None and not len(todo):
         same = not len(_not_among(ours[cells], theirs[others], 0.0))
         return 0.0, 0.0 if same else rounding if promised is None else promised
     if promised is not None:
@@ -328,7 +325,8 @@ def _not_among(pieces: NDArray[np.float64], others: NDArray[np.float64], roundin
         order = np.lexsort(each.transpose(2, 0, 1)[::-1], axis=-1)
         rows = np.ascontiguousarray(np.take_along_axis(each, order[..., None], axis=1).reshape(len(each), -1) + 0.0)
         keys.append(rows.view([("", rows.dtype)] * rows.shape[1]).ravel())
-    return np.flatnonzero(~np.isin(*keys))
+    mine, other = keys
+    return np.flatnonzero(~np.isin(mine, other))
 
 
 def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
@@ -418,6 +416,10 @@ def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isov
 
     above = values > isovalue
     some = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
+    if some.shape[1] == points.shape[1] + 1:
+        # all the same way round, as decoders have them: that decides along which diagonal a quadrangle is cut
+        turned = np.linalg.det(points[some[:, 1:]] - points[some[:, :1]]) < 0
+        some[turned, -2:] = some[turned, :-3:-1]
     edges = crossed_edges(some, above)
     low, high = (values[edges[:, i]].astype(np.float64) for i in (0, 1))
     with np.errstate(all="ignore"):
