@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
@@ -19,7 +18,7 @@ from scipy.spatial import Delaunay
 import isocodec
 from brute import examples
 from isocodec import Field, Frames, Mesh
-from isocodec.errors import OptionError, TruncatedError
+from isocodec.errors import TruncatedError
 from isocodec.field.meshed import StoredName
 from isocodec.stream.options import ProfileName
 from isoconform.raster import letters
@@ -92,13 +91,6 @@ def with_holes(field: NDArray[np.int32]) -> NDArray[np.float64]:
     return np.where(missing, np.nan, field)
 
 
-def in_tiles(field: NDArray[np.int32], **options: Any) -> bytes:
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "tiles.iso")
-        isocodec.save(path, field, LEVELS[:1], tile=64, **options)
-        return path.read_bytes()
-
-
 def on_mesh(field: NDArray[np.int32], stored: StoredName) -> Mesh:
     """Values of a field at random places in it, with Delaunay cells."""
     points = np.random.default_rng(0).random((6000, 2)) * (np.array(field.shape) - 1)
@@ -107,7 +99,7 @@ def on_mesh(field: NDArray[np.int32], stored: StoredName) -> Mesh:
 
 
 LEVELS = (20.5, -35.5, 70.5)
-PRECISIONS = (None, "signs", "exact", 2.0, 0.25, (4, 1, 0.25))
+PRECISIONS = (None, "signs", "exact")
 ENCODERS: dict[str, Callable[..., bytes]] = {
     "isovalue": lambda field, **options: isocodec.encode(field, LEVELS[0], **options),
     "isovalues": lambda field, **options: isocodec.encode(field, LEVELS, **options),
@@ -117,7 +109,6 @@ ENCODERS: dict[str, Callable[..., bytes]] = {
     ),
     "missing samples": lambda field, **options: isocodec.encode(with_holes(field), LEVELS[0], **options),
     "series": lambda field, **options: isocodec.encode(Frames([field, field + 9]), LEVELS[0], **options),
-    "tiles": in_tiles,
 }
 """Kinds of files of grids, and what encodes a field as each."""
 
@@ -138,16 +129,33 @@ def check(data: bytes, mesh: Mesh | None = None) -> None:
 
 @pytest.mark.parametrize("n", [2, 3])
 @pytest.mark.parametrize("kind", ENCODERS)
-@examples(6)
+@settings(examples(6), suppress_health_check=[HealthCheck.filter_too_much])
 @given(st.data())
 def test_grids(kind: str, n: int, data: st.DataObject) -> None:
     field, profile = field_of(*data.draw(recipes(n))), data.draw(st.sampled_from(get_args(ProfileName)))
     options = {} if kind in ("mask", "labels") else {"precision": data.draw(st.sampled_from(PRECISIONS))}
-    try:
-        encoded = ENCODERS[kind](field, profile=profile, **options)
-    except OptionError:  # steps in tiles, exact floats
-        assume(False)
-    check(encoded)
+    if kind == "missing samples" and options["precision"] == "exact":  # which is for integers
+        options["precision"] = "step=1"
+    check(ENCODERS[kind](field, profile=profile, **options))
+
+
+@pytest.mark.parametrize("precision", [1.0, 0.25, (4, 1, 0.25)])
+@pytest.mark.parametrize(("shape", "width"), [((150, 130), 1.0), ((44, 40, 36), 1.3)])
+def test_distances(shape: tuple[int, ...], width: float, precision: Any) -> None:
+    data = isocodec.encode(smooth(shape, width, 0), LEVELS[0], precision=precision)
+    assert len(data) >= LEAST_BYTES
+    check(data)
+
+
+@pytest.mark.parametrize("precision", [None, "exact"])
+@pytest.mark.parametrize("profile", get_args(ProfileName))
+@pytest.mark.parametrize(("shape", "tile"), [((260, 260), 128), ((70, 40, 40), 32)])
+def test_tiles(tmp_path: Path, shape: tuple[int, ...], tile: int, profile: ProfileName, precision: Any) -> None:
+    path = tmp_path / "tiles.iso"
+    isocodec.save(path, smooth(shape, 2.0, 0), LEVELS[:1], tile=tile, profile=profile, precision=precision)
+    data = path.read_bytes()
+    assert len(data) >= LEAST_BYTES * math.prod(isocodec.open(data).info.tiles or ())
+    check(data)
 
 
 @pytest.mark.parametrize("precision", [None, "step=1"])
