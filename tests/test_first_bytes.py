@@ -140,7 +140,9 @@ def test_grids(kind: str, n: int, data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("precision", [1.0, 0.25, (4, 1, 0.25)])
-@pytest.mark.parametrize(("shape", "width"), [((150, 130), 1.0), ((44, 40, 36), 1.3)])
+@pytest.mark.parametrize(("shape", "width"), [
+    ((150, 130), 1.0), pytest.param((44, 40, 36), 1.3, marks=pytest.mark.heavy),
+])
 def test_distances(shape: tuple[int, ...], width: float, precision: Any) -> None:
     data = isocodec.encode(smooth(shape, width, 0), LEVELS[0], precision=precision)
     assert len(data) >= LEAST_BYTES
