@@ -380,7 +380,7 @@ def test_options_for_another_kind_of_file(tmp_path: Path) -> None:
 
 
 def test_names_that_tell_nothing(tmp_path: Path) -> None:
-    for name, shown in (("a.csv", ".csv"), ("plain", "a name without a suffix")):
+    for name, shown in (("a.xlsx", ".xlsx"), ("plain", "a name without a suffix")):
         (tmp_path / name).write_text("1 2 3")
         with pytest.raises(InputError, match=rf"{name}: {shown} .*\.npy.*\.nii\.gz"):
             read_field(tmp_path / name)

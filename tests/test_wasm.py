@@ -28,7 +28,7 @@ pytestmark = [
 ]
 BUILDER = Path(__file__).parents[1] / "tools" / "kernels"
 OTHERS = ("mesh_", "tin_", "tiled_")
-VECTORS = [v for v in read_manifest(default_directory()) if v.level < 2 and not v.name.startswith(OTHERS)]
+VECTORS = [v for v in read_manifest(default_directory()) if v.tier < 2 and not v.name.startswith(OTHERS)]
 """All of grids but those that copy hundreds of megabytes back and forth."""
 PARTS = 4
 """Vectors are run in so many tests, which may go side by side."""
