@@ -1,0 +1,60 @@
+"""Libraries of other formats: import one, put its errors into words of ours, choose among the things it found."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from ..errors import InputError, IsoError, LimitError, one_line, plain
+from ..extras import optional as library
+
+__all__ = ["choose", "library", "reading"]
+
+_LISTED = 20
+"""Names that an error lists at most."""
+
+
+@contextmanager
+def reading(what: str, remedy: str = "check it with the program that wrote it") -> Iterator[list[str]]:
+    """Turn whatever a library raises while it reads into an `InputError` with the library's words.
+
+    Its warnings are collected, a line each, in the list that the context gives; those about versions are dropped.
+    Errors of this package, of the operating system that carry a number, and of memory keep their kind.
+    """
+    said: list[str] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield said
+        said += dict.fromkeys(
+            one_line(str(one.message)) for one in caught if not issubclass(one.category, DeprecationWarning | FutureWarning)
+        )
+    except IsoError:
+        raise
+    except MemoryError as error:
+        raise LimitError(f"not enough memory to read this {what}", code="memory") from error
+    except (Exception, SystemExit) as error:  # meshio ends the program
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        words = one_line(str(error).rpartition("ERROR: ")[2]) or type(error).__name__
+        raise InputError(f"cannot be read as {what} ({words})", code="unreadable", remedy=remedy) from error
+
+
+def choose(found: Sequence[str], key: str | None, what: str = "arrays") -> str:
+    """Return the name that a key asks for, or the only one there is.
+
+    Raises
+    ------
+    InputError
+        Listing the names.
+    """
+    if key is not None and key in found:
+        return key
+    if key is None and len(found) == 1:
+        return found[0]
+    listed = ", ".join(map(plain, found[:_LISTED])) + (", .." if len(found) > _LISTED else "")
+    holds = f"no {what} named '{plain(key)}'" if key is not None else f"{len(found) or 'no'} {what}"
+    raise InputError(f"holds {holds}{f': {listed}' if found else ''}", code="key",
+                     remedy="choose one with --key (key= in Python)" if found else None)
