@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
 
 from ..errors import InputError, IsoError, LimitError, one_line, plain
 from ..extras import optional as library
@@ -28,9 +27,8 @@ def reading(what: str, remedy: str = "check it with the program that wrote it") 
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             yield said
-        said += dict.fromkeys(
-            one_line(str(one.message)) for one in caught if not issubclass(one.category, DeprecationWarning | FutureWarning)
-        )
+        of_use = (one for one in caught if not issubclass(one.category, DeprecationWarning | FutureWarning))
+        said += dict.fromkeys(one_line(str(one.message)) for one in of_use)
     except IsoError:
         raise
     except MemoryError as error:
