@@ -32,7 +32,7 @@ def by_matrix(matrix: Array, kept: Sequence[int] | None = None, **more: Any) -> 
 
 
 def in_body(matrix: Array, kept: Sequence[int], lps: bool, unit: str = "mm") -> Placement:
-    """Place samples by a matrix (3, axes + 1) that runs to the right, front and top of a body, or (lps) left, back, top."""
+    """Place samples by a matrix (3, axes + 1) to the right, front and top of a body, or (lps) left, back and top."""
     turn = np.diag([-1.0, -1.0, 1.0]) if lps else np.eye(3)
     return by_matrix(turn @ matrix[:3], kept, crs=RAS, unit=unit)
 
