@@ -194,7 +194,7 @@ def crossings(contour, n):
         low = np.floor(p)
         axis = int(np.argmax(p != low))
         if (p != low).sum() == 1:
-            out[*low.astype(int).tolist(), axis] = p[axis]
+            out[(*low.astype(int).tolist(), axis)] = p[axis]
     return out
 
 

@@ -356,7 +356,7 @@ def test_missing_samples(where: str, way: str) -> None:
     shape, periodic, seed = AXES[where]
     field = known(where)
     axis = periodic[0]
-    at, beside = (np.indices(shape) + 3)[[axis, axis - 1]] % np.array(shape)[[axis, axis - 1], *[None] * len(shape)]
+    at, beside = (np.indices(shape) + 3)[[axis, axis - 1]] % np.array(shape)[([axis, axis - 1], *[None] * len(shape))]
     # those on one side of the seam as those on the other: else what lies in it may belong to one end alone
     gone = np.where(at < 6, beside < 4, np.random.default_rng(seed).random(shape) < 0.04)
     placed = isocodec.Field(field, mask=gone, placement=Placement(periodic=periodic))

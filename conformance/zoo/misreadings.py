@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import tomllib
 
 from isocodec.kernel import Execution
 from isocodec.kernel.execution import SETTING

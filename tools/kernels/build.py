@@ -7,7 +7,6 @@ import importlib.metadata
 import importlib.util
 import json
 import os
-import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -17,6 +16,7 @@ from typing import Any
 import back
 import cache as kept_builds
 import front
+import tomllib
 import webassembly
 from targets import WASM, Target, native
 

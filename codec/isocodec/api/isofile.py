@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Self, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,8 @@ from .files import TileFile, Viewed, ViewOptions, WholeFile
 from .selfcheck import check_kernels
 
 if TYPE_CHECKING:
+    from typing import Self, Unpack
+
     from ..drawing.contour import Contour
     from ..drawing.tessellation import Tessellation
     from ..stream.options import ProfileName

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -21,6 +21,8 @@ from ..stream.options import EncodeOptions, Isovalues, Options
 from .isofile import IsoFile
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     from ..field.sampled import SpatialImage
     from ..tiles.workers import Engine
     from ..tiles.writing import SampleCounts

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from numbers import Real
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ from .units import DEGREE, METRES, distance_of, units_of
 
 if TYPE_CHECKING:
     from fractions import Fraction
+    from typing import Unpack
 
 PLACEMENT = "placement"
 """Name of the note that holds the numbers."""

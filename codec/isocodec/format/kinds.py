@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from enum import Enum
 
 from isospec.container import Operation
 
 
-class LayerKind(StrEnum):
+class LayerKind(str, Enum):
     """Kinds of layers, by what they add (spec clause 3.6). Members are strings: ``LayerKind.BASE == "base"``."""
 
     BASE = "base"
@@ -18,6 +18,9 @@ class LayerKind(StrEnum):
     ADAPT = "adapt"
     VALUES = "values"
     OFFSETS = "offsets"
+
+    __str__ = str.__str__
+    __format__ = str.__format__  # type: ignore[assignment]
 
     @property
     def operation(self) -> Operation:

@@ -6,11 +6,14 @@ import errno
 import re
 from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..errors import InputError, one_line
 from ..extras import optional
 from ..limits import TIMEOUT, patience
+
+if TYPE_CHECKING:
+    from typing import Self
 
 # asyncio takes longer to import than a small file to decode: it is imported by what needs it
 
@@ -93,12 +96,12 @@ class WebFile:
             async with lanes:
                 return await self._again(partial(self._range, start, end))
 
+        tasks = [asyncio.ensure_future(one(*each)) for each in ranges]
         try:
-            async with asyncio.TaskGroup() as group:
-                tasks = [group.create_task(one(*each)) for each in ranges]
-        except BaseExceptionGroup as errors:
-            raise errors.exceptions[0] from None
-        return [task.result() for task in tasks]
+            return [*await asyncio.gather(*tasks)]
+        finally:
+            for task in tasks:
+                task.cancel()
 
     async def _again(self, ask: Callable[[float], Coroutine[Any, Any, Answer]]) -> Answer:
         """Ask again if the server is busy, or a connection is lost, as long as anyone would wait."""
@@ -124,8 +127,8 @@ class WebFile:
         import asyncio
 
         session = await self._system.set_session()
-        async with asyncio.timeout_at(until):
-            answer = await session.get(self._url, headers={"Accept-Encoding": "identity", **headers})
+        asked = session.get(self._url, headers={"Accept-Encoding": "identity", **headers})
+        answer = await asyncio.wait_for(asked, until - asyncio.get_running_loop().time())
         try:
             self._check(answer)
         except BaseException:
@@ -213,9 +216,12 @@ async def _body(answer: Any, most: int, until: float | None = None) -> bytes:
     import asyncio
 
     body, clock = bytearray(), asyncio.get_running_loop().time
-    async with asyncio.timeout_at(clock() + patience() if until is None else until) as time:
-        while len(body) < most and (part := await answer.content.read(min(most - len(body), PIECE))):
-            if (len(body) + len(part)) // PIECE > len(body) // PIECE:
-                time.reschedule(clock() + patience())
-            body += part
+    end = clock() + patience() if until is None else until
+    while len(body) < most:
+        part = await asyncio.wait_for(answer.content.read(min(most - len(body), PIECE)), end - clock())
+        if not part:
+            break
+        if (len(body) + len(part)) // PIECE > len(body) // PIECE:
+            end = clock() + patience()
+        body += part
     return bytes(body)

@@ -6,7 +6,7 @@ import math
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,9 @@ from .mesh_encoder import MeshEncoder, MeshFrames
 from .options import EncodeOptions, Isovalues, Options
 from .series import Series
 from .surface_encoder import SurfaceEncoder
+
+if TYPE_CHECKING:
+    from typing import Unpack
 
 
 def encoder_of(

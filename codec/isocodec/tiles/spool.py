@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, BinaryIO, Self
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from ..errors import InputError, OptionError
 from .assembly import Tiles
 from .layout import Index
 from .tile_encoder import TileSegments, Tiling
+
+if TYPE_CHECKING:
+    from typing import Self
 
 _PIECE = 1 << 22
 _BYTES, _JOURNAL = "segments", "journal"

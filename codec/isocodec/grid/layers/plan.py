@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from numbers import Integral
-from typing import Self
+from typing import TYPE_CHECKING
 
 from isospec.container import Operation
 
@@ -14,6 +14,9 @@ from ...errors import OptionError
 from ...format.kinds import ADAPTIVE, LayerKind
 from ..lattice.vertex_set import Chosen
 from ..tube.truth import Place
+
+if TYPE_CHECKING:
+    from typing import Self
 
 MAX_PROMISE = 1e12
 """Least distance that is too great to be promised, in cells: none is that large."""
