@@ -36,7 +36,7 @@ _NETCDF = "of netcdf"
 """Name of the encoding of an array of a netCDF file."""
 _WORDS = 200
 """Characters of a note at most that names a single coordinate."""
-_REMEDY = "choose one with --frame (frame= in Python), or array.isel({}=0)"
+_REMEDY = "choose one along {0} with --frame (frame= in Python), or array.isel({0}=0)"
 
 
 def is_labelled(thing: object) -> bool:
