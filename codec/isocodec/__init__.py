@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .field.framed import Frames
     from .field.meshed import Mesh
     from .field.sampled import Field
-    from .io.readers.load import read
+    from .io.opener import read
     from .kernel import kernels
     from .limits import Limits
     from .stream.decoder import Decoder
@@ -39,7 +39,7 @@ _HOME = {
     "Frames": "field.framed", "IsoError": "errors", "IsoFile": "api.isofile", "Limits": "limits",
     "Mesh": "field.meshed", "Tin": "tin.tin", "bands": "drawing.bands", "decode": "api.isofile",
     "encode": "api.encoding", "kernels": "kernel", "merge": "api.merging", "open": "api.isofile",
-    "read": "io.readers.load", "save": "api.saving", "thin": "api.thinned",
+    "read": "io.opener", "save": "api.saving", "thin": "api.thinned",
 }
 
 __all__ = [

@@ -12,6 +12,7 @@ from ..field.meshed import Mesh
 from ..field.sampled import Field
 from ..stream.encoder import encoder_of
 from ..stream.options import Isovalues, LayersGiven, PrecisionGiven, ProfileName
+from .native import native
 from .selfcheck import check_kernels
 
 if TYPE_CHECKING:
@@ -122,4 +123,4 @@ def encode(
         "precision": precision, "keep_topology": keep_topology, "profile": profile, "layers": layers,
         "order": order, "interval": interval, "metadata": metadata,
     }
-    return b"".join(encoder_of(what, isovalue, progress=progress, **options))
+    return b"".join(encoder_of(native(what), isovalue, progress=progress, **options))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,17 +12,15 @@ import numpy as np
 
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
-from ..field.cropping import PartWindows, part_of, spans_within
 from ..field.framed import Frames
 from ..field.labelling import ALL, labels_in
 from ..field.meshed import Mesh
+from ..field.missing import HOLE
 from ..field.placement import Placement
 from ..field.sampled import Field
 from ..field.samples import missing_of
-from ..io.readers.input_formats import read_mesh
-from ..io.readers.load import ReadOptions, load, open_source
+from ..io.opener import Choice, load
 from ..limits import in_units
-from ..storage.content import is_url
 from .georeference import NOWHERE, Georeference
 
 if TYPE_CHECKING:
@@ -38,28 +35,15 @@ _MUCH = 1 << 30
 """Memory, in bytes, from which on a remark is made."""
 
 
-def read_input(source: Any, options: ReadOptions, values: str | None = None) -> Field | Frames | Mesh:
+def read_input(source: Any, choice: Choice) -> Field | Frames | Mesh:
     """Read a field, a series of fields, or values on a mesh or at scattered points; the caller handles remarks.
-
-    Parameters
-    ----------
-    source : path, URL or file object
-    options : ReadOptions
-    values : str, optional
-        Name of values at points; if given, the source is a mesh or a table of points.
 
     Raises
     ------
     OSError, InputError, LimitError, OptionError, MissingExtraError
         As `isocodec.read`.
     """
-    if values is None:
-        return load(source, options)
-    if not isinstance(source, str | os.PathLike) or is_url(source):
-        raise InputError("meshes and points are read from files only", code="mesh", remedy="save it to a file first")
-    name = values if options.key is None else f"{options.key}/{values}"
-    choice = replace(options.choice, key=name)
-    return read_mesh(source, options.samples, choice, follow=options.follow).mesh(name)
+    return load(source, choice)
 
 
 def mesh_in(path: str) -> tuple[Any, Any]:
@@ -69,14 +53,13 @@ def mesh_in(path: str) -> tuple[Any, Any]:
     ------
     OSError, InputError, MissingExtraError
     """
-    found = read_mesh(path)
-    if found.cells is None:
-        raise InputError("holds points without cells", code="mesh", remedy="give the mesh that was encoded")
+    found = load(path, Choice())
+    if not isinstance(found, Mesh) or found.cells is None:
+        raise InputError("holds no mesh of points and cells", code="mesh", remedy="give the mesh that was encoded")
     return found.points, found.cells
 
 
-@contextmanager
-def windowed(source: Any, options: ReadOptions) -> Iterator[Field]:
+def windowed(source: Any, choice: Choice, missing: str = HOLE) -> Field:
     """Open a field for tiles: its samples are read a window at a time, where the format can, or else at once.
 
     What tiles cannot hold of its placement is remarked on.
@@ -86,28 +69,18 @@ def windowed(source: Any, options: ReadOptions) -> Iterator[Field]:
     OSError, InputError, LimitError, OptionError, MissingExtraError
         As `isocodec.read`.
     """
-    with open_source(source, options) as opened:
-        field = opened.windowed(options.nodata) if options.frame is None else None
-        if field is None:
-            field = opened.field(options.frame, nodata=options.nodata)
-        if options.bbox is not None:
-            spans = spans_within(field.placement, field.shape, options.bbox)
-            assert field.placement is not None
-            lazy = getattr(field.values, "windowed", False)
-            values: Any = PartWindows(field.values, spans) if lazy else field.values[spans]
-            field = replace(
-                field, values=values,
-                mask=None if field.mask is None else field.mask[spans],
-                placement=part_of(field.placement, spans, field.shape),
-            )
-        place, remarks = field.placement, list(field.remarks)
-        if place is not None and place.coordinates is not None:
-            place = Placement(crs=place.crs, unit=place.unit)
-            remarks.append("its coordinates are left out, as tiles are placed by even steps alone")
-        if place is not None and place.periodic:
-            remarks.append(f"its ends along axis {place.periodic[0]} are not joined, as tiles are not")
-            place = replace(place, periodic=(), periods=())
-        yield replace(field, placement=place, missing=options.missing, remarks=tuple(remarks))
+    field = load(source, choice, lazy=True)
+    if not isinstance(field, Field):
+        raise InputError("holds meshes, points or a series, which have no tiles", code="field",
+                         remedy="encode it without --tile")
+    place, remarks = field.placement, list(field.remarks)
+    if place is not None and place.coordinates is not None:
+        place = Placement(crs=place.crs, unit=place.unit)
+        remarks.append("its coordinates are left out, as tiles are placed by even steps alone")
+    if place is not None and place.periodic:
+        remarks.append(f"its ends along axis {place.periodic[0]} are not joined, as tiles are not")
+        place = replace(place, periodic=(), periods=())
+    return replace(field, placement=place, missing=missing, remarks=tuple(remarks))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +101,10 @@ class Added:
         As of `Mesh`.
     mesh_error : float, optional
         As of `Mesh`.
+    missing : str, optional
+        As of `Field`.
+    interval : int, optional
+        Of key frames, for series and meshes.
     """
 
     labels: Sequence[float] | str = ()
@@ -138,6 +115,8 @@ class Added:
     error: float | None = None
     stored: str | None = None
     mesh_error: float | None = None
+    missing: str | None = None
+    interval: int | None = None
 
     def to(self, what: Any) -> Any:
         """Return a field, a series or a mesh with these properties.
@@ -147,6 +126,7 @@ class Added:
         OptionError
             If there is not one spacing for each axis, or if one of the properties does not apply.
         """
+        self._check(what)
         if isinstance(what, Mesh):
             given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error, "crs": self.where.crs}
             return replace(what, **{name: value for name, value in given.items() if value is not None})
@@ -158,6 +138,20 @@ class Added:
             fields.remarks = self.remarks(fields.remarks)
             return replace(what, fields=fields)
         return self._to_field(what)
+
+    def _check(self, what: Any) -> None:
+        """Refuse properties of another kind of input."""
+        mesh, kind = isinstance(what, Mesh), "meshes and points" if isinstance(what, Mesh) else "sampled fields"
+        of_grids = {"label": self.labels, "missing": self.missing, "spacing": self.where.places, "periodic":
+                    self.periodic, "period": self.periods, "coordinates-error": self.error,
+                    "no-placement": not self.placed}
+        of_meshes = {"stored": self.stored, "mesh-error": self.mesh_error}
+        wrong = [name for name, value in (of_grids if mesh else of_meshes).items() if value]
+        if isinstance(what, Field) and self.interval is not None:
+            wrong, kind = ["frame-interval"], "a single field: add --frames"
+        if wrong:
+            raise OptionError(f"--{', --'.join(wrong)} {'does' if len(wrong) == 1 else 'do'} not apply to {kind}",
+                              code="options")
 
     def remarks(self, remarks: Sequence[str]) -> tuple[str, ...]:
         """Remarks on the input that are still of use: none on a placement that is not kept."""
@@ -183,7 +177,9 @@ class Added:
             where = field.placement or Placement()
             field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
         labels: Any = self.labels
-        return replace(field, labels=labels, missing="below") if labels else field
+        if labels:
+            return replace(field, labels=labels, missing="below")
+        return replace(field, missing=self.missing) if self.missing else field
 
 
 class _Changed(Iterable[Any]):

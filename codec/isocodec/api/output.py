@@ -77,7 +77,7 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
 
 def other_format(name: str) -> str | None:
     """The suffix of a name, if it is that of another format."""
-    from ..io.readers.input_formats import FIELD_SUFFIXES
+    from ..io.opener import SUFFIXES as FIELD_SUFFIXES
     from ..io.writers.registry import SUFFIXES
 
     return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)

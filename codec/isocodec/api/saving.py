@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from ..storage.atomic import check_target, write_bytes
 from ..stream.given import field_of, taken
 from ..stream.options import EncodeOptions, Isovalues, Options
 from .isofile import IsoFile
+from .native import described, native
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -102,7 +104,7 @@ def save(
         if not _write_other(path, what, isovalue, suffix, bool(options)):
             from .export import Wanted, drawn
 
-            field = taken(what)
+            field = taken(native(what))
             field = field if isinstance(field, Frames | Mesh) else field_of(field)
             drawn(field, path, Wanted(), isovalue, **options).write(path, progress)
         return
@@ -119,7 +121,7 @@ def save(
     if tile is None:
         from ..stream.encoder import encoder_of
 
-        write_bytes(path, b"".join(encoder_of(what, isovalue, progress=progress, **options)))
+        write_bytes(path, b"".join(encoder_of(native(what), isovalue, progress=progress, **options)))
         return
     save_tiles(path, what, isovalue, tile=tile, engine=engine, workers=workers, spool=spool, progress=progress,
                **options)
@@ -139,6 +141,13 @@ def save_tiles(
     """
     from ..tiles.writing import encode_tiles, tiling_of
 
+    if described(what):
+        from ..io.opener import Choice
+        from .inputs import windowed
+
+        what = windowed(what, Choice())
+        for remark in what.remarks:
+            warnings.warn(remark, stacklevel=3)
     work = {name: options.pop(name, None) for name in ("engine", "workers", "spool")}
     tiling = tiling_of(what, isovalue, tile, Options.of(**options), progress)
     return encode_tiles(path, what, tiling, progress=progress, resumed=resumed, **work)

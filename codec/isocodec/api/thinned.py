@@ -29,6 +29,7 @@ from ..tin.points import Points, points_of
 from ..tin.rank import by_rank
 from ..tin.thinning import thin_to, thinning
 from ..tin.tin import Removals, Tin, tin_of
+from .native import native
 
 ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
 """Name of a criterion for which point of a triangulation is least significant."""
@@ -120,6 +121,7 @@ def thin(
     >>> len(thin(np.hypot(x - 9.5, y - 20), criterion="AT1", to=50))
     50
     """
+    what = native(what)
     what = what if isinstance(what, Mesh) else field_of(what)
     given, field, notes = _points_of(what, criterion is not None)
     notes = {**notes, **(metadata or {})}

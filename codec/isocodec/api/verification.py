@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -17,16 +18,19 @@ from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import DecodedSamples, values_of_steps
 from ..field.labelling import having, is_of_labels
+from ..field.framed import Frames
 from ..field.meshed import valued
 from ..field.placement import COORDINATE_UNIT, CRS, Placement, closed, read_placement
 from ..field.sampled import UNIT, Field
 from ..field.samples import Samples, check_field, interval_value, without_holes
 from ..field.stretch import in_unit
 from ..field.units import converted, distance_of, unit_of
+from ..stream.given import field_of
 from ..stream.inspect import FileInfo, inspect
 from ..stream.promise_note import noted, noted_exact
 from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, of_samples, of_tiles
 from .files import TileFile, Viewed, WholeFile
+from .native import native
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -119,13 +123,19 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     For a file in tiles the joined curve is measured against that of the whole field. Such a file does not state which
     samples far from the curve are missing.
     """
+    field = native(field)
     if held.kind == "mesh":
         assert isinstance(held, WholeFile)
         return _on_mesh(held, field, frame, within)
-    from ..io.readers.load import read_field
     from ..stream.placing import without_folds
 
-    known = read_field(field)
+    if isinstance(field, str | os.PathLike):
+        from ..io.opener import Choice, load
+
+        field = load(field, Choice())
+    if isinstance(field, Frames):
+        raise InputError("holds no field but a series", code="field", remedy="choose a frame: frame=0")
+    known = field_of(field)
     if held.kind == "surface":
         return _surface(held, known, within)
     values, gone = without_holes(known.values, known.mask)

@@ -56,14 +56,10 @@ if TYPE_CHECKING:
 CRITERION = re.compile(r"[0-9]+|crossing|topology|(curvature|distortion|level)=.*")
 """Layers that are not a plan in a file."""
 PLACES = ("spacing", "origin", "transform", "bounds")
-GRIDS = (*PLACES, "no_placement", "coordinates_error", "periodic", "period", "labels", "missing", "channel", "band",
-         "bbox")
-"""Options of sampled grids."""
 APART = {
-    "values": ("frames", "frame_axis", *GRIDS),
     "surface": ("labels", "interval", "offset", "order", "precision", "keep_topology", "frames",
-                "frame_axis", "frame_interval", "periodic", "period", "coordinates_error", "missing"),
-    "tile": ("labels", "order", "keep_topology", "layers", "frames", "frame_axis", "frame_interval",
+                "frame_interval", "periodic", "period", "coordinates_error", "missing"),
+    "tile": ("labels", "order", "keep_topology", "layers", "frames", "frame_interval",
              "periodic", "period", "coordinates_error"),
 }
 """Options that do not apply to a kind of file, by the option that chooses the kind."""
@@ -97,8 +93,7 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
                                   help="With --interval: V, V + S, V + 2 S, ..")
     labels: tuple[Any, ...] = option(
         "--label", heading=ISOVALUE, type=LabelType(), multiple=True, metavar="K",
-        help="Inside is value == K; all: of all values but 0. Of a palette the values are its indices. --precision "
-        "signs by default. Repeatable.",
+        help="Inside is value == K; all: of all values but 0. --precision signs by default. Repeatable.",
     )
     order: str | None = option(
         "--order", heading=ISOVALUE, metavar="O",
@@ -122,10 +117,6 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
                              callback=_explain, help="Explain the plan files that --layers takes, and the criteria.")
     frames: bool = option("--frames", heading=INPUT, is_flag=True,
                           help="Encode the slices, or the volumes of a 4-D file, as a series.")
-    frame_axis: int | None = option(
-        "--frame-axis", heading=INPUT, type=int, metavar="A",
-        help="With --frames: the axis along which frames are counted.  [default: 0; for 4-D volume files 3]",
-    )
     frame_interval: int | None = option(
         "--frame-interval", heading=INPUT, type=WHOLE, metavar="K",
         help="Make every K-th frame a key frame, which decodes on its own.  [default: 0, the first only]",
@@ -157,8 +148,6 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
                                               help="Distance after which x (or x, y, z) repeats; 0 if it does not.")
     surface: bool = option("--surface", heading=SURFACE, is_flag=True,
                            help="Encode a triangulated surface instead of contours.")
-    values: str | None = option("--values", heading=MESH, metavar="NAME",
-                                help="Encode these values at the points of INPUT, a mesh or scattered points.")
     stored: str | None = option(
         "--stored", heading=MESH, type=click.Choice(["known", "coded", "whole", "delaunay"]), metavar="HOW",
         help="known: decoders have the mesh (default); coded: the file stores the cells that the contour crosses; "
@@ -200,16 +189,12 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
                 self.refuse("apply without --what areas", "side")
         else:
             self.refuse("apply to .iso files", *CONVERTED)
-        self.choose("values", "surface", "tile")
+        self.choose("surface", "tile")
         for kind, apart in APART.items():
             if self.given(kind):
                 self.refuse(f"apply with --{kind}", *apart)
         if self.tile is None:
             self.refuse("apply without --tile", *OF_TILES)
-        if self.values is None:
-            self.refuse("apply without --values", "stored", "mesh_error")
-        if not self.frames and self.values is None:
-            self.refuse("apply without --frames", "frame_axis", "frame_interval")
         if self.surface:
             self.check_thinning(self.isovalues)
         else:
@@ -272,9 +257,7 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         """Read the input, and add what options state about it."""
         from ..api.inputs import observed
 
-        given = {"frames": self.frames, "axis": self.frame_axis, "missing": self.missing, "labels": bool(self.labels)}
-        more = {name: value for name, value in given.items() if value is not None}
-        what = self.read(self.source, self.values, **more)
+        what = self.read(self.source, self.frames)
         with concerning(self.source):
             return observed(what, self.added())
 
@@ -288,7 +271,8 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
             labels="all" if "all" in self.labels else self.labels,
             where=Georeference(**where, crs=None if self.crs is None else named_system(self.crs)),
             placed=not self.no_placement, periodic=self.periodic, periods=self.period or (),
-            error=self.coordinates_error, stored=self.stored, mesh_error=self.mesh_error,
+            error=self.coordinates_error, stored=self.stored, mesh_error=self.mesh_error, missing=self.missing,
+            interval=self.frame_interval,
         )
 
 
@@ -301,11 +285,11 @@ def encode_command(options: EncodeArguments) -> None:
     map.gpkg --interval 20. See decode for its options --side, --along-holes, --to, --layer, --attribute, --index, --3d,
     --higher-on, --keep-crs, --in-samples.
 
-    INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), another raster that GDAL reads
+    INPUT is .npy, .npz, HDF5, NetCDF, Zarr, a picture, TIFF (a stack is a volume), another raster that GDAL reads
     (.asc, .hgt, .img, .vrt, ..), NIfTI, NRRD, MetaImage, DICOM (a folder of slices, or a file), or a grid of VTK, XDMF;
-    - for standard input, or a URL. With --values it is a mesh of triangles or tetrahedra: .vtu, .vtp, .vtk, .msh, .ply,
-    .xdmf, .obj, .stl (values: x, y or z), or .npz with points and cells; or it holds scattered points, which are joined
-    to triangles: .csv, .xyz, .las, .laz, .gpkg.
+    - for standard input, or a URL. It may be a mesh of triangles or tetrahedra with the values --key: .vtu, .vtp, .vtk,
+    .msh, .ply, .xdmf, .obj, .stl (values: x, y or z), or .npz with points and cells; or hold scattered points, which
+    are joined to triangles: .csv, .xyz, .las, .laz, .gpkg.
 
     With --tile, INPUT is read one tile at a time (.npy, GeoTIFF, Zarr, HDF5, NetCDF; other formats at once). Curves of
     neighbouring tiles meet without seams, and decode --window reads only a part of the file, also from a URL.
@@ -389,9 +373,9 @@ def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
 
     if str(options.output) == STANDARD:
         raise click.UsageError("a tiled file cannot be written to standard output")
-    more = {} if options.missing is None else {"missing": options.missing}
+    field = options.windowed(options.source, options.missing)
     with (
-        options.windowed(options.source, **more) as field, concerning(options.source),
+        concerning(options.source),
         engine_of(options.workers, options.scheduler) as engine, progress_bar("encoding tiles") as progress,
     ):
         seen = observed(field, options.added())

@@ -22,7 +22,7 @@ from ..limits import FIELD_SAMPLES, Limits
 from .report import STANDARD, concerning, one_warning, own_warnings
 
 if TYPE_CHECKING:
-    from ..api.inputs import ReadOptions
+    from ..api.inputs import Choice
     from ..api.isofile import IsoFile
 
 R = TypeVar("R", bound="Arguments")
@@ -423,49 +423,27 @@ class Viewing(Opening):
 class Reading(Arguments):
     """A command that reads a field."""
 
-    key: str | None = option("--key", heading=INPUT, metavar="NAME",
+    key: str | None = option("--key", "--values", heading=INPUT, metavar="NAME",
                              help="Array of a file with several (of VTK also BLOCK/ARRAY, ARRAY:x, "
-                                  "ARRAY:magnitude); series, stack or segment of DICOM; values of a mesh.")
-    channel: int | None = option("--channel", heading=INPUT, type=WHOLE, metavar="N",
-                                 help="Channel of a colour picture, from 0.")
+                                  "ARRAY:magnitude); series, stack or segment of DICOM; values of a mesh or points.")
     band: int | None = option("--band", heading=INPUT, type=COUNT, metavar="N",
-                              help="Band of a raster or picture, from 1.")
+                              help="Band of a raster or channel of a picture, from 1; 1 takes indices of a palette.")
     bbox: tuple[float, ...] | None = option(
         "--bbox", heading=INPUT, type=NumbersType(), metavar="X,Y,X,Y",
         help="Read samples within these coordinates only: least x and y, largest x and y.",
     )
-    kind: str | None = option("--kind", heading=INPUT, metavar="SUFFIX",
-                              help="Format of standard input or of a URL, for example .tif.")
     frame: int | None = option("--frame", heading=INPUT, type=WHOLE, metavar="N",
                                help="Number, from 0, of the time step or item of a series.")
     nodata: float | None = option("--nodata", heading=INPUT, type=float, metavar="V",
                                   help="Value that marks missing samples, besides NaN.")
-    follow: bool = option("--follow-paths", heading=INPUT, is_flag=True,
-                          help="Read other files that INPUT refers to by a path.")
-    slice_tolerance: float | None = option("--slice-tolerance", heading=INPUT, type=float, metavar="MM",
-                                           help="Distance that slices of DICOM may lie from even steps.")
-    average_cells: bool = option("--average-cells", heading=INPUT, is_flag=True,
-                                 help="Average values of cells at their points (VTK, meshes).")
-    classes: tuple[float, ...] | None = option("--classes", heading=INPUT, type=NumbersType(), metavar="K[,K..]",
-                                               help="Take points of these classes (LAS).  [default: all but noise]")
-    limit_samples: int | None = option("--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
-                                       help=f"Limit on the number of samples.  [default: {FIELD_SAMPLES:,}]")
 
-    def reading(self, source: str, **more: Any) -> ReadOptions:
-        """Collect the options for reading a source."""
-        from ..api.inputs import ReadOptions
+    def choice(self, frames: bool = False) -> Choice:
+        """Collect what is chosen of a source."""
+        from ..api.inputs import Choice
 
-        if self.kind is not None and source != STANDARD and "://" not in source:
-            raise click.UsageError("--kind is for standard input and URLs; the suffix of a file names its format")
-        return ReadOptions(
-            key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=self.kind,
-            samples=self.limit_samples, follow=self.follow, slice_tolerance=self.slice_tolerance, band=self.band,
-            bbox=self.bbox, average_cells=self.average_cells,
-            classes=tuple(int(number) for number in self.classes or ()), **more,
-        )
+        return Choice(self.key, self.band, self.frame, frames, self.bbox, self.nodata)
 
-    @contextmanager
-    def windowed(self, source: str, **more: Any) -> Iterator[Any]:
+    def windowed(self, source: str, missing: str | None = None) -> Any:
         """Open a field for tiles, whose samples may be read later.
 
         Raises
@@ -474,13 +452,10 @@ class Reading(Arguments):
         """
         from ..api.inputs import windowed
 
-        options = self.reading(source, **more)
-        with ExitStack() as held:
-            with concerning(source), one_warning(source):
-                field = held.enter_context(windowed(stream(source), options))
-            yield field
+        with concerning(source), one_warning(source):
+            return windowed(stream(source), self.choice(), missing or "hole")
 
-    def read(self, source: str, values: str | None = None, **more: Any) -> Any:
+    def read(self, source: str, frames: bool = False) -> Any:
         """Read a field, a series of them, or a mesh.
 
         Raises
@@ -489,9 +464,8 @@ class Reading(Arguments):
         """
         from ..api.inputs import read_input
 
-        options = self.reading(source, **more)
         with concerning(source), one_warning(source):
-            return read_input(stream(source), options, values)
+            return read_input(stream(source), self.choice(frames))
 
 
 @dataclass(frozen=True, kw_only=True)

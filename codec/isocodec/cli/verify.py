@@ -40,7 +40,7 @@ def verify_command(options: VerifyArguments) -> None:
     (--key), or the points.
     """
     file = opened(options.source, options.limits)
-    field = options.read(options.field, labels=file.info.noun == "label")
+    field = options.read(options.field)
     with concerning(options.source):
         found = file.verify(field, frame=options.frame if file.frames > 1 else None, within=options.within)
     # a surface has no isovalue, and a curve is infinitely far from an empty one

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -11,6 +12,8 @@ from ..extras import optional as library
 
 __all__ = ["choose", "library", "reading"]
 
+_OF_CONTENT = (errno.EINVAL, errno.EOVERFLOW, errno.EFBIG, errno.ERANGE, errno.EDOM)
+"""Errors of the operating system that come of numbers in a file, such as a place before its beginning."""
 _LISTED = 20
 """Names that an error lists at most."""
 
@@ -34,7 +37,7 @@ def reading(what: str, remedy: str = "check it with the program that wrote it") 
     except MemoryError as error:
         raise LimitError(f"not enough memory to read this {what}", code="memory") from error
     except (Exception, SystemExit) as error:  # meshio ends the program
-        if isinstance(error, OSError) and error.errno is not None:
+        if isinstance(error, OSError) and (error.errno or 0) > 0 and error.errno not in _OF_CONTENT:
             raise
         words = one_line(str(error).rpartition("ERROR: ")[2]) or type(error).__name__
         raise InputError(f"cannot be read as {what} ({words})", code="unreadable", remedy=remedy) from error

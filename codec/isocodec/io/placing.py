@@ -41,9 +41,11 @@ def even_steps(values: Array) -> tuple[float, float] | None:
     """Start and step of coordinates along an axis, None if the steps differ."""
     if len(values) < 2:
         return float(values[0]), 1.0
-    step = float(values[-1] - values[0]) / (len(values) - 1)
+    step = (float(values[-1]) - float(values[0])) / (len(values) - 1)
     off = np.abs(values - (values[0] + step * np.arange(len(values)))).max()
-    return (float(values[0]), step) if step and off <= EVEN * abs(step) else None
+    rounding = np.finfo(values.dtype).eps * np.abs(values).max() if values.dtype.kind == "f" else 0.0
+    most = max(EVEN * abs(step), min(2 * float(rounding), abs(step) / 4))
+    return (float(values[0]), step) if step and off <= most else None
 
 
 def along_axes(axes: Sequence[Array], across: Sequence[int], turns: bool = False, **more: Any) -> Placement:
@@ -62,7 +64,7 @@ def along_axes(axes: Sequence[Array], across: Sequence[int], turns: bool = False
         np.reshape(axes[axis], [-1 if other == axis else 1 for other in range(n)])
         for axis in (across.index(c) for c in range(n))
     ]
-    even = [even_steps(np.asarray(values, float)) for values in axes]
+    even = [even_steps(np.asarray(values)) for values in axes]
     round_ = turns and goes_round(nodes[0], across.index(0))
     if round_ or any(one is None for one in even):
         return Placement(None, nodes, periodic=[across.index(0)] if round_ else (), periods=TURN if turns else 0.0,

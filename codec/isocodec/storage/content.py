@@ -152,7 +152,7 @@ def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> I
         if suffix is None:
             raise InputError(
                 "unknown format: neither a name nor the first bytes identify it", code="suffix",
-                remedy="give the format, for example kind='.tif' (--kind .tif)",
+                remedy="save it to a file whose suffix names the format",
             )
         path = Path(folder) / f"input{suffix}"
         left = _SAMPLE * (FIELD_SAMPLES if samples is None else samples) + (1 << 26) - len(first)

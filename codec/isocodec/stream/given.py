@@ -29,23 +29,28 @@ from .promise_note import PROMISE
 
 
 def taken(what: Any) -> Any:
-    """Input as it is, or what `isocodec.read` makes of an object of another library that states more than an array."""
-    if isinstance(what, str | os.PathLike):
-        raise InputError("the field is a path", code="field", remedy="read it first: isocodec.read(path)")
-    if isinstance(what, np.ndarray | Field | Mesh):
-        return what
-    from ..io.readers.load import is_described, read
-
-    return read(what) if is_described(what) else what
-
-
-def field_of(what: Any) -> Field:
-    """Convert samples to a `Field`: an array, or an object of another library with everything that it states.
+    """Input as it is, unless it is no input.
 
     Raises
     ------
     InputError
-        As `isocodec.read`.
+        If it is a path, or an object that states more than an array: its place would be lost.
+    """
+    if isinstance(what, str | os.PathLike):
+        raise InputError("the field is a path", code="field", remedy="read it first: isocodec.read(path)")
+    if any(hasattr(what, name) for name in ("coords", "affine", "columns", "GetPointData")):
+        raise InputError(f"a {type(what).__name__} states more than samples", code="field",
+                         remedy="convert it first: isocodec.read(it)")
+    return what
+
+
+def field_of(what: Any) -> Field:
+    """Convert samples to a `Field`.
+
+    Raises
+    ------
+    InputError
+        As `taken`; or if it is a mesh.
     """
     found = taken(what)
     if isinstance(found, Mesh):

@@ -1,0 +1,330 @@
+"""Open files: which library opens which, by suffix; and take objects of libraries that are in memory."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import warnings
+import weakref
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ..deferred import dataclass
+from ..errors import InputError, IsoError, MissingExtraError, OptionError, plain
+from ..field.cropping import Box, PartWindows, cropped, part_of, spans_within
+from ..field.framed import Frames
+from ..field.meshed import Mesh
+from ..field.missing import missing_samples
+from ..field.sampled import Field
+from ..storage.content import is_file, is_url, local
+from . import arrays, labelled, pictures, points, raster
+from .libraries import library
+from .series import Series
+from .stores import is_store
+
+Found: TypeAlias = Field | Frames | Mesh
+VOLUMES = (".mha", ".mhd", ".nrrd", ".nhdr", ".nii", ".nii.gz")
+DICOM = (".dcm", ".dicom", ".ima")
+VTK = (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvd", ".vtm", ".pvti", ".pvtr", ".pvts", ".pvtu", ".pvtp",
+       ".xdmf", ".xmf", ".vtkhdf", ".ply", ".stl", ".obj", ".msh")
+NUMPY = (".npy", ".npz")
+GRIB = (".grib", ".grib2", ".grb", ".grb2")
+SUFFIXES = (*NUMPY, *labelled.SUFFIXES, *pictures.FORMATS, *raster.DRIVERS, *VOLUMES, *DICOM, *VTK,
+            *(each for each in points.SUFFIXES if each not in raster.DRIVERS))
+"""Suffixes of the formats that are read."""
+_PAIRED = (".hdr", ".img")
+_NIFTI, _ENVI = 348, b"ENVI"
+_SIGNATURES = (
+    (0, b"\x93NUMPY", ".npy"), (0, b"PK\3\4", ".npz"), (0, b"\x89HDF\r\n\x1a\n", ".h5"), (0, b"CDF\1", ".nc"),
+    (0, b"CDF\2", ".nc"), (0, b"CDF\5", ".nc"), (0, b"GRIB", ".grib"), (0, b"\x89PNG", ".png"),
+    (0, b"\xff\xd8\xff", ".jpg"), (0, b"II*\0", ".tif"), (0, b"MM\0*", ".tif"), (0, b"II+\0", ".tif"),
+    (0, b"MM\0+", ".tif"), (0, b"NRRD", ".nrrd"), (128, b"DICM", ".dcm"), (344, b"n+1\0", ".nii"),
+    (0, b"\x1f\x8b", ".nii.gz"), (0, b"ObjectType", ".mha"), (0, b"NDims", ".mha"),
+)
+"""First bytes by which a file without a name is recognised: where, which, and the suffix that it gets."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Choice from a source that holds several things; attributes as the parameters of `read`."""
+
+    key: str | None = None
+    band: int | None = None
+    frame: int | None = None
+    frames: bool = False
+    bbox: Box | None = None
+    nodata: float | None = None
+
+
+def read(
+    source: Any, *, key: str | None = None, band: int | None = None, frame: int | None = None, frames: bool = False,
+    bbox: Box | None = None, nodata: float | None = None,
+) -> Found:
+    """Read a sampled field, a series of them, or values on a mesh, with all that its source states.
+
+    Parameters
+    ----------
+    source : str, path, file object, or object of another library
+        A file of a format of the command line, which is opened by the library that owns the format; a URL
+        (``https://``, ``s3://``, .. as fsspec knows them); a file opened in binary mode; or an object: a DataArray or
+        Dataset of xarray, a dataset of rasterio, an image of SimpleITK, nibabel or Pillow, a Volume of highdicom, a
+        grid, mesh or blocks of VTK or PyVista, a mesh of meshio, a table of pandas or geopandas, points of laspy, an
+        array. A `Field`, `Frames` or `Mesh` stays as it is.
+    key : str, optional
+        Name of the array in a source that holds several: a variable (``group/name``), a level of OME-Zarr, a page of a
+        TIFF (from 1), a series or segment of DICOM, a block and component of VTK (``velocity:x``,
+        ``velocity:magnitude``, ``block/velocity:x``), the values of a mesh or of points. Without it the only array is
+        taken (of HDF5, netCDF and Zarr the only one of two or more axes), or the one named ``values``; of meshes and
+        points the only values, those named ``z``, or else none.
+    band : int, optional
+        Band of a raster or channel of a picture, counted from 1. Of a palette, 1 takes the indices.
+    frame : int, optional
+        Which of a series, counted from 0: along the axis of times, or else the first axis of an array or a TIFF stack,
+        the last axis of volumes that have more than three.
+    frames : bool
+        Give a series: each field is read when it is asked for. With ``frame``, the slices of that volume.
+    bbox : sequence of float, optional
+        Read only samples within these coordinates of the placement: least x, y (, z), then largest x, y (, z). Rasters
+        are read as far as that goes.
+    nodata : float, optional
+        Value of missing samples besides NaN, instead of the one that the source states, as it is stored. NaN: none.
+
+    Returns
+    -------
+    Field, Frames or Mesh
+        A Mesh of the files of meshes, point clouds, tables of points and vector files. Otherwise values with the axes
+        and the type that they have in the source (truth values of files are uint8), placed in the coordinates that it
+        states: x, y (, z), of medical volumes to the right, the front and upwards. Pictures are (rows, columns), TIFF
+        stacks (pages, rows, columns), volumes (i, j, k) as stored: with their integer type if they state no scaling or
+        one by whole numbers, otherwise scaled to float64, as packed arrays of netCDF are.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be opened.
+    InputError
+        If it cannot be read, or leaves a choice open; the message begins with its name.
+    LimitError
+        If there is not enough memory.
+    OptionError
+        If an option does not apply to this source.
+    MissingExtraError
+        If a library is needed that is not installed.
+
+    Warns
+    -----
+    UserWarning
+        Of what the source states and a field cannot keep; also in ``Field.remarks``.
+    """
+    found = load(source, Choice(key, band, frame, frames, bbox, nodata))
+    for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):
+        warnings.warn(remark, stacklevel=2)
+    return found
+
+
+def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
+    """Read as `read` does, but leave remarks to the caller; those of a series are an attribute of its ``fields``.
+
+    With ``lazy``, samples of a field stay where they are until windows of them are read, where the format can.
+    """
+    if choice.band is not None and choice.band < 1:
+        raise OptionError("bands are counted from 1", code="channel")
+    if is_url(source) or is_file(source):
+        name = source if isinstance(source, str) else getattr(source, "name", "")
+        with ExitStack() as held, _about(name if isinstance(name, str) else ""):
+            path = held.enter_context(local(source, _recognised))
+            found = _of_path(str(path), choice, lazy)
+            if isinstance(found, Frames) or lazy:  # the copy goes when the samples do
+                kept = found.fields if isinstance(found, Frames) else found
+                weakref.finalize(getattr(kept, "values", kept) if lazy else kept, held.pop_all().close)
+            return found
+    if not isinstance(source, str | os.PathLike):
+        return _finished(of_object(source, choice, lazy), choice, lazy)
+    with _about(os.fspath(source)):
+        return _of_path(os.fspath(source), choice, lazy)
+
+
+def of_object(thing: Any, choice: Choice | None = None, lazy: bool = False) -> Found:
+    """Take an object of another library that is in memory, as `read` does.
+
+    Raises
+    ------
+    InputError
+        If no library is known that has such objects.
+    """
+    choice = choice or Choice()
+    key, band, frame, frames = choice.key, choice.band, choice.frame, choice.frames
+    if isinstance(thing, Field | Frames | Mesh):
+        return thing
+    if labelled.is_labelled(thing):
+        return labelled.of_labelled(thing, key, frame, frames, choice.nodata, lazy)
+    if raster.is_raster(thing):
+        return raster.of_dataset(thing, band, choice.nodata)
+    if points.is_table(thing):
+        if hasattr(thing, "geom_type"):
+            return points.of_shapes(thing, key)
+        table = library("xarray", extra="labelled", purpose="reading a DataFrame").DataArray(thing)
+        return labelled.of_labelled(table, None, frame, frames, choice.nodata, lazy)
+    if points.is_cloud(thing):
+        return points.of_cloud(thing, key)
+    if pictures.is_picture(thing):
+        return pictures.of_picture(thing, band, frame)
+    if not isinstance(thing, np.ndarray | list | tuple):
+        from . import slices, volumes, vtk
+
+        if volumes.is_itk(thing):
+            return volumes.of_itk(thing, frame, frames, band)
+        if volumes.is_nibabel(thing):
+            return volumes.of_nibabel(thing, frame, frames)
+        if slices.is_volume(thing):
+            return slices.of_volume(thing)
+        if vtk.is_vtk(thing):
+            return vtk.of_vtk(thing, key)
+        if vtk.is_meshio(thing):
+            return vtk.of_meshio(thing, key)
+    # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
+    masked = "numpy.ma" in sys.modules and isinstance(thing, np.ma.MaskedArray)
+    values = thing if masked else np.asarray(thing)
+    if values.dtype.kind in "OUSV":
+        raise InputError(f"is a {type(thing).__name__}, not numbers", code="dtype",
+                         remedy="give a path, a URL, an open file, an array, or an object that isocodec.read lists")
+    return arrays.of_array(values, frame, frames)
+
+
+def is_described(thing: Any) -> bool:
+    """Whether something holds more than an array does, which would be lost if it were taken for one."""
+    if isinstance(thing, np.ndarray | list | tuple | int | float):
+        return False
+    tests = [labelled.is_labelled, raster.is_raster, points.is_table, points.is_cloud, pictures.is_picture]
+    from . import slices, volumes, vtk
+
+    tests += [volumes.is_itk, volumes.is_nibabel, slices.is_volume, vtk.is_vtk, vtk.is_meshio]
+    return any(holds(thing) for holds in tests)
+
+
+def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
+    """Read a file or a folder by the library of its suffix; of an unknown one by those that know most."""
+    key, band, frame, frames = choice.key, choice.band, choice.frame, choice.frames
+    name, at = path.rstrip("/").lower(), Path(path)
+    if not (at.exists() or path.startswith("/vsi")):
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), path)
+
+    def ends(*suffixes: str) -> bool:
+        return name.endswith(suffixes)
+
+    found: Found
+    if ends(*GRIB):
+        raise InputError("is GRIB, of which libraries turn rows over in some scanning modes", code="grib",
+                         remedy="convert it first: cdo -f nc copy IN OUT.nc; or give a DataArray of cfgrib")
+    if ends(*labelled.SUFFIXES) or (at.is_dir() and is_store(at)):
+        found = labelled.open_(at, key, band, frame, frames, choice.nodata, lazy)
+    elif ends(*VOLUMES) or (ends(*_PAIRED) and _headed(at) == _NIFTI):
+        from . import volumes
+
+        found = volumes.open_(at, frame, frames, band, key)
+    elif ends(*DICOM) or at.is_dir() or (at.is_file() and _first(at).startswith(b"DICM", 128)):
+        from . import slices
+
+        found = slices.open_(at, key, frame, frames, band)
+    elif ends(*VTK):
+        from . import vtk
+
+        found = vtk.open_(at, key, frame, frames)
+    elif ends(*NUMPY):
+        found = arrays.open_(path, key, frame, frames)
+    elif ends(*pictures.FORMATS):
+        found = pictures.open_(at, band, frame)
+    elif ends(*raster.TIFF):
+        found = pictures.open_tiff(path, key, band, frame, frames, choice.nodata)
+    elif ends(*points.SUFFIXES) and not (ends(".gpkg") and points.holds_raster(path)):
+        found = points.open_(path, key)
+    elif ends(*raster.DRIVERS):
+        found = raster.of_dataset(raster.open_(path, key), band, choice.nodata)
+    else:
+        found = _tried(path, choice)
+    return _finished(found, choice, lazy)
+
+
+def _tried(path: str, choice: Choice) -> Found:
+    """Read a file of an unknown suffix by GDAL, PyVista or meshio; raises `InputError` if none of them can."""
+    if path.lower().endswith(_PAIRED[0]) and _headed(Path(path)) == _ENVI:
+        raise InputError("is a header", code="other-file", remedy="give the file with the samples")
+    with suppress(InputError, MissingExtraError):
+        return raster.of_dataset(raster.open_(path, choice.key), choice.band, choice.nodata)
+    from . import vtk
+
+    with suppress(InputError, MissingExtraError):
+        return vtk.open_(Path(path), choice.key, choice.frame, choice.frames)
+    suffix = plain(Path(path).suffix) or "a name without a suffix"
+    raise InputError(f"{suffix} is not a supported format of fields", code="suffix",
+                     remedy="one of " + ", ".join(SUFFIXES))
+
+
+def _finished(found: Found, choice: Choice, lazy: bool) -> Found:
+    """Cut a field to a box, mark further samples as missing, and read them unless that may wait."""
+    if isinstance(found, Mesh):
+        for name in ("band", "bbox", "nodata"):
+            if getattr(choice, name) is not None:
+                raise OptionError(f"{name} does not apply to meshes and points", code=name)
+        return found
+    if isinstance(found, Frames):
+        fields: Any = found.fields
+        if choice.bbox is None and choice.nodata is None:
+            return found
+        return replace(found, fields=Series(
+            len(fields), lambda at: _part(fields[at], choice, False), fields.whole, fields.remarks))
+    return _part(found, choice, lazy)
+
+
+def _part(field: Field, choice: Choice, lazy: bool) -> Field:
+    windowed = marked = getattr(field.values, "windowed", False)
+    if choice.bbox is not None:
+        if not (windowed and lazy):
+            field = cropped(field, choice.bbox)
+        else:
+            spans = spans_within(field.placement, field.shape, choice.bbox)
+            assert field.placement is not None
+            values: Any = PartWindows(field.values, spans)
+            field = replace(field, values=values, placement=part_of(field.placement, spans, field.shape))
+    elif windowed and not lazy:
+        field = replace(field, values=field.values[(slice(None),) * len(field.shape)])
+    if choice.nodata is None or marked:  # windows are marked as they are read
+        return field
+    gone = missing_samples(np.asarray(field.values), choice.nodata)
+    gone = gone if field.mask is None else field.mask | gone
+    return replace(field, mask=gone if gone.any() else None)
+
+
+def _recognised(name: str, first: bytes) -> str | None:
+    """Find the suffix of a format: the one that a name ends in, or else that of the first bytes."""
+    lower = PurePosixPath(name).name.lower()
+    named = max((each for each in SUFFIXES if lower.endswith(each)), key=len, default=None)
+    return named or next((suffix for at, sign, suffix in _SIGNATURES if first.startswith(sign, at)), None)
+
+
+def _first(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(132)
+
+
+def _headed(path: Path) -> int | bytes:
+    """First four bytes of the header beside a file: as a number if that is the size of a header of NIfTI."""
+    headers = [each for end in (".hdr", ".HDR") if (each := path.with_suffix(end)).is_file()]
+    start = _first(headers[0])[:4] if headers else b""
+    return _NIFTI if _NIFTI in (int.from_bytes(start, "little"), int.from_bytes(start, "big")) else start
+
+
+@contextmanager
+def _about(name: str) -> Iterator[None]:
+    """Let errors of ours name the input that they are about, unless they name one already."""
+    try:
+        yield
+    except IsoError as error:
+        error.source = error.source or plain(name) or None
+        raise

@@ -1,0 +1,54 @@
+"""The fields of a series, each made when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+from ..errors import OptionError
+from ..field.placement import Placement
+from ..field.sampled import Field
+
+
+class Series:
+    """Fields in order, made one by one.
+
+    Parameters
+    ----------
+    count : int
+    make : callable
+        Makes the field of a number, counted from 0.
+    whole : sequence of int
+        Shape of the array that the source holds, with the axis that counts the frames.
+    remarks : sequence of str
+        What the source states and the fields leave out, and why.
+    """
+
+    def __init__(
+        self, count: int, make: Callable[[int], Field], whole: Sequence[int] = (), remarks: Sequence[str] = ()
+    ) -> None:
+        self._count, self._make, self.whole, self.remarks = count, make, tuple(whole), tuple(remarks)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Field]:
+        return map(self._make, range(self._count))
+
+    def __getitem__(self, number: int) -> Field:
+        return self._make(range(self._count)[number])
+
+
+def check_frame(frame: int, count: int) -> None:
+    """Raise `OptionError` unless a series of that many frames, 0 if it is none, has such a frame."""
+    if not 0 <= frame < count:
+        there = f"the series has {count}, counted from 0" if count else "this is not a series"
+        raise OptionError(f"there is no frame {frame}: {there}", code="frame")
+
+
+def unjoined(placement: Placement | None) -> tuple[Placement | None, tuple[str, ...]]:
+    """Placement of a frame or of tiles, whose ends are not joined, and a remark if they meet."""
+    if placement is None or not placement.periodic:
+        return placement, ()
+    remark = f"its ends along axis {placement.periodic[0]} are not joined, as it is a series"
+    return replace(placement, periodic=(), inferred=False), (remark,)
