@@ -170,7 +170,7 @@ class Budget:
 def _over(most: int) -> LimitError:
     return LimitError(
         f"needs more than {in_units(most)} of memory", code="limit-memory", clause="11.2",
-        remedy="raise Limits.memory (--limit-memory) if the file is trusted",
+        remedy="raise Limits.memory (--limits memory=..) if the file is trusted",
     )
 
 

@@ -75,8 +75,8 @@ def encode(
         For grids. A number: the uniform level of the base; the level of the full grid makes a file of one layer. A
         criterion, which coarsens the mesh as published: "crossing", "topology", "curvature=K" (mean curvature above
         which the finest mesh stays, 1 / cells), "distortion=D" (distance in cells from the original curve to the new
-        one), "level=L" (that of a uniform mesh). Or a plan: the layers one by one, as a text (`isocodec encode
-        --plan-help` explains it), or a sequence of entries ``("base", level)``, ``("refine", rounds)``, ``("values",
+        one), "level=L" (that of a uniform mesh). Or a plan: the layers one by one, as a text (docs/plans.md
+        explains it), or a sequence of entries ``("base", level)``, ``("refine", rounds)``, ``("values",
         bits)``, ``("offsets", radix)``, where None means as many as possible; ``("values", None, left)`` leaves
         ``left`` bits uncoded; ``("adaptive_base", level, mesh)``, ``("adapt", births, mesh)`` with the resulting mesh
         (`grid.lattice.vertex_set.Chosen`) or the criteria by which to coarsen it (`grid.layers.plan.Criteria`),

@@ -1,4 +1,4 @@
-"""Placement of samples by what a user states: steps, a transform, bounds, a reference system."""
+"""Placement of samples by what a user states: steps, an origin, a reference system."""
 
 from __future__ import annotations
 
@@ -26,25 +26,18 @@ class Georeference:
         Distances of samples along the axes of the array.
     origin : sequence of float, optional
         Coordinates x, y (, z) of the first sample.
-    transform : sequence of float, optional
-        In the plane six numbers, as rasterio and Affine have them, from columns and rows to x and y, (0, 0) being the
-        corner of the first pixel, whose sample is in its middle. In space the twelve of `Placement.matrix`, by rows.
-    bounds : sequence of float, optional
-        Least x and y, largest x and y of pixels in the plane; the first row is the one of the largest y.
     crs : str, optional
         Reference system.
     """
 
     spacing: Sequence[float] | None = None
     origin: Sequence[float] | None = None
-    transform: Sequence[float] | None = None
-    bounds: Sequence[float] | None = None
     crs: str | None = None
 
     @property
     def places(self) -> bool:
         """Whether these replace the steps or the origin that an input states."""
-        return not self.spacing is self.origin is self.transform is self.bounds is None
+        return not self.spacing is self.origin is None
 
     def placement(self, stated: Placement | None, shape: Sequence[int]) -> Placement | None:
         """Place the samples of a field of that shape, whose input states a placement or none.
@@ -63,18 +56,6 @@ class Georeference:
 
     def _matrix(self, stated: Placement | None, shape: Sequence[int]) -> NDArray[np.float64]:
         n = len(shape)
-        if self.transform is not None:
-            numbers = _numbers("transform", self.transform, n * (n + 1))
-            if n == 3:
-                return numbers.reshape(n, n + 1)
-            (a, b, c), (d, e, f) = numbers.reshape(2, 3)
-            return np.array([[b, a, c + (a + b) / 2], [e, d, f + (d + e) / 2]])
-        if self.bounds is not None:
-            if n != 2:
-                raise OptionError("bounds are for fields of two axes", code="bounds", remedy="give spacing and origin")
-            left, low, right, high = _numbers("bounds", self.bounds, 4)
-            down, across = (high - low) / shape[0], (right - left) / shape[1]
-            return np.array([[0, across, left + across / 2], [-down, 0, high - down / 2]])
         if self.spacing is not None:
             matrix = matrix_of(_numbers("spacing", self.spacing, n), n)
         elif stated is not None and stated.coordinates is not None:

@@ -93,9 +93,7 @@ class Added:
         Encode which samples have these labels; missing ones have none.
     where : Georeference
         Where samples lie, instead of what the input states.
-    placed : bool
-        Whether to keep the placement that the input states.
-    periodic, periods, error
+    periodic
         As of `Placement`.
     stored : str, optional
         As of `Mesh`.
@@ -109,10 +107,7 @@ class Added:
 
     labels: Sequence[float] | str = ()
     where: Georeference = NOWHERE
-    placed: bool = True
     periodic: tuple[int, ...] = ()
-    periods: tuple[float, ...] = ()
-    error: float | None = None
     stored: str | None = None
     mesh_error: float | None = None
     missing: str | None = None
@@ -143,8 +138,7 @@ class Added:
         """Refuse properties of another kind of input."""
         mesh, kind = isinstance(what, Mesh), "meshes and points" if isinstance(what, Mesh) else "sampled fields"
         of_grids = {"label": self.labels, "missing": self.missing, "spacing": self.where.places, "periodic":
-                    self.periodic, "period": self.periods, "coordinates-error": self.error,
-                    "no-placement": not self.placed}
+                    self.periodic}
         of_meshes = {"stored": self.stored, "mesh-error": self.mesh_error}
         wrong = [name for name, value in (of_grids if mesh else of_meshes).items() if value]
         if isinstance(what, Field) and self.interval is not None:
@@ -155,7 +149,7 @@ class Added:
 
     def remarks(self, remarks: Sequence[str]) -> tuple[str, ...]:
         """Remarks on the input that are still of use: none on a placement that is not kept."""
-        return tuple(remarks) if self.placed and not self.where.places else ()
+        return () if self.where.places else tuple(remarks)
 
     def placement(self, stated: Placement | None, shape: Sequence[int]) -> Placement | None:
         """Place the samples of a field of that shape.
@@ -165,17 +159,15 @@ class Added:
         OptionError
             As `Georeference.placement`.
         """
-        return self.where.placement(stated if self.placed else None, shape)
+        return self.where.placement(stated, shape)
 
     def _to_field(self, field: Field) -> Field:
         placement = self.placement(field.placement, field.shape)
-        crs = self.where.crs or (field.crs if self.placed else None)
+        crs = self.where.crs or field.crs
         field = replace(field, placement=placement, crs=crs, remarks=self.remarks(field.remarks))
-        about: dict[str, Any] = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
-        given = {name: value for name, value in about.items() if value not in (None, ())}
-        if given:
+        if self.periodic:
             where = field.placement or Placement()
-            field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
+            field = replace(field, placement=replace(where, periodic=self.periodic, inferred=False))
         labels: Any = self.labels
         if labels:
             return replace(field, labels=labels, missing="below")
@@ -349,31 +341,8 @@ def layers_of(text: str, plan: Path | None) -> str:
     except UnicodeDecodeError:
         found = "\0"
     if len(data) > MOST or "\0" in found:
-        raise OptionError("the file is not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
+        raise OptionError("the file is not a plan, which is a short text", code="plan", remedy="docs/plans.md explains plans")
     return found
-
-
-def plan_help() -> str:
-    """Explain the format of plan files."""
-    from ..stream import plan_file
-
-    return (plan_file.__doc__ or "").replace("``", "")
-
-
-def as_points(what: Any) -> Mesh:
-    """Convert a table with rows of x, y, value to scattered points.
-
-    Raises
-    ------
-    InputError
-        If it is not such a table.
-    """
-    if isinstance(what, Mesh):
-        return what
-    table = np.asarray(what.values)
-    if table.ndim != 2 or table.shape[1] != 3:
-        raise InputError(f"the table has shape {table.shape}; rows of x, y, value are required", code="shape")
-    return Mesh(table[:, :2], None, table[:, 2])
 
 
 def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:

@@ -113,28 +113,9 @@ def formats() -> dict[str, str]:
 
 
 @contextmanager
-def engine_of(workers: int | None, scheduler: str | None) -> Iterator[Any]:
-    """Yield workers that encode tiles: processes or a Dask cluster; None if neither is asked for.
-
-    Parameters
-    ----------
-    workers : int or None
-        Processes.
-    scheduler : str or None
-        Address of a cluster's scheduler: ``tcp://HOST:PORT``.
-
-    Raises
-    ------
-    MissingExtraError
-        If the library distributed is missing.
-    """
-    if scheduler is not None:
-        from ..extras import optional
-
-        distributed = optional("distributed", extra="tiles", purpose="a Dask cluster")
-        with distributed.Client(scheduler, timeout="10s") as client:
-            yield client
-    elif workers is not None and workers > 1:
+def engine_of(workers: int | None) -> Iterator[Any]:
+    """Yield so many processes that encode tiles; None if no more than one is asked for."""
+    if workers is not None and workers > 1:
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor
 

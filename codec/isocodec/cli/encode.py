@@ -13,14 +13,12 @@ from ..deferred import dataclass
 from .decode import explained
 from .option_records import (
     COUNT,
-    FILE,
     INPUT,
     ISOVALUE,
     LAYERS,
     MESH,
     OUTPUT,
     PRECISION,
-    SURFACE,
     TILES,
     WHOLE,
     Converting,
@@ -28,7 +26,6 @@ from .option_records import (
     NumbersType,
     NumberType,
     Reading,
-    ThinningArguments,
     argument,
     command,
     multiples_of,
@@ -55,33 +52,17 @@ if TYPE_CHECKING:
 
 CRITERION = re.compile(r"[0-9]+|crossing|topology|(curvature|distortion|level)=.*")
 """Layers that are not a plan in a file."""
-PLACES = ("spacing", "origin", "transform", "bounds")
-APART = {
-    "surface": ("labels", "interval", "offset", "order", "precision", "keep_topology", "frames",
-                "frame_interval", "periodic", "period", "coordinates_error", "missing"),
-    "tile": ("labels", "order", "keep_topology", "layers", "frames", "frame_interval",
-             "periodic", "period", "coordinates_error"),
-}
-"""Options that do not apply to a kind of file, by the option that chooses the kind."""
-CODED = ("surface", "tile", "frames", "layers", "order", "stored", "mesh_error", "metadata", "profile")
+OF_WHOLE = ("labels", "order", "keep_topology", "layers", "frames", "frame_interval", "periodic")
+"""Options that do not apply to tiles."""
+CODED = ("tile", "frames", "layers", "order", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
 CONVERTED = ("what", "side", "along_holes", "layer", "higher_on", "attribute", "index", "raised", "keep_crs",
              "in_samples")
 """Options of other formats."""
-OF_TILES, OF_SURFACES = ("workers", "scheduler", "spool"), ("points", "error", "size", "tolerance", "step")
-
-
-def _explain(context: click.Context, _: click.Parameter, asked: bool) -> None:
-    """Print the explanation of plan files."""
-    if asked:
-        from ..api.inputs import plan_help
-
-        click.echo(plan_help(), nl=False)
-        context.exit()
 
 
 @dataclass(frozen=True, kw_only=True)
-class EncodeArguments(ThinningArguments, Converting, Reading):
+class EncodeArguments(Converting, Reading):
     """Options of ``encode``."""
 
     source: str = argument("INPUT")
@@ -111,10 +92,8 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         "--layers", heading=LAYERS, metavar="L",
         help="One of: a level L, to start from the uniform mesh of that level instead of searching for the best mesh; "
         "a criterion that the coarsened mesh must meet (crossing, topology, curvature=K, distortion=D or level=L); a "
-        "plan file that lists the layers (see --plan-help). With --surface: the number of layers.",
+        "plan file that lists the layers (see docs/plans.md).",
     )
-    plan_help: bool = option("--plan-help", heading=LAYERS, is_flag=True, is_eager=True, expose_value=False,
-                             callback=_explain, help="Explain the plan files that --layers takes, and the criteria.")
     frames: bool = option("--frames", heading=INPUT, is_flag=True,
                           help="Encode the slices, or the volumes of a 4-D file, as a series.")
     frame_interval: int | None = option(
@@ -130,24 +109,10 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
                                                help="Distances of samples along the axes; may be negative.")
     origin: tuple[float, ...] | None = option("--origin", heading=INPUT, type=NumbersType(), metavar="X,Y[,Z]",
                                               help="Coordinates of the first sample.")
-    transform: tuple[float, ...] | None = option(
-        "--transform", heading=INPUT, type=NumbersType(), metavar="A,B,C,D,E,F",
-        help="Place pixels as rasterio does: x = A column + B row + C, y = D column + E row + F at their corners.",
-    )
-    bounds: tuple[float, ...] | None = option("--bounds", heading=INPUT, type=NumbersType(), metavar="X,Y,X,Y",
-                                              help="Least x and y, largest x and y of pixels, the first row on top.")
     crs: str | None = option("--crs", heading=INPUT, metavar="CRS",
                              help="Reference system of the coordinates: EPSG:32631, WKT or PROJJSON.")
-    no_placement: bool = option("--no-placement", heading=INPUT, is_flag=True,
-                                help="Ignore the coordinates that INPUT gives its samples.")
-    coordinates_error: float | None = option("--coordinates-error", heading=INPUT, type=float, metavar="D",
-                                             help="Largest error of stored coordinates, in cells.  [default: 0.005]")
     periodic: tuple[int, ...] = option("--periodic", heading=INPUT, type=WHOLE, multiple=True, metavar="AXIS",
                                        help="Join the two ends of this axis (counted from 0). Repeatable.")
-    period: tuple[float, ...] | None = option("--period", heading=INPUT, type=NumbersType(), metavar="P[,P..]",
-                                              help="Distance after which x (or x, y, z) repeats; 0 if it does not.")
-    surface: bool = option("--surface", heading=SURFACE, is_flag=True,
-                           help="Encode a triangulated surface instead of contours.")
     stored: str | None = option(
         "--stored", heading=MESH, type=click.Choice(["known", "coded", "whole", "delaunay"]), metavar="HOW",
         help="known: decoders have the mesh (default); coded: the file stores the cells that the contour crosses; "
@@ -161,10 +126,6 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
                               "memory. Run the same command again to resume an interrupted one.")
     workers: int | None = option("--workers", heading=TILES, type=COUNT, metavar="N",
                                  help="Number of encoding processes.  [default: 1]")
-    scheduler: str | None = option("--scheduler", heading=TILES, metavar="ADDRESS",
-                                   help="Encode on the Dask cluster of this scheduler: tcp://HOST:PORT.")
-    spool: Path | None = option("--spool", heading=TILES, type=FILE, metavar="FOLDER",
-                                help="Keep encoded tiles here until the file is complete.  [default: OUT.iso.tiles]")
     metadata: tuple[str, ...] = option("--metadata", heading=OUTPUT, multiple=True, metavar="KEY=TEXT",
                                        help="Add a note to the file. Repeatable.")
     profile: str = option("--profile", heading=OUTPUT, type=click.Choice(["main", "baseline"]), default="main",
@@ -189,27 +150,14 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
                 self.refuse("apply without --what areas", "side")
         else:
             self.refuse("apply to .iso files", *CONVERTED)
-        self.choose("surface", "tile")
-        for kind, apart in APART.items():
-            if self.given(kind):
-                self.refuse(f"apply with --{kind}", *apart)
         if self.tile is None:
-            self.refuse("apply without --tile", *OF_TILES)
-        if self.surface:
-            self.check_thinning(self.isovalues)
+            self.refuse("apply without --tile", "workers")
         else:
-            if self.tolerance is not None:
-                raise click.UsageError(f"--tolerance is for surfaces (--surface): of contours, give the distance as "
-                                       f"--precision {self.tolerance}")
-            self.refuse("apply without --surface", *OF_SURFACES)
-            self.choose("isovalues", "interval", "labels", required=self.plan is None)
+            self.refuse("apply with --tile", *OF_WHOLE)
+        self.choose("isovalues", "interval", "labels", required=self.plan is None)
         if "all" in self.labels and len(self.labels) > 1:
             raise click.UsageError("--label all takes no other labels")
-        for several in (PLACES[:1], PLACES[1:2]):
-            self.choose(*several, "transform", "bounds", "no_placement")
-        self.choose("crs", "no_placement")
         self.choose("labels", "missing")
-        self.choose("workers", "scheduler")
 
     @property
     def converts(self) -> bool:
@@ -217,13 +165,6 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         from ..api.output import is_converted
 
         return is_converted(self.output, self.to)
-
-    @property
-    def surface_layers(self) -> int:
-        """Number of layers of a surface."""
-        if not (self.layers or "1").isdecimal() or int(self.layers or 1) < 1:
-            raise click.UsageError(f"--layers {self.layers}: of a surface, give the number of layers")
-        return int(self.layers or 1)
 
     @property
     def plan(self) -> Path | None:
@@ -238,8 +179,6 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
 
     def keywords(self) -> dict[str, Any]:
         """Keywords of `encode`, as far as they were given."""
-        if self.surface:
-            return {"profile": self.profile, "metadata": notes_of(self.metadata)}
         names = ("precision", "keep_topology", "order")
         given = {name: getattr(self, name) for name in names if self.given(name)}
         if self.layers is not None:
@@ -266,13 +205,11 @@ class EncodeArguments(ThinningArguments, Converting, Reading):
         from ..api.georeference import Georeference, named_system
         from ..api.inputs import Added
 
-        where = {name: getattr(self, name) for name in PLACES}
+        crs = None if self.crs is None else named_system(self.crs)
         return Added(
             labels="all" if "all" in self.labels else self.labels,
-            where=Georeference(**where, crs=None if self.crs is None else named_system(self.crs)),
-            placed=not self.no_placement, periodic=self.periodic, periods=self.period or (),
-            error=self.coordinates_error, stored=self.stored, mesh_error=self.mesh_error, missing=self.missing,
-            interval=self.frame_interval,
+            where=Georeference(spacing=self.spacing, origin=self.origin, crs=crs), periodic=self.periodic,
+            stored=self.stored, mesh_error=self.mesh_error, missing=self.missing, interval=self.frame_interval,
         )
 
 
@@ -306,7 +243,7 @@ def encode_command(options: EncodeArguments) -> None:
     facts, remarks = (_tiled if options.tile is not None else _whole)(options, keywords)
     for remark in remarks:
         warn(options.source, remark)
-    holds = counted(facts["points"], "point") if options.surface else counted(facts["layers"], "layer")
+    holds = counted(facts["layers"], "layer")
     if len(options.labels) > 1 or "all" in options.labels:
         holds = counted(len(facts["isovalues"]), "label")
     if options.tile is not None:
@@ -343,25 +280,21 @@ def _drawn(options: EncodeArguments, keywords: dict[str, Any]) -> None:
 def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode without tiles; returns facts about the file, and remarks."""
     from ..api.encoding import encode
-    from ..api.inputs import facts_of, to_thin
     from ..api.isofile import open
 
     seen = options.observed()
-    given, remarks = to_thin(seen.what, True) if options.surface else (seen.what, [])
-    for remark in [*seen.before, *remarks]:
+    for remark in seen.before:
         warn(options.source, remark)
-    with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
-        if options.surface:
-            tin = options.thinned(given, options.isovalues, options.surface_layers, None, progress)
-            data = encode(tin, **keywords)
-        else:
-            with own_warnings(options.source):
-                data = encode(seen.what, options.isovalue, progress=progress, **keywords)
+    with (
+        concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure),
+        own_warnings(options.source),
+    ):
+        data = encode(seen.what, options.isovalue, progress=progress, **keywords)
     write_output(options.output, data)
     file = open(data)
     marked = options.nodata is not None or options.missing is not None
     facts = {"bytes": file.size, "layers": len(file.info.layers), **seen.facts(file)}
-    return (facts | facts_of(tin, given), []) if options.surface else (facts, seen.after(file, keywords, marked))
+    return facts, seen.after(file, keywords, marked)
 
 
 def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
@@ -376,14 +309,14 @@ def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
     field = options.windowed(options.source, options.missing)
     with (
         concerning(options.source),
-        engine_of(options.workers, options.scheduler) as engine, progress_bar("encoding tiles") as progress,
+        engine_of(options.workers) as engine, progress_bar("encoding tiles") as progress,
     ):
         seen = observed(field, options.added())
         for remark in seen.before:
             warn(options.source, remark)
         try:
             seen.in_tiles(save_tiles(
-                options.output, seen.what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
+                options.output, seen.what, options.isovalue, tile=options.tile, engine=engine,
                 workers=options.workers if engine else None, progress=progress,
                 resumed=lambda done, total: say(f"{named(options.output)}: resuming at tile {done + 1:,} of {total:,}"),
                 **keywords,

@@ -7,8 +7,7 @@ import gc
 import math
 import re
 import sys
-from collections.abc import Callable, Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Collection
 from dataclasses import field, fields, replace
 from inspect import cleandoc
 from pathlib import Path
@@ -18,7 +17,7 @@ import click
 
 from ..deferred import dataclass
 from ..errors import FormatError
-from ..limits import FIELD_SAMPLES, Limits
+from ..limits import Limits
 from .report import STANDARD, concerning, one_warning, own_warnings
 
 if TYPE_CHECKING:
@@ -71,6 +70,23 @@ class SizeType(click.ParamType):
 
 
 _SIZE = re.compile(r"([0-9]{1,15}(?:\.[0-9]*)?)([KMGTkmgt]?)(?:i?[Bb])?")
+
+
+class LimitsType(click.ParamType):
+    """Limits on decoding: ``memory=4G,work=1000000,samples=500000000``."""
+
+    name = "limits"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Limits:
+        if isinstance(value, Limits):
+            return value
+        given = {}
+        for part in str(value).split(","):
+            name, _, number = part.strip().partition("=")
+            if name not in ("memory", "work", "samples") or name in given:
+                self.fail(f"{part!r} is not one of memory=, work= and samples=", param, ctx)
+            given[name] = (SizeType() if name == "memory" else COUNT).convert(number, param, ctx)
+        return replace(Limits(), **given)
 
 
 class NumbersType(click.ParamType):
@@ -264,25 +280,11 @@ class Arguments:
 class Limited(Arguments):
     """Limits of decoding."""
 
-    limit_memory: int | None = option(
-        "--limit-memory", heading=LIMITS, type=SizeType(), metavar="SIZE",
-        help=f"Limit on the memory for decoding.  [default: {Limits().memory >> 20}M]",
+    limits: Limits = option(
+        "--limits", heading=LIMITS, type=LimitsType(), default=Limits(), metavar="NAME=N,..",
+        help="Limits on decoding: memory=4G, work=N (symbols, on top of an allowance for each byte), samples=N.  "
+        f"[default: {Limits().memory >> 20}M, {Limits().work:,}, {Limits().samples:,}]",
     )
-    limit_work: int | None = option(
-        "--limit-work", heading=LIMITS, type=COUNT, metavar="N",
-        help="Limit on decoding work, counted in symbols, on top of a fixed allowance per byte of input.  "
-        f"[default: {Limits().work:,}]",
-    )
-    limit_samples: int | None = option(
-        "--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
-        help=f"Limit on the number of samples.  [default: {FIELD_SAMPLES:,} read; {Limits().samples:,} decoded]",
-    )
-
-    @property
-    def limits(self) -> Limits:
-        """Limits that the options set."""
-        given = {"memory": self.limit_memory, "work": self.limit_work, "samples": self.limit_samples}
-        return replace(Limits(), **{name: value for name, value in given.items() if value is not None})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -466,41 +468,6 @@ class Reading(Arguments):
 
         with concerning(source), one_warning(source):
             return read_input(stream(source), self.choice(frames))
-
-
-@dataclass(frozen=True, kw_only=True)
-class ThinningArguments(Arguments):
-    """Options for thinning a surface."""
-
-    points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
-                                help="Keep N points.")
-    error: str | None = option("--error", heading=SURFACE, metavar="E",
-                               help="Keep as few points as miss no value by more than E: 0.5, or 2m.")
-    size: int | None = option("--size", heading=SURFACE, type=SizeType(), metavar="SIZE",
-                              help="Keep as many points as fit into an .iso file of this size.")
-    tolerance: str | None = option(
-        "--tolerance", heading=SURFACE, metavar="D",
-        help="With --isovalue: keep its contour to within D, in samples or in the world (0.5, 10m), and little else.",
-    )
-    step: float | None = option("--step", heading=SURFACE, type=float, metavar="S",
-                                help="In an .iso file: round values to multiples of this step.")
-
-    def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: Any, progress: Any) -> Any:
-        """Thin a field or points to a triangulation."""
-        from ..api.thinned import thin
-
-        return thin(
-            what, criterion=criterion, to=self.points, error=self.error, size=self.size,
-            contours=[*contours] or None, tolerance=self.tolerance, step=self.step, layers=layers, progress=progress,
-        )
-
-    def check_thinning(self, isovalues: Collection[float]) -> None:
-        """Check that one measure of thinning is given."""
-        measures = self.given("points", "error", "size") + ["--isovalue"] * bool(isovalues)
-        if len(measures) != 1:
-            raise click.UsageError("give exactly one of --points, --error, --size or --isovalue")
-        if bool(isovalues) != (self.tolerance is not None):
-            raise click.UsageError("--isovalue and --tolerance must be given together")
 
 
 def stream(source: str) -> Any:

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from typing import Any
+
 import click
 
 from ..deferred import dataclass
-from .option_records import COUNT, SURFACE, NumberType, Reading, ThinningArguments, Writing, argument, command, option
+from .option_records import (
+    COUNT,
+    SURFACE,
+    From,
+    NumberType,
+    Reading,
+    SizeType,
+    Writing,
+    argument,
+    command,
+    option,
+)
 from .report import concerning, named, progress_bar, timed_result, warn, write_output, written_to
 
 CRITERIA = ("AT1", "AT2", "AT3", "inf", "l2", "NAT")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThinArguments(ThinningArguments, Writing, Reading):
+class ThinArguments(Writing, Reading):
     """Options of ``thin``."""
 
     source: str = argument("INPUT")
@@ -29,8 +43,35 @@ class ThinArguments(ThinningArguments, Writing, Reading):
         "each direction; inf: largest error over all points; l2: sum of squared errors; NAT: distance to the nearest "
         "point, whatever the values.  [default: AT1; if OUT is .iso, points are chosen so that the file is best]",
     )
-    scattered: bool = option("--scattered", heading="Input", is_flag=True,
-                             help="INPUT is a table of points: rows of x, y, value.")
+    points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
+                                help="Keep N points.")
+    error: str | None = option("--error", heading=SURFACE, metavar="E",
+                               help="Keep as few points as miss no value by more than E: 0.5, or 2m.")
+    size: int | None = option("--size", heading=SURFACE, type=SizeType(), metavar="SIZE",
+                              help="Keep as many points as fit into an .iso file of this size.")
+    tolerance: str | None = option(
+        "--tolerance", heading=SURFACE, metavar="D",
+        help="With --isovalue: keep its contour to within D, in samples or in the world (0.5, 10m), and little else.",
+    )
+    step: float | None = option("--step", heading=SURFACE, type=float, metavar="S",
+                                help="In an .iso file: round values to multiples of this step.")
+
+    def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: Any, progress: Any) -> Any:
+        """Thin a field or points to a triangulation."""
+        from ..api.thinned import thin
+
+        return thin(
+            what, criterion=criterion, to=self.points, error=self.error, size=self.size,
+            contours=[*contours] or None, tolerance=self.tolerance, step=self.step, layers=layers, progress=progress,
+        )
+
+    def check_thinning(self, isovalues: Collection[float]) -> None:
+        """Check that one measure of thinning is given."""
+        measures = self.given("points", "error", "size") + ["--isovalue"] * bool(isovalues)
+        if len(measures) != 1:
+            raise click.UsageError("give exactly one of --points, --error, --size or --isovalue")
+        if bool(isovalues) != (self.tolerance is not None):
+            raise click.UsageError("--isovalue and --tolerance must be given together")
 
 
 @command("thin", ThinArguments, "Thin a terrain, picture or table of points to a triangulation.")
@@ -39,7 +80,7 @@ def thin_command(options: ThinArguments) -> None:
 
     OUT is one of {surfaces}: a surface whose height is the value. .npz (points, values, cells, placement, crs) also has
     the order of removal and the error after each removal; .npy holds the surface resampled on the grid. Or OUT is .iso:
-    compactly coded points and values, as from encode --surface; decode converts that file to the other formats.
+    compactly coded points and values; decode converts that file to the other formats.
 
     INPUT is a picture, a terrain or any array with two axes that encode reads; or points: .csv, .xyz, .las, .laz,
     .gpkg.
@@ -53,7 +94,7 @@ def thin_command(options: ThinArguments) -> None:
         options.refuse("apply with --criterion", "size", "isovalues")
     from ..api.encoding import encode
     from ..api.export import OutputOptions, check_export, write_surface
-    from ..api.inputs import as_points, facts_of, merged_by, to_thin
+    from ..api.inputs import facts_of, merged_by, to_thin
     from ..api.output import check_output
 
     with concerning(options.output):
@@ -62,7 +103,7 @@ def thin_command(options: ThinArguments) -> None:
             check_export(options.output, "surface", OutputOptions())
     what = options.read(options.source)
     with concerning(options.source):
-        given, remarks = to_thin(as_points(what) if options.scattered else what, coded)
+        given, remarks = to_thin(what, coded)
     for remark in [*getattr(what, "remarks", ()), *remarks]:
         warn(options.source, remark)
     with concerning(options.source), progress_bar("thinning") as progress:

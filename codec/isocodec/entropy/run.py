@@ -81,7 +81,7 @@ class Account:
     def _too_much_work(self) -> LimitError:
         return LimitError(
             f"takes more time than {self._most_work:,} units of work", code="limit-work", clause="11.2",
-            remedy="raise Limits.work (--limit-work) if the file is trusted",
+            remedy="raise Limits.work (--limits work=..) if the file is trusted",
         )
 
 

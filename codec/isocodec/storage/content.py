@@ -162,7 +162,7 @@ def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> I
                 left -= len(piece)
                 if left < 0:
                     raise LimitError("is larger than the permitted number of samples could fill", code="limit-samples",
-                                     remedy="raise the limit with samples= (--limit-samples)")
+                                     remedy="download it first")
                 copy.write(piece)
         yield path
 

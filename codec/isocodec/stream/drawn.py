@@ -113,7 +113,7 @@ def _check_samples(shape: tuple[int, ...], limits: Limits) -> None:
     if math.prod(shape) > limits.samples:
         raise LimitError(
             f"a mask of {math.prod(shape):,} samples, more than {limits.samples:,}",
-            code="limit-samples", clause="11.2", remedy="to allow this, raise Limits.samples (--limit-samples)",
+            code="limit-samples", clause="11.2", remedy="to allow this, raise Limits.samples (--limits samples=..)",
         )
 
 

@@ -634,7 +634,7 @@ def _warn_of_memory(tubes: Sequence[Tube]) -> None:
     if most > Limits().memory:
         warnings.warn(
             f"decoding needs about {in_units(most)} of memory, more than the default limit of "
-            f"{in_units(Limits().memory)}: decode with --limit-memory (Limits.memory), or encode in tiles",
+            f"{in_units(Limits().memory)}: decode with --limits memory=.. (Limits.memory), or encode in tiles",
             stacklevel=2,
         )
 
