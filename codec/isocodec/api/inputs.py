@@ -341,7 +341,8 @@ def layers_of(text: str, plan: Path | None) -> str:
     except UnicodeDecodeError:
         found = "\0"
     if len(data) > MOST or "\0" in found:
-        raise OptionError("the file is not a plan, which is a short text", code="plan", remedy="docs/plans.md explains plans")
+        raise OptionError("the file is not a plan, which is a short text", code="plan",
+                          remedy="docs/plans.md explains plans")
     return found
 
 
