@@ -8,17 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely.geometry import shape as shape_of
 
 import isocodec
 from brute import examples
 from commands import fails, ok
 from isocodec import Contour
 from isocodec.errors import OptionError, TruncatedError
+from libraries import Late
 from places import matrix
+
+shapely = Late("shapely")
+shape_of = Late("shapely.geometry.shape")
 
 SHAPES = st.tuples(*[st.integers(2, 14)] * 2)
 

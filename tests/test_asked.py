@@ -20,13 +20,14 @@ from isocodec.errors import InputError, OptionError
 from isocodec.field.samples import check_field, isovalue_of
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.options import DEFAULT_TOLERANCE, EncodeOptions, Options, Precision
+from tables import looped
 
 FIELD = np.add.outer(np.arange(6), np.arange(7)).astype(np.uint8)
 
 # --- isovalues ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@looped(
     "given, expected",
     [
         (5, 5.0), (2**60, 2.0**60), (np.int8(-5), -5.0), (np.uint64(2**63), 2.0**63),
@@ -39,7 +40,7 @@ def test_isovalues_of_any_kind_of_number(given, expected):
     assert type(found) is float and found == expected
 
 
-@pytest.mark.parametrize(
+@looped(
     "given",
     [
         "5", b"5", None, True, np.bool_(True), 1j, np.datetime64("2020-01-01"), [5], {5}, np.array([1.5]),
@@ -74,7 +75,7 @@ def test_several_isovalues_of_several_kinds():
 # --- plans ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@looped(
     "plan",
     [
         {5}, "bas", "base x", [], ["base"], [5], [()], [None], [("walk", 1)], {1.5: [("base", None)]}, {5.5: None},

@@ -6,14 +6,16 @@ import json
 from itertools import pairwise
 from pathlib import Path
 
-import geopandas
 import numpy as np
 import pytest
-import shapely
 
 import isocodec
 from commands import HILLS, ok
 from files import picture
+from libraries import Late
+
+geopandas = Late("geopandas")
+shapely = Late("shapely")
 
 VALUES = [60.5, 100.5, 20.5, 140.5]
 UTM = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])

@@ -15,7 +15,6 @@ pytest.importorskip("contourpy")
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
 
-from skimage.measure import marching_cubes
 
 from bench import measure, peers2d, peers3d, record
 from bench import run as bench_run
@@ -30,7 +29,12 @@ from bench.nearest import Boxes
 from bench.ours import parts_list, radices
 from bench.plots import lines
 from bench.rows import Book, read_rows
+from libraries import Late
 from stand_ins import STAND_INS
+from tables import looped
+
+marching_cubes = Late("skimage.measure.marching_cubes")
+pytestmark = pytest.mark.heavy
 
 Y, X = np.mgrid[:40, :44]
 HILL = (100 + 90 * np.sin(Y / 6) * np.cos(X / 7)).astype(np.uint8)
@@ -92,7 +96,7 @@ def named(codecs):
     return [pytest.param(codec, id=codec.name) for codec in some]
 
 
-@pytest.mark.parametrize("codec", named(peers2d.mask_peers(HILL > 107)))
+@looped("codec", named(peers2d.mask_peers(HILL > 107)))
 def test_masks_come_back(codec):
     assert np.array_equal(codec.decode(codec.encode()), HILL > 107)
 
@@ -102,7 +106,7 @@ def test_solid_masks_come_back(codec):
     assert np.array_equal(codec.decode(codec.encode()), BALL > 150)
 
 
-@pytest.mark.parametrize("codec", named(peers2d.curve_peers(LINES)))
+@looped("codec", named(peers2d.curve_peers(LINES)))
 def test_curves_come_back(codec):
     read = codec.decode(codec.encode())
     # the coarsest are simplified by one cell, or rounded to a quarter of it; then rounded to a 16th
@@ -116,7 +120,7 @@ def test_pictures_come_back(codec):
     assert np.array_equal(codec.decode(codec.encode()), HILL)
 
 
-@pytest.mark.parametrize("codec", named(peers3d.mesh_peers((MESH[0].astype(np.float32), MESH[1].astype(np.uint32)))))
+@looped("codec", named(peers3d.mesh_peers((MESH[0].astype(np.float32), MESH[1].astype(np.uint32)))))
 def test_meshes_come_back(codec):
     read = codec.decode(codec.encode())
     # half a step of 8 bits of 7.6 cells, along three axes
@@ -192,7 +196,7 @@ def test_ratios_are_ours_to_the_smallest_peer_that_is_as_good(result):
     assert found["progressive"].peer["peer"] == "ours-single"
 
 
-@pytest.mark.parametrize("cls", [pytest.param(c, id=c.key) for c in CLASSES if c.named and not c.alone])
+@looped("cls", [pytest.param(c, id=c.key) for c in CLASSES if c.named and not c.alone])
 def test_ours_keeps_to_the_error_of_the_named_peer(result, cls):
     by_name = {row["peer"]: row for row in result[0]}
     peer = by_name[cls.named]

@@ -12,12 +12,8 @@ import zipfile
 import zlib
 from pathlib import Path
 
-import h5py
-import nibabel
 import numpy as np
 import pytest
-import tifffile
-from PIL import Image
 
 import isocodec
 from commands import HILLS, fails, ok, run
@@ -27,6 +23,12 @@ from isocodec import Limits
 from isocodec.cli import option_records
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.storage import content
+from libraries import Late
+
+h5py = Late("h5py")
+nibabel = Late("nibabel")
+Image = Late("PIL.Image")
+tifffile = Late("tifffile")
 
 KINDS = ["a.npy", "a.npz", "a.h5", "a.tif", "packed.tif", "a.png", "a.jpg", "a.nii", "a.nii.gz", "a.nrrd", "a.nhdr"]
 KINDS += ["a.mha", "a.mhd"]

@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 import isocodec
 from isocodec.errors import OptionError, TruncatedError
+from libraries import Late
+from tables import looped
+
+gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 
 SHAPE = (9, 11, 10)
 BOX = 8 * 10 * 9
@@ -19,8 +22,8 @@ def noise(seed: int) -> np.ndarray:
     return gaussian_filter(np.random.default_rng(seed).standard_normal(SHAPE), 1.5)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("options", [{}, {"precision": "signs"}, {"precision": 0.5}])
+@looped("seed", range(4))
+@looped("options", [{}, {"precision": "signs"}, {"precision": 0.5}])
 def test_both_parts_make_up_the_box(seed: int, options: dict[str, Any]) -> None:
     contour = isocodec.decode(isocodec.encode(noise(seed), 0.02, **options))
     volumes = []

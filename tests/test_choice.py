@@ -1,7 +1,6 @@
 """Choice of meshes for a tolerance: squares and cubes with slack, windows that stand for a field."""
 
 import numpy as np
-import pytest
 
 import isocodec
 from isocodec.field.samples import check_field
@@ -10,6 +9,7 @@ from isocodec.search.promise import Promise
 from isocodec.search.strategy import even_start
 from isocodec.search.tolerance import parts_on
 from isocodec.search.windows import ENOUGH, windows
+from tables import looped
 
 
 def waves(side, wavelength, n=2):
@@ -17,7 +17,7 @@ def waves(side, wavelength, n=2):
     return sum(np.sin(2 * np.pi * axis / wavelength) for axis in np.indices((side,) * n)) * 100
 
 
-@pytest.mark.parametrize(
+@looped(
     ("n", "tolerance", "exponent"), [(2, 1.0, 1), (2, 0.3, 2), (2, 2.0, 3), (3, 1.0, 1), (3, 0.5, 1)]
 )
 def test_cubes_keep_a_promise(n, tolerance, exponent):

@@ -11,14 +11,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely.geometry
-import tifffile
-import trimesh
-from PIL import Image
 
 import isocodec
 from commands import HILLS, fails, ok, run
 from isocodec.api.export import counted
+from libraries import Late
+
+Image = Late("PIL.Image")
+shapely = Late("shapely")
+tifffile = Late("tifffile")
+trimesh = Late("trimesh")
 
 # ---- encode ---------------------------------------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ from isocodec.format.domain import DomainHead, read_domain, write_domain
 from isocodec.mesh.mesh_run import decoded_mesh, encoded_mesh
 from isocodec.mesh.quantised import quantised
 from isospec.container import DomainKind
+from tables import looped
 
 MANY = 4 if INTERPRETED else 60 if HEAVY else 20
 MAKERS = {"plane": plane, "space": space, "surface": lambda seed: torus(6 + seed % 5, 5)}
@@ -64,8 +65,8 @@ def test_meshes_return(name):
         assert neighbours == wanted
 
 
-@pytest.mark.parametrize("name", MAKERS)
-@pytest.mark.parametrize("mesh", ["coded", "whole"])
+@looped("name", MAKERS)
+@looped("mesh", ["coded", "whole"])
 def test_contours(name, mesh):
     """The contour has the topology of that of the mesh as given, and lies within the errors."""
     for seed in range(MANY):

@@ -26,6 +26,7 @@ from isocodec.entropy.range_coder import (
 )
 from isocodec.grid.models.contexts import CONTEXTS, models
 from isocodec.grid.models.parabola import FREE, MOST, ONWARD, STIFFNESS, beside_the_gate, nearer, through_the_gate
+from tables import looped
 
 HALF = ONE // 2
 ADAPTIVE = rates()
@@ -72,7 +73,7 @@ def decoded(data, contexts, probabilities, rate=ADAPTIVE, final=True):
 # --- by hand --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@looped(
     "bits, run",
     [
         ("", ""),  # [0, 1): no byte, read as 0
@@ -96,7 +97,7 @@ def test_halvings(bits, run):
     assert decoded(bytes.fromhex(run), [0] * len(bits), [HALF], FIXED) == [int(b) for b in bits]
 
 
-@pytest.mark.parametrize(
+@looped(
     "bits, run",
     [
         ("1", ""),  # [0, 3/4)
@@ -369,7 +370,7 @@ def test_extrapolation_from_twenty_points():
     assert (denominator, sum(map(abs, weights))) == (79_332_435, 11_755_498)
 
 
-@pytest.mark.parametrize("points", range(1, MOST + 1))
+@looped("points", range(1, MOST + 1))
 def test_onward_is_least_squares_through_the_gate(points):
     """C2-arith, F-80: b t + c t**2 with the least sum of squares, bending weighed.
 
@@ -384,7 +385,7 @@ def test_onward_is_least_squares_through_the_gate(points):
     assert np.dot(weights, y) / denominator == pytest.approx(b + c, abs=1e-6)
 
 
-@pytest.mark.parametrize("points", range(2, MOST + 1))
+@looped("points", range(2, MOST + 1))
 def test_free_is_the_published_parabola(points):
     """C2-arith, F-80: the least sum of squares over the last 20 points, the gate's among them, by ``numpy.polyfit``."""
     denominator, weights = beside_the_gate(points)

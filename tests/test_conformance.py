@@ -36,15 +36,16 @@ from isoconform.manifest import (
 )
 from isospec.elements import ELEMENTS
 from isospec.tables import KINDS
+from tables import looped
 
 HOME = default_directory()
 VECTORS = read_manifest(HOME)
 BY_NAME = {v.name: v for v in VECTORS}
-each_vector = pytest.mark.parametrize("vector", VECTORS, ids=[v.name for v in VECTORS])
+each_vector = looped("vector", VECTORS)
 LIGHT = [v for v in VECTORS if v.expected.status != LIMIT]
 SHARE = 4
-each_light_vector = pytest.mark.parametrize("vector", [
-    pytest.param(v, id=v.name, marks=[pytest.mark.heavy] if i % SHARE else []) for i, v in enumerate(LIGHT)
+each_light_vector = looped("vector", [
+    pytest.param(v, marks=[pytest.mark.heavy] if i % SHARE else []) for i, v in enumerate(LIGHT)
 ])
 """All but those that take a decoder to its limits, which takes seconds; most of them among the heavy tests."""
 
@@ -175,7 +176,7 @@ def test_a_decoder_may_refuse_what_its_tier_does_not_ask_for(tier, code, passes)
     assert result.passed == passes
 
 
-@pytest.mark.parametrize("code, passes", [(6, True), (4, True), (0, False), (5, False), (-9, False)])
+@looped("code, passes", [(6, True), (4, True), (0, False), (5, False), (-9, False)])
 def test_nobody_has_to_decode_what_is_beyond_all_tiers(code, passes):
     beyond = [v for v in VECTORS if v.expected.status == LIMIT]
     results = runner.run(beyond, HOME, lambda path, layers: (code, ""))
@@ -198,6 +199,7 @@ def test_vectors_are_small():
     assert sum(path.stat().st_size for path in HOME.iterdir()) < 2_500_000
 
 
+@pytest.mark.heavy
 def test_generation_gives_the_same_bytes(tmp_path):
     """``generate`` makes the committed files, all of them; what the old manifest lists besides goes, the rest stays."""
     manifest = (HOME / NAME).read_text().replace('"plane_flat.iso"', '"plane_old.iso"')

@@ -38,11 +38,12 @@ from isospec.container import (
     zigzag,
 )
 from isospec.elements import BY_LAYER
+from tables import looped
 
 # --- numbers --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@looped(
     "value, encoding",
     [(0, "00"), (1, "01"), (127, "7f"), (128, "8100"), (300, "822c"), (16383, "ff7f"), (16384, "818000"),
      ((1 << 63) - 1, "ff" * 8 + "7f")],
@@ -55,7 +56,7 @@ def test_varint(value, encoding):
     assert all(read_varint(data, 0, end) is None for end in range(len(data)))
 
 
-@pytest.mark.parametrize("encoding", ["8000", "8001", "80", "ff" * 9, "81" + "80" * 9])
+@looped("encoding", ["8000", "8001", "80", "ff" * 9, "81" + "80" * 9])
 def test_varint_refused(encoding):
     """Leading zero groups, and more than 9 bytes, are refused as soon as they can be seen."""
     with pytest.raises(VarintError):
@@ -71,7 +72,7 @@ def test_zigzag():
 # --- headers --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@looped(
     "header, encoding",
     [
         # signature; versions; flags 0 equal scaled kind kind axes profile profile; shape, one size if equal; isovalue
@@ -108,7 +109,7 @@ def test_equal_sides_told_one_by_one():
     assert read_header(bytes.fromhex("8949534f0000050502")) == (Header((5, 5), 0.5), 9)
 
 
-@pytest.mark.parametrize(
+@looped(
     "encoding, code, offset",
     [
         ("8949534e", "signature", 0),
@@ -179,7 +180,7 @@ def program(encoding, full=4):
 BASE_2, REFINE_3, REFINE_4 = ("base", 2, 0), ("refine", 3, 0), ("refine", 4, 0)
 
 
-@pytest.mark.parametrize(
+@looped(
     "encoding, layers",
     [
         ("02", [BASE_2]),  # operation 0, argument 2
@@ -211,7 +212,7 @@ def test_program(encoding, layers):
     assert program(encoding) == layers
 
 
-@pytest.mark.parametrize(
+@looped(
     "encoding, offset",
     [
         ("05", 0),  # base beyond the full grid, level 4
@@ -396,7 +397,7 @@ def test_nothing_follows_a_cut_run():
     refused(with_checksum(short[:head] + first + more), "cut", head + len(first))
 
 
-@pytest.mark.parametrize("payload", [b"", b"[]", b"{", b"\xff", b"[" * 5000, b'{"a": 1}'])
+@looped("payload", [b"", b"[]", b"{", b"\xff", b"[" * 5000, b'{"a": 1}'])
 def test_metadata_that_is_none(payload):
     """An ancillary chunk never spoils a file."""
     head, layers = split_file("exact")

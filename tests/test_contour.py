@@ -14,6 +14,7 @@ from isocodec.drawing.contour import Contour
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
 from isocodec.errors import OptionError
+from tables import looped
 
 # --- parts, nothing, anything ----------------------------------------------------------------------------------------
 
@@ -34,9 +35,9 @@ def test_cells_whose_leaves_are_not_all_there_are_left_out(shape):
         assert sum(len(line) - 1 for line in part.lines) == len(part.cells)
 
 
-@pytest.mark.parametrize("full", [True, False])
-@pytest.mark.parametrize("shape", [(5, 7), (4, 6, 9), (1, 6), (1, 1, 1)])
-@pytest.mark.parametrize("values", [True, False])
+@looped("full", [True, False])
+@looped("shape", [(5, 7), (4, 6, 9), (1, 6), (1, 1, 1)])
+@looped("values", [True, False])
 def test_nothing_to_draw(shape, full, values):
     leaves = leaves_of(np.zeros(shape), values=values, size=1 if full else 2, bisections=0 if full else 1)
     contour = draw(leaves)

@@ -22,6 +22,7 @@ from isocodec.grid.models.refinement_signs import expected_sign
 from isocodec.grid.passes.bisection import look
 from isocodec.grid.passes.refinement import _assumed
 from isoconform.meshes import exponent
+from tables import looped
 
 STARTS = {0: 0, 1: 20, 2: 29}
 """First of the patterns of a phase, n = 3."""
@@ -208,7 +209,7 @@ def test_patterns_in_the_midst_of_rounds(shape, seed):
     compared(shape, seed)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@looped("shape", SHAPES)
 def test_patterns_are_compared_at_the_border(shape):
     tried, cut_off = np.sum([compared(shape, seed) for seed in range(3)], axis=0)
     assert tried > 10 and (cut_off > 0 or shape == (2, 6))

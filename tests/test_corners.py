@@ -19,6 +19,7 @@ from isocodec.format.program import Progress, read_program
 from isocodec.grid.layers import layer_writer
 from isocodec.stream.inspect import inspect
 from isospec.container import CHECKED_CHUNK, LAYER_LIMIT, ChunkType
+from tables import looped
 
 CHECKED = 0b0100_0000
 
@@ -55,7 +56,7 @@ def noise():
     return data
 
 
-@pytest.mark.parametrize("beyond", [-12, -4, -3, -1, 0, 1, 2, 3, 5, 8, 13, 24, 1000])
+@looped("beyond", [-12, -4, -3, -1, 0, 1, 2, 3, 5, 8, 13, 24, 1000])
 def test_large_chunks_cut_to_bytes(noise, beyond):
     """Around the size from which chunks have a checksum of their own, and beyond it: as many symbols as fit."""
     most = read_header(noise)[1] + CHECKED_CHUNK + beyond
@@ -213,7 +214,7 @@ def three():
     return isocodec.encode(field, [0.5, 20.5, -20.5], order="independent")
 
 
-@pytest.mark.parametrize("only", [{0}, {1}, {2}, {0, 2}, {1, 2}])
+@looped("only", [{0}, {1}, {2}, {0, 2}, {1, 2}])
 def test_skipped_isovalues(three, only):
     """Their chunks of layers are passed over, each an event; what is left is as if all were decoded."""
     whole = closed(three)
@@ -259,7 +260,7 @@ def test_damage_in_a_skipped_chunk_is_found(three):
 # --- what is asked of the encoder, and what is drawn ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("steps", [[1, 1], [4, 1, 1], [4, 4, "exact"], [1, 2], ["exact", "exact"]])
+@looped("steps", [[1, 1], [4, 1, 1], [4, 4, "exact"], [1, 2], ["exact", "exact"]])
 def test_steps_that_do_not_fall(steps):
     with pytest.raises(OptionError) as caught:
         isocodec.encode(picture((20, 20), 1), 0.5, precision=steps)

@@ -8,6 +8,7 @@ import pytest
 import isocodec
 from brute import smooth
 from isocodec.search.repair import BEHIND, CLEAR, NOISE, SURE, Course
+from tables import looped
 
 LOST = {100: 500, 60: 800, 20: 1000}
 """Bytes by places too far away of a way that did not lead to the fewest bytes."""
@@ -26,11 +27,11 @@ def course(way: dict[int, int], better: bool, least: float = 1100.0, **options: 
     return made
 
 
-@pytest.mark.parametrize(("places", "size", "expected"), [
+@looped(("places", "size", "expected"), [
     (60, 799, False), (60, 800, True), (80, 650, True), (80, 649, False), (20, 1000, True), (19, 10**6, False),
     (101, 10**6, False),
 ])
-@pytest.mark.parametrize("aims", [False, True])
+@looped("aims", [False, True])
 def test_no_fewer_bytes_than_one_that_was_lost(places: int, size: int, expected: bool, aims: bool) -> None:
     assert course(LOST, False, aims=aims).behind(places, size) == expected
 

@@ -9,12 +9,13 @@ from brute import noise
 from drawings import as_set, check_manifold, check_winding, leaves_of, rows_of
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
+from tables import looped
 
 # --- coarser meshes --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("bisections", range(4))
-@pytest.mark.parametrize("shape", [(17, 17), (14, 19), (9, 9, 9), (7, 8, 10)])
+@looped("bisections", range(4))
+@looped("shape", [(17, 17), (14, 19), (9, 9, 9), (7, 8, 10)])
 def test_simplex_drawing_is_a_manifold_with_the_high_values_inside(shape, bisections):
     for closed in (False, True):
         field = noise(shape, bisections, closed)

@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
 
 import isocodec
 from isocodec.drawing.contour import Contour
 from isocodec.search.fences import Fences
 from isocodec.search.proof import Target
+from libraries import Late
+from tables import looped
+
+shapely = Late("shapely")
 
 ROWS, COLUMNS = np.mgrid[:41, :37]
 NOISE = np.random.default_rng(5).normal(size=ROWS.shape)
@@ -54,6 +57,7 @@ def _between(place: np.ndarray, first: np.ndarray, second: np.ndarray) -> bool:
     return bool(np.min(gaps) > 1e-6 and ((low < angle[1]) & (angle[1] < high)).sum() == 1)
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("tolerance", [0.05, 0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", FIELDS)
@@ -93,9 +97,9 @@ def contour(isovalue: float, *places: tuple[float, float]) -> Contour:
     return Contour(points, np.stack([number[:-1], number[1:]], axis=1), shape=(9, 9), isovalue=isovalue)
 
 
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("higher", [False, True])
-@pytest.mark.parametrize(("line", "below", "above"), [
+@looped("turned", [False, True])
+@looped("higher", [False, True])
+@looped(("line", "below", "above"), [
     # beside it, on the side of what is higher or not
     ([(0, 5), (8, 5)], 0, 0), ([(9, 0), (9, 8)], 0, 0),
     # across it: inside segments, at points of one, of both

@@ -6,17 +6,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import pyvista as pv
 
 import isocodec
 from commands import fails, ok, run
 from isocodec import Mesh
+from libraries import Late
+from tables import looped
 from test_kinds import CHECKS, IMPOSSIBLE
 from written import Y_UP
 
-BLOB = pv.Sphere(radius=10, theta_resolution=24, phi_resolution=18)
-POINTS = np.asarray(BLOB.points, float) * [1, 1.2, 0.8] + [3, -2, 5]
-CELLS = np.asarray(BLOB.faces).reshape(-1, 4)[:, 1:].astype(np.int64)
+pv = Late("pyvista")
+
+
+
+def sphere(around: int = 24, rings: int = 16) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a sphere of radius 1, its poles last, and triangles that run counter-clockwise from outside."""
+    up, turn = np.meshgrid(np.pi * np.arange(1, rings + 1) / (rings + 1), 2 * np.pi * np.arange(around) / around,
+                           indexing="ij")
+    points = np.stack([np.sin(up) * np.cos(turn), np.sin(up) * np.sin(turn), np.cos(up)], axis=-1).reshape(-1, 3)
+    number = np.arange(rings * around).reshape(rings, around)
+    beside = np.roll(number, -1, axis=1)
+    a, b, c, d = (each.ravel() for each in (number[:-1], number[1:], beside[1:], beside[:-1]))
+    top, bottom = np.full(around, len(points)), np.full(around, len(points) + 1)
+    cells = [(a, b, c), (a, c, d), (top, number[0], beside[0]), (bottom, beside[-1], number[-1])]
+    return np.vstack([points, [[0, 0, 1], [0, 0, -1]]]), np.concatenate([np.stack(each, axis=1) for each in cells])
+
+
+POINTS, CELLS = sphere()
+POINTS = 10 * POINTS * [1, 1.2, 0.8] + [3, -2, 5]
 HEIGHT = POINTS @ [0.3, 0.2, 1.0]
 LEVELS = (4.5, 7.5)
 STORED = ("known", "coded", "whole")
@@ -34,8 +51,8 @@ def opened(stored: str) -> tuple[isocodec.IsoFile, bytes]:
     return isocodec.open(data, mesh=(POINTS, CELLS) if stored == "known" else None), data
 
 
-@pytest.mark.parametrize("stored", STORED)
-@pytest.mark.parametrize("operation", [name for name in CHECKS if (name, "mesh") not in IMPOSSIBLE])
+@looped("stored", STORED)
+@looped("operation", [name for name in CHECKS if (name, "mesh") not in IMPOSSIBLE])
 def test_operations(operation: str, stored: str) -> None:
     """The table of operations has a row for meshes in space."""
     file, data = opened(stored)
@@ -80,8 +97,8 @@ def test_operations(operation: str, stored: str) -> None:
         assert operation in ("encode", "save", "open", "info") and file.info.kind == "mesh" and file.size == len(data)
 
 
-@pytest.mark.parametrize("stored", STORED)
-@pytest.mark.parametrize("turned", [False, True])
+@looped("stored", STORED)
+@looped("turned", [False, True])
 def test_triangles_keep_their_winding(stored: str, turned: bool) -> None:
     """Those of a mesh that both sides have as they are; of a closed surface outwards, of an open one to the front."""
     cells = CELLS[:, ::-1] if turned else CELLS
@@ -108,7 +125,6 @@ def test_curves_in_files(stored: str, suffix: str, tmp_path: Path) -> None:
     file, data = opened(stored)
     out = tmp_path / f"out{suffix}"
     (tmp_path / "a.iso").write_bytes(data)
-    BLOB.copy().save(tmp_path / "blob.ply")
     contour = file.contour(LEVELS[0])
     isocodec.save(out, contour)
     length = np.linalg.norm(np.diff(contour.points[contour.cells], axis=1), axis=2).sum()

@@ -12,6 +12,7 @@ import pytest
 from isocodec import deferred
 from isocodec.deferred import dataclass
 from isocodec.io.writers.output_formats import Cost
+from tables import looped
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ def test_methods_are_made_with_the_first_object():
         one.size = 2  # type: ignore[misc]
 
 
-@pytest.mark.parametrize("parameters", [
+@looped("parameters", [
     {}, {"frozen": True}, {"eq": False}, {"repr": False}, {"frozen": True, "eq": False}, {"kw_only": True},
 ])
 def test_methods_do_what_those_of_the_standard_library_do(parameters):

@@ -7,11 +7,14 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
 
 from isocodec.errors import InputError
 from isocodec.tin.delaunay import delaunay, remove, triangles, triangulate
 from isocodec.tin.rank import by_rank, ranks
+from libraries import Late
+from tables import looped
+
+Delaunay = Late("scipy.spatial.Delaunay")
 
 KINDS = ("random", "grid", "few places", "line and a point", "circle", "wide")
 
@@ -67,7 +70,7 @@ def _above(points: list[tuple[int, int]], height: list[Fraction], corners: tuple
     return height[d] > plane
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@looped("kind", KINDS)
 def test_by_definition(kind: str):
     for seed in range(3):
         x, y = points_of(kind, 12, seed)
@@ -76,7 +79,7 @@ def test_by_definition(kind: str):
         assert found == by_definition(points)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@looped("kind", KINDS)
 def test_removal_gives_what_construction_gives(kind: str):
     """After every 50th removal; 204 sets in all, whose hulls are straight or not."""
     for seed in range(34):
@@ -105,7 +108,7 @@ def test_another_library():
         assert {tuple(sorted(each)) for each in triangulate(points).tolist()} == theirs
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@looped("kind", KINDS)
 def test_order_of_points_does_not_matter(kind: str):
     x, y = points_of(kind, 80, 5)
     points = np.stack([x, y], axis=1)
@@ -139,7 +142,7 @@ def test_a_grid_has_no_pattern():
     assert 0.45 < falling < 0.55
 
 
-@pytest.mark.parametrize(
+@looped(
     ("points", "code"),
     [
         ([(0, 0), (1, 1), (2, 2), (5, 5)], "collinear"),

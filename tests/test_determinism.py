@@ -31,8 +31,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kerne
 
 from front import kernels
 
+from tables import looped
 
-@pytest.mark.parametrize("name", SMALL if INTERPRETED else list(CASES))
+
+@looped("name", SMALL if INTERPRETED else list(CASES))
 def test_goldens(name):
     """Files and decoded states are those of ``goldens.json``, which only ``make_goldens.py`` writes."""
     goldens = json.loads(PATH.read_text())
@@ -40,6 +42,7 @@ def test_goldens(name):
     assert digests(name) == goldens[name]
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("name", SMALL if INTERPRETED else list(CASES))
 @pytest.mark.parametrize("byte", [0x55, 0xFF])
 def test_goldens_whatever_memory_held(name, byte, monkeypatch):
@@ -112,6 +115,7 @@ def twice(monkeypatch):
     return called
 
 
+@pytest.mark.heavy
 @pytest.mark.skipif(INTERPRETED, reason="nothing is compiled")
 def test_compiled_kernels_do_what_their_source_says(twice):
     """All of them: to the last bit, what they return and what becomes of arrays."""
@@ -186,7 +190,7 @@ def test_rows_are_weighed_alike(twice):
     assert "isocodec.grid.passes.values.values" in twice
 
 
-@pytest.mark.parametrize("name", SMALL)
+@looped("name", SMALL)
 def test_nothing_is_left_behind(name):
     """The second file of a process is the first one's: no state outlives an encoder."""
     field, isovalue, options = CASES[name]

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import nibabel
 import numpy as np
-import pyproj
 import pytest
-import SimpleITK
-import xarray
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
-from scipy.spatial import cKDTree
 
 import isocodec
 from commands import BALL, HILLS, fails, ok
@@ -22,6 +17,15 @@ from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
 from isocodec.field.units import METRES, converted, distance_of
 from isocodec.search.original import original
+from libraries import Late
+from tables import looped
+
+nibabel = Late("nibabel")
+pyproj = Late("pyproj")
+gaussian_filter = Late("scipy.ndimage.gaussian_filter")
+cKDTree = Late("scipy.spatial.cKDTree")
+SimpleITK = Late("SimpleITK")
+xarray = Late("xarray")
 
 I, J = np.meshgrid(np.arange(60.0), np.arange(70.0), indexing="ij")
 DEGREES = 4 / 3600
@@ -46,12 +50,25 @@ PLACES = {
     ),
 }
 """Placements of 60 x 70 samples, and the system of their coordinates."""
-ROUGH = gaussian_filter(np.random.default_rng(3).normal(size=(60, 70)), 3) * 100 + np.random.default_rng(4).normal(
-    size=(60, 70)
-)
-"""Terrain whose curve uses up every tolerance somewhere."""
-TO_SPACE = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:4978", always_xy=True)
-GEOD = pyproj.Geod(ellps="WGS84")
+
+
+
+@cache
+def rough() -> NDArray[np.float64]:
+    """Terrain whose curve uses up every tolerance somewhere."""
+    even, noise = (np.random.default_rng(seed).normal(size=(60, 70)) for seed in (3, 4))
+    return np.asarray(gaussian_filter(even, 3) * 100 + noise)
+
+
+
+@cache
+def to_space() -> Any:
+    return pyproj.Transformer.from_crs("EPSG:4326", "EPSG:4978", always_xy=True)
+
+
+@cache
+def geod() -> Any:
+    return pyproj.Geod(ellps="WGS84")
 
 
 def degrees(points: NDArray[Any], crs: str) -> NDArray[np.float64]:
@@ -61,9 +78,9 @@ def degrees(points: NDArray[Any], crs: str) -> NDArray[np.float64]:
 
 def geodesic(a: NDArray[Any], b: NDArray[Any]) -> float:
     """Largest distance of a point of a from b in metres, of points in degrees."""
-    one, other = (np.stack(TO_SPACE.transform(*each.T, np.zeros(len(each))), axis=1) for each in (a, b))
+    one, other = (np.stack(to_space().transform(*each.T, np.zeros(len(each))), axis=1) for each in (a, b))
     near = cKDTree(other).query(one, 8)[1]
-    return float(np.min([GEOD.inv(*a.T, *b[near[:, k]].T)[2] for k in range(8)], axis=0).max())
+    return float(np.min([geod().inv(*a.T, *b[near[:, k]].T)[2] for k in range(8)], axis=0).max())
 
 
 def dense(contour: isocodec.Contour, placement: Placement, crs: str) -> NDArray[np.float64]:
@@ -72,6 +89,7 @@ def dense(contour: isocodec.Contour, placement: Placement, crs: str) -> NDArray[
     return degrees(placement.place(points.reshape(-1, 2)), crs)
 
 
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("name", PLACES)
 @pytest.mark.parametrize("text", ["2%", "20%"])
 def test_tolerances_are_kept_on_the_ellipsoid_and_used(name: str, text: str) -> None:
@@ -81,16 +99,17 @@ def test_tolerances_are_kept_on_the_ellipsoid_and_used(name: str, text: str) -> 
         text = {"degrees over the equator": "1km", "degrees": "1m"}.get(name, "1m")
     else:
         text = {"degrees over the equator": "11km"}.get(name, "3m")
-    file = isocodec.open(isocodec.encode(isocodec.Field(ROUGH, placement=placement), 0.0, precision=text))
+    file = isocodec.open(isocodec.encode(isocodec.Field(rough(), placement=placement), 0.0, precision=text))
     contour = file.contour()
     assert contour.placement is not None
-    ours, theirs = dense(contour, contour.placement, crs), dense(original(check_field(ROUGH, 0.0)), placement, crs)
+    ours, theirs = dense(contour, contour.placement, crs), dense(original(check_field(rough(), 0.0)), placement, crs)
     number, unit = distance_of(text)
     share = max(geodesic(ours, theirs), geodesic(theirs, ours)) / (number * METRES[unit])
     assert 0.8 <= share <= 1.0
     assert file.promise is not None and file.promise.startswith(f"within {text} (")
 
 
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("name", PLACES)
 @pytest.mark.parametrize("text", ["1m", "3ft", "3us-ft", "0.02km"])
 def test_cells_are_those_of_the_longest_step(name: str, text: str) -> None:
@@ -102,7 +121,7 @@ def test_cells_are_those_of_the_longest_step(name: str, text: str) -> None:
     for turn in np.linspace(0, np.pi, 12, endpoint=False):
         step = 0.4 * np.array([np.cos(turn), np.sin(turn)])
         a, b = (degrees(placement.place(corner + 0.5 + sign * step), crs) for sign in (1, -1))
-        longest = max(longest, float((GEOD.inv(*a.T, *b.T)[2] / 0.8).max()))
+        longest = max(longest, float((geod().inv(*a.T, *b.T)[2] / 0.8).max()))
     number, unit = distance_of(text)
     cells = placement.cells_of(text, shape)
     assert cells <= number * METRES[unit] / longest * (1 + 1e-6)
@@ -115,6 +134,7 @@ UNITS = [
 ]
 
 
+@pytest.mark.cover(1)
 @pytest.mark.parametrize(("text", "millimetres"), UNITS)
 @pytest.mark.parametrize(("unit", "size"), [("mm", 1.0), ("micron", 1e-3), ("meter", 1e3), ("cm", 10.0), (None, None)])
 def test_every_unit_of_a_distance_and_of_coordinates(
@@ -130,7 +150,7 @@ def test_every_unit_of_a_distance_and_of_coordinates(
         assert placement.cells_of(text, (9, 9, 9)) == pytest.approx(millimetres / size / 2, rel=1e-11)
 
 
-@pytest.mark.parametrize(
+@looped(
     "text", ["15banana", "0.2foo", "1mmm", "1M", "1Mm", "1 m m", "nanm", "0m", "-1m", "infm", "m", "", "1m2"]
 )
 def test_what_is_no_distance(text: str) -> None:
@@ -140,7 +160,7 @@ def test_what_is_no_distance(text: str) -> None:
         assert all(unit in str(caught.value) for unit in ("um", "mm", "us-ft", "deg"))
 
 
-@pytest.mark.parametrize("name", PLACES)
+@looped("name", PLACES)
 def test_degrees_are_for_degrees(name: str) -> None:
     placement, crs = PLACES[name]
     if crs != "EPSG:4326":
@@ -302,6 +322,7 @@ def test_readers_know_the_unit_of_coordinates(make: Any, unit: str, millimetres:
     assert found.kept and 0.16 <= max(found.there, found.back) <= 0.201
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("south", [False, True])
 @pytest.mark.parametrize("falling", [False, True])
 @pytest.mark.parametrize("axis", [0, 1])
@@ -331,6 +352,7 @@ def test_a_degree_of_longitude_is_the_longest_nearest_to_the_equator(
     assert placement.cells_of("100km", shape) == pytest.approx(100 / widest, rel=1e-6)
 
 
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("given", METRES)
 @pytest.mark.parametrize("unit", METRES)
 def test_lengths_in_other_units(given: str, unit: str) -> None:

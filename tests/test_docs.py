@@ -22,6 +22,7 @@ import isocodec
 from brute import INTERPRETED
 from commands import run
 from isocodec.cli import main
+from tables import looped
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -37,7 +38,7 @@ LINK = re.compile(r"\]\(([^)#]*)(?:#([^)]*))?\)")
 README_LINES = 150
 FLAGS = doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
 
-pytestmark = pytest.mark.skipif(INTERPRETED, reason="takes minutes as plain Python")
+pytestmark = [pytest.mark.heavy, pytest.mark.skipif(INTERPRETED, reason="takes minutes as plain Python")]
 
 
 def blocks(page: Path) -> Iterator[tuple[int, str, str]]:
@@ -129,7 +130,7 @@ def test_the_api_page_names_everything() -> None:
         assert hasattr(importlib.import_module(home), last), name
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"], ids=lambda page: page.stem)
+@looped("page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"], ids=lambda page: page.stem)
 def test_links_lead_somewhere(page: Path) -> None:
     for target, anchor in LINK.findall(page.read_text(encoding="utf-8")):
         if "://" in target:

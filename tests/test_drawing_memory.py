@@ -53,6 +53,7 @@ def accounted(decoder: Decoder, monkeypatch: pytest.MonkeyPatch) -> Iterator[Sim
         tracemalloc.stop()
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("precision", ["signs", None, "exact"])
 @pytest.mark.parametrize("kind", [SMOOTH, NOISE, CHECKER])
@@ -74,6 +75,7 @@ def test_drawing_takes_at_most_what_is_counted(
     assert contour.points.nbytes + contour.cells.nbytes <= found.peak
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("gaps", [None, 3, 9])
 @pytest.mark.parametrize("precision", [1.0, 3.0])
 @pytest.mark.parametrize("n", [2, 3])

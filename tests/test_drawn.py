@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
@@ -18,6 +17,9 @@ from isocodec.drawing.pictures import picture
 from isocodec.drawing.pictures.picture import Step
 from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.stream.inspect import inspect
+from libraries import Late
+
+Figure = Late("matplotlib.figure.Figure")
 
 
 @pytest.fixture

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
-import pydicom
 import pytest
-import SimpleITK
-import vtk
-import xarray
-import zarr
-from pydicom.dataset import FileDataset, FileMetaDataset
-from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
-from vtk.util.numpy_support import numpy_to_vtk
 
 import isocodec
 from commands import fails, ok
 from inputs import read_field, read_place
 from isocodec.errors import InputError, LimitError, OptionError
+from libraries import Late
 from places import matrix
+
+pytestmark = pytest.mark.heavy
+
+h5py = Late("h5py")
+pydicom = Late("pydicom")
+FileDataset = Late("pydicom.dataset.FileDataset")
+FileMetaDataset = Late("pydicom.dataset.FileMetaDataset")
+CTImageStorage = Late("pydicom.uid.CTImageStorage")
+ExplicitVRLittleEndian = Late("pydicom.uid.ExplicitVRLittleEndian")
+generate_uid = Late("pydicom.uid.generate_uid")
+SimpleITK = Late("SimpleITK")
+vtk = Late("vtk")
+numpy_to_vtk = Late("vtk.util.numpy_support.numpy_to_vtk")
+xarray = Late("xarray")
+zarr = Late("zarr")
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10

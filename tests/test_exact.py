@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
-from skimage import measure
 
 import isocodec
 from brute import crossing_edges, crossing_points, examples, mixed, smooth
 from isocodec.drawing.snapshot import state_of
 from isocodec.errors import InputError, OptionError
 from isocodec.stream.options import SEARCHED
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+measure = Late("skimage.measure")
 
 
 def integers(shape, seed, span=100.0, noise=0.0):
@@ -49,8 +52,8 @@ def on_grid_edges(points):
 # --- exact ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.05, 0.5])
-@pytest.mark.parametrize("shape, seed", [((64, 64), 1), ((33, 90), 2), ((100, 7), 3), ((2, 50), 4)])
+@looped("noise", [0.0, 0.05, 0.5])
+@looped("shape, seed", [((64, 64), 1), ((33, 90), 2), ((100, 7), 3), ((2, 50), 4)])
 def test_points_are_those_of_find_contours(shape, seed, noise):
     """Exact integers between two samples' values: every point of scikit-image's polylines, and no other."""
     field = integers(shape, seed, noise=noise)
@@ -67,8 +70,8 @@ def edges_of(cells):
     return Counter(tuple(sorted(e)) for t in cells.tolist() for e in itertools.combinations(t, 2))
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.05, 0.5])
-@pytest.mark.parametrize("shape, seed", [((16, 16, 16), 1), ((9, 20, 12), 2), ((3, 30, 5), 3), ((2, 2, 9), 4)])
+@looped("noise", [0.0, 0.05, 0.5])
+@looped("shape, seed", [((16, 16, 16), 1), ((9, 20, 12), 2), ((3, 30, 5), 3), ((2, 2, 9), 4)])
 def test_vertices_are_those_of_marching_cubes(shape, seed, noise):
     """Exact integers in three dimensions: the grid-edge vertices of marching cubes; edges have two triangles."""
     field = integers(shape, seed, noise=noise)
@@ -165,8 +168,8 @@ def along(segments, count=9):
     return (segments[:, :1] * (1 - t) + segments[:, 1:] * t).reshape(-1, 2)
 
 
-@pytest.mark.parametrize("tolerance", [0.3, 0.05, 0.004])
-@pytest.mark.parametrize("kind", ["smooth", "noisy", "integers"])
+@looped("tolerance", [0.3, 0.05, 0.004])
+@looped("kind", ["smooth", "noisy", "integers"])
 def test_tolerance_bounds_the_distance(kind, tolerance):
     """Hausdorff distance to the extracted curve, both ways, no more than was asked; a smaller one costs more."""
     rng = np.random.default_rng(7)
@@ -241,7 +244,7 @@ def test_step(n, seed, step, isovalue):
 GOOD = np.arange(12.0).reshape(3, 4)
 
 
-@pytest.mark.parametrize(
+@looped(
     "field, code",
     [
         (np.array([["a", "b"], ["c", "d"]]), "dtype"),
@@ -280,7 +283,7 @@ def test_numbers_of_numpy_are_numbers():
         assert isocodec.encode(field, np.float32(0.5), **numpys) == isocodec.encode(field, 0.5, **plain)
 
 
-@pytest.mark.parametrize(
+@looped(
     "options",
     [
         {"layers": 2.5}, {"layers": "two"}, {"precision": "one"}, {"precision": "step=a"}, {"precision": {4: 1}},
@@ -298,7 +301,7 @@ def test_ragged_fields_refused():
         isocodec.encode([[1, 2], [3]], 0.5)
 
 
-@pytest.mark.parametrize("isovalue", [math.inf, -math.inf, math.nan, [[1, 2]], 1j, 10**400])
+@looped("isovalue", [math.inf, -math.inf, math.nan, [[1, 2]], 1j, 10**400])
 def test_isovalues_refused(isovalue):
     """An isovalue is one finite number."""
     with pytest.raises(InputError) as caught:
@@ -312,7 +315,7 @@ def test_texts_that_are_no_isovalues():
     assert caught.value.code == "isovalue"
 
 
-@pytest.mark.parametrize(
+@looped(
     "field, options, code",
     [
         (GOOD, {"precision": "exact"}, "exact"),
@@ -351,8 +354,8 @@ def test_decode_options_refused(options):
 # --- what goes in ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", [(2, 2), (9, 14), (5, 3, 4)])
-@pytest.mark.parametrize("options", [{}, {"precision": "exact"}, {"precision": "signs"}, {"layers": 0}])
+@looped("shape", [(2, 2), (9, 14), (5, 3, 4)])
+@looped("options", [{}, {"precision": "exact"}, {"precision": "signs"}, {"layers": 0}])
 def test_no_contour(shape, options):
     """A constant field, and an isovalue outside the data: a short file with nothing in it."""
     ramp = np.arange(math.prod(shape)).reshape(shape)
@@ -377,7 +380,7 @@ def test_one_crossing():
     assert len(contour.cells) == 1
 
 
-@pytest.mark.parametrize(
+@looped(
     "dtype", ["bool", "u1", "i1", "<i2", ">i2", "<u4", ">i4", "<i8", ">u8", "f2", "<f4", ">f4", "<f8", ">f8"]
 )
 def test_types(dtype):
@@ -471,7 +474,7 @@ def test_float_isovalue_is_not_rounded_to_the_samples_type():
     assert len(isocodec.decode(isocodec.encode(field, float(np.float32(0.1)))).points) == 0
 
 
-@pytest.mark.parametrize("isovalue", [1e39, -3.5e38, 5e-324, 2.0**60, 1e300])
+@looped("isovalue", [1e39, -3.5e38, 5e-324, 2.0**60, 1e300])
 def test_extreme_isovalues(isovalue):
     """Isovalues beyond single precision, or far beyond the halves that are written as numbers."""
     field = np.array([[0.0, 0.0], [0.0, 2 * isovalue]])

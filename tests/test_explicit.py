@@ -6,7 +6,6 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 import isocodec
 from brute import HEAVY, INTERPRETED, clamped
@@ -14,6 +13,10 @@ from explicit_meshes import components, crossings, euler, pieces, plane, space, 
 from isocodec import Decoder, IsoError, Limits, Mesh, decode, encode
 from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from isoconform.meshes import exponent
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
 
 MANY = 6 if INTERPRETED else 150 if HEAVY else 50
 """Random complexes, of each dimension."""
@@ -146,8 +149,8 @@ def test_tricontour():
     assert distance.min(axis=0).max() < 1e-3
 
 
-@pytest.mark.parametrize("make", [plane, space])
-@pytest.mark.parametrize("tolerance", [0.02, 1.0, 30.0])
+@looped("make", [plane, space])
+@looped("tolerance", [0.02, 1.0, 30.0])
 def test_tolerance(make, tolerance):
     """Points lie within the tolerance of the crossings of their edges."""
     mesh = make(2, 80)
@@ -265,7 +268,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
+@looped("name", BAD)
 def test_no_complex(name):
     """Meshes that are none are refused, with the numbers of what is wrong."""
     points, cells, code = BAD[name]
@@ -335,10 +338,10 @@ def test_limits():
 SIDES = {"above": [True] * 3, "below": [False] * 3, "both": [True, False, True]}
 
 
-@pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("stored", ["known", "coded", "whole"])
-@pytest.mark.parametrize("levels", [False, True])
-@pytest.mark.parametrize("make", [plane, space])
+@looped("side", SIDES)
+@looped("stored", ["known", "coded", "whole"])
+@looped("levels", [False, True])
+@looped("make", [plane, space])
 def test_sides_of_parts_that_no_curve_enters(make, levels, stored, side):
     """Parts beside one another, each on a side of its own; beside a part that is crossed they have their sides, too."""
     points, cells = make(3, 25, 1.0)
@@ -367,8 +370,8 @@ def test_sides_of_parts_that_no_curve_enters(make, levels, stored, side):
                 assert len(there.cells) == 1 and (there.above == above[0]).all()
 
 
-@pytest.mark.parametrize("infinite", [np.inf, -np.inf])
-@pytest.mark.parametrize("vertex", range(3))
+@looped("infinite", [np.inf, -np.inf])
+@looped("vertex", range(3))
 def test_beside_an_infinite_value_the_crossing_is_at_the_finite_one(infinite, vertex):
     """As on grids: as beside an ever larger one."""
     mesh = np.array([[0.0, 0], [8, 0], [0, 8]]), np.array([[0, 1, 2]])

@@ -28,6 +28,8 @@ from figures.surfaces import COARSE, FINE
 from figures.surfaces import PLAN as FIGURE_8
 from figures.walk import path_of, small_field, symbols_of
 
+pytestmark = pytest.mark.heavy
+
 
 def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
     field = small_field()

@@ -12,8 +12,6 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates
-from scipy.spatial import Delaunay
 
 import isocodec
 from brute import examples
@@ -22,6 +20,11 @@ from isocodec.errors import TruncatedError
 from isocodec.field.meshed import StoredName
 from isocodec.stream.options import ProfileName
 from isoconform.raster import letters
+from libraries import Late
+
+gaussian_filter = Late("scipy.ndimage.gaussian_filter")
+map_coordinates = Late("scipy.ndimage.map_coordinates")
+Delaunay = Late("scipy.spatial.Delaunay")
 
 SHARE = 20
 """One byte of so many is the beginning of a file."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import KDTree
 
 import isocodec
 from brute import examples, smooth
@@ -21,6 +20,9 @@ from isocodec.search import fit, proof
 from isocodec.search.promise import Promise
 from isocodec.search.proof import Target, hausdorff
 from isoconform.meshes import chosen, uniform
+from libraries import Late
+
+KDTree = Late("scipy.spatial.KDTree")
 
 
 def ball(n, edge=33, radius=11.3):

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 import isocodec
 from isocodec import Contour, Decoder, Encoder, Frames, Limits, encode
@@ -18,6 +17,10 @@ from isocodec.errors import FormatError, InputError, IsoError, OptionError, Trun
 from isocodec.format.chunks import write_chunk
 from isocodec.format.events import FrameRead, IsovalueRead, PromisesRead
 from isospec.container import ChunkType
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
 
 ISOVALUE = 40
 
@@ -68,6 +71,7 @@ def assert_same(frames: Sequence[NDArray[Any]], data: bytes, isovalues: Sequence
                 assert apart.max() < 0.1 + 1e-9
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("profile", ["main", "baseline"])
 @pytest.mark.parametrize("interval", [0, 1, 4])
 @pytest.mark.parametrize(
@@ -96,7 +100,7 @@ def test_several_isovalues(interval: int):
     assert all(any(lean is not None for lean in frame.leans) == frame.key for frame in info.frames)
 
 
-@pytest.mark.parametrize(
+@looped(
     "options", [{"precision": 0.5}, {"precision": [1, 0.2]}, {"layers": "topology"}, {"keep_topology": True},
                 {"layers": 4}, {"order": "independent"}, {"layers": [("base", 3), ("refine", 2), ("offsets", 5, 1)]}],
     ids=lambda options: next(iter(options)),
@@ -331,6 +335,7 @@ def promised(t: int, isovalue: float, precision: float | tuple[float, ...]) -> l
     return [layer.within for layer in info.layers if layer.within]
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("interval", [0, 1, 2])
 @pytest.mark.parametrize("isovalues", [[ISOVALUE], [ISOVALUE, 25]], ids=["one", "two"])
 @pytest.mark.parametrize("precision", [0.05, 0.5, (1, 0.2)], ids=["grid", "searched", "steps"])
@@ -356,7 +361,7 @@ def test_promises_of_each_frame_are_kept(precision: Any, isovalues: list[float],
     assert dict(events) == wanted and len(events) == len(wanted)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("number", "chunk"),
     [
         (0, b"\x0d\x00"), (0, b"\x0d\x02\x05\x05"), (0, b"\x0d\x02\x80\x05"), (0, b"\x0d\x01\x05\x0d\x01\x05"),

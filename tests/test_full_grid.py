@@ -7,12 +7,15 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
-from skimage import measure
 
 from brute import ball, noise
 from drawings import as_set, check_manifold, check_winding, euler, leaves_of, mesh, torus
 from isocodec.drawing.drawing import draw
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+measure = Late("skimage.measure")
 
 BOXES = [(5, 7), (4, 6, 9), (8, 8), (5, 5, 5), (2, 3), (2, 2, 3)]
 
@@ -20,7 +23,7 @@ BOXES = [(5, 7), (4, 6, 9), (8, 8), (5, 5, 5), (2, 3), (2, 2, 3)]
 # --- the meshes that these tests draw on -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", BOXES)
+@looped("shape", BOXES)
 def test_bisection_of_coarse_cubes_ends_at_the_reflected_unit_cubes(shape):
     def canonical(simplices):
         return {tuple(map(tuple, s)) for s in simplices.tolist()}
@@ -31,7 +34,7 @@ def test_bisection_of_coarse_cubes_ends_at_the_reflected_unit_cubes(shape):
 # --- n = 2, full grid ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("shape", "seed"), [((20, 31), 1), ((33, 8), 2), ((5, 7), 3), ((2, 2), 4), ((2, 9), 5)])
+@looped(("shape", "seed"), [((20, 31), 1), ((33, 8), 2), ((5, 7), 3), ((2, 2), 4), ((2, 9), 5)])
 def test_points_are_those_of_find_contours(shape, seed):
     field = noise(shape, seed)
     contour = draw(leaves_of(field, 0.1))
@@ -156,8 +159,8 @@ def test_all_patterns_in_all_mirror_images_are_watertight():
     assert in_cubes.sum() == 14 * 8
 
 
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("shape", [(12, 11), (7, 6, 8)])
+@looped("seed", range(5))
+@looped("shape", [(12, 11), (7, 6, 8)])
 def test_what_is_above_lies_inside(shape, seed):
     leaves = leaves_of(noise(shape, seed, rim_below=True))
     contour = draw(leaves)

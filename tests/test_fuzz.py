@@ -34,6 +34,7 @@ from isoconform.shrink import shrunk
 from isoconform.streams import Chunk, File
 from isoconform.syntax import any_bits, any_file, any_header, any_program, any_taste, bare_file
 from isospec.elements import ELEMENTS
+from tables import looped
 
 VECTORS = default_directory()
 SPEC = Path(__file__).parent.parent / "spec" / "iso.md"
@@ -94,7 +95,7 @@ def test_least_choices_make_the_least_file():
     assert any_program(First(), Progress(0), any_taste(First())) == bytes([0x0F])
 
 
-@pytest.mark.parametrize("seed", range(40))
+@looped("seed", range(40))
 def test_programs_follow_on_one_another(seed):
     """Each says what the reader makes of it, and stands where that stands."""
     random = Random(seed)
@@ -266,7 +267,7 @@ def test_vectors_by_batch(capsys, importable):
 # --- campaigns ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@looped(
     ("expected", "answer", "sort"),
     [
         (0, Answer(0, "text"), ""), (0, Answer(0, "next"), STATE), (5, Answer(0, "text"), "exit code 0 instead of 5"),

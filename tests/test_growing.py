@@ -16,6 +16,7 @@ from isocodec.api.files import frames_of
 from isocodec.errors import FormatError, IsoError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isospec.container import ChunkType
+from tables import looped
 
 COUNT = 3
 LEVELS = (2.5, 3.5)
@@ -121,7 +122,7 @@ def check(data: bytes, name: str, wanted: list[list[isocodec.Contour]], whole: i
                 assert not file.contour(frame=number, partial=True).complete
 
 
-@pytest.mark.parametrize("name", SERIES)
+@looped("name", SERIES)
 def test_what_has_been_added_decodes(name: str):
     pieces, end = grown(name)
     data = b"".join(pieces) + end
@@ -134,7 +135,7 @@ def test_what_has_been_added_decodes(name: str):
         check(b"".join(pieces[:count]), name, wanted, count)
 
 
-@pytest.mark.parametrize("name", SERIES)
+@looped("name", SERIES)
 def test_cut_at_every_byte(name: str):
     """Frames are whole if all of their bytes are there."""
     pieces, end = grown(name)
@@ -145,7 +146,7 @@ def test_cut_at_every_byte(name: str):
         check(data[:length], name, wanted, int((ends <= length).sum()))
 
 
-@pytest.mark.parametrize("name", SERIES)
+@looped("name", SERIES)
 def test_cut_without_marks(name: str):
     """A file of frames that were all given says that a frame is whole by beginning the next one, or by its end."""
     data = together(name)
@@ -157,7 +158,7 @@ def test_cut_without_marks(name: str):
         check(data[:length], name, wanted, int((ends <= length).sum()))
 
 
-@pytest.mark.parametrize("name", SERIES)
+@looped("name", SERIES)
 def test_frames_come_with_their_bytes(name: str):
     """A reader of a stream has a frame as soon as the writer has sent it."""
     pieces, end = grown(name)

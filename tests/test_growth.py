@@ -12,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
 
 from growth import exponent, tables, waves
 
+pytestmark = pytest.mark.heavy
+
 SIZES = [10.0, 100.0, 1000.0, 10000.0]
 
 

@@ -8,13 +8,15 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
 
 from brute import HEAVY
 from explicit_meshes import Mesh, plane, space, torus
 from isocodec.errors import LimitError, OptionError
 from isocodec.mesh.complex import Complex, complex_of
 from isocodec.mesh.hierarchy import LEAST, MOST_STAR, Hierarchy, hierarchy_of
+from libraries import Late
+
+Delaunay = Late("scipy.spatial.Delaunay")
 
 Cell = frozenset[int]
 COMPLEXES = 300 if HEAVY else 100

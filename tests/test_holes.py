@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
-from skimage.measure import find_contours
 
 import isocodec
 from commands import HILLS, fails, ok
@@ -18,6 +16,11 @@ from isocodec.errors import FormatError, InputError
 from isocodec.format.chunks import write_chunk
 from isocodec.stream.inspect import inspect
 from isospec.container import ChunkType
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+find_contours = Late("skimage.measure.find_contours")
 
 FLOATS = HILLS.astype(np.float64) + 0.3 * np.sin(np.arange(HILLS.size)).reshape(HILLS.shape)
 HOLE = np.zeros(HILLS.shape, np.bool_)
@@ -173,7 +176,7 @@ def test_nothing_is_left() -> None:
         isocodec.encode(np.full((4, 4), np.nan), 1)
 
 
-@pytest.mark.parametrize("dtype", ["bool", "uint8", "int16", "int64", "uint64", "float16", "float32"])
+@looped("dtype", ["bool", "uint8", "int16", "int64", "uint64", "float16", "float32"])
 def test_types_of_samples(dtype: str) -> None:
     field = (HILLS > 90) if dtype == "bool" else HILLS.astype(dtype)
     isovalue = 0.5 if dtype == "bool" else 90.5
@@ -181,11 +184,11 @@ def test_types_of_samples(dtype: str) -> None:
     assert np.array_equal(isocodec.open(data).above()[~HOLE], (field > isovalue)[~HOLE])
 
 
-@pytest.mark.parametrize("options", [
+@looped("options", [
     {"precision": 0.5}, {"precision": 1.0, "keep_topology": True}, {"precision": (2.0, 0.5)},
     {"layers": "distortion=0.5"},
 ])
-@pytest.mark.parametrize("n", [2, 3])
+@looped("n", [2, 3])
 def test_promises_hold_for_what_is_left(options: dict[str, object], n: int) -> None:
     """Distances both ways, between the curves as they end at holes."""
     field = FLOATS if n == 2 else FLOATS[::4, ::4, None] + 6.0 * np.arange(8)

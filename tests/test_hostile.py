@@ -24,6 +24,7 @@ from isocodec.format.header import Header, write_header
 from isocodec.grid.passes.runner import Tube
 from isoconform.streams import Chunk, File
 from isospec.container import ChunkType, DomainKind, Profile, write_varint
+from tables import looped
 
 # --- limits ---------------------------------------------------------------------------------------------------------
 
@@ -132,8 +133,8 @@ def refused(data, **limits):
     return decoder, caught.value
 
 
-@pytest.mark.parametrize("run", [b"\xff" * 2000, bytes(2000), b"\x5a" * 2000])
-@pytest.mark.parametrize(("kind", "n"), [(DomainKind.CODED, 2), (DomainKind.CODED, 3), (DomainKind.DELAUNAY, 2)])
+@looped("run", [b"\xff" * 2000, bytes(2000), b"\x5a" * 2000])
+@looped(("kind", "n"), [(DomainKind.CODED, 2), (DomainKind.CODED, 3), (DomainKind.DELAUNAY, 2)])
 def test_meshes_that_claim_to_be_large(kind, n, run):
     """Memory is taken for what has come of a mesh, and counted as work before it is, whatever the file states."""
     data = stated_mesh(kind, n, run, 4096 if kind == DomainKind.CODED else 1 << 24)

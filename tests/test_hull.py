@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, cKDTree
 
 import isocodec
 from brute import examples
@@ -23,7 +21,13 @@ from isocodec.mesh.coded_points import delaunay_complex, triangulated
 from isocodec.mesh.complex import neighbours
 from isocodec.mesh.nudging import broken_share, conditions_of, in_circle, nudged
 from isocodec.tin.rank import by_rank
+from libraries import Late
+from tables import looped
 from test_delaunay import by_definition
+
+cKDTree = Late("scipy.spatial.cKDTree")
+Delaunay = Late("scipy.spatial.Delaunay")
+shapely = Late("shapely")
 
 Points = NDArray[np.float64]
 ISOVALUE = 0.3
@@ -107,6 +111,7 @@ def triangles_of(points: Points, cells: NDArray[Any]) -> set[frozenset[tuple[flo
     return {frozenset(map(tuple, points[cell].tolist())) for cell in cells}
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("precision", [None, 0.4, 0.05, "step=1e-4"])
 @pytest.mark.parametrize("stored", ["whole", "delaunay"])
 @pytest.mark.parametrize("kind", [*CLEAR, *TIED])
@@ -134,7 +139,7 @@ def test_the_contour_of_the_given_points(kind: str, stored: Any, precision: Any)
         assert file.info.domain is not None and file.info.domain.vertices == len(points)
 
 
-@pytest.mark.parametrize("kind", [*CLEAR, *TIED])
+@looped("kind", [*CLEAR, *TIED])
 def test_the_triangulation(kind: str) -> None:
     """Another library's where there is but one; else none of its circles holds a point."""
     points = {**CLEAR, **TIED}[kind](np.random.default_rng(3))

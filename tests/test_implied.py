@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import KDTree
 
 import isocodec
 from brute import examples, smooth
@@ -21,6 +20,10 @@ from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import reduced
 from isoconform.meshes import chosen, uniform
+from libraries import Late
+from tables import looped
+
+KDTree = Late("scipy.spatial.KDTree")
 
 
 def leaves_and_told(shape, seed, mesh):
@@ -134,8 +137,8 @@ def test_a_crossing_that_does_not_follow_is_in_the_middle(above):
     assert implied_ratio(implied, np.array(above), np.zeros((1, 2))) == [0.5]
 
 
-@pytest.mark.parametrize("layers", ["crossing", "topology", "curvature=0.3", "distortion=1"])
-@pytest.mark.parametrize("shape", [(40, 50), (17, 20, 18)])
+@looped("layers", ["crossing", "topology", "curvature=0.3", "distortion=1"])
+@looped("shape", [(40, 50), (17, 20, 18)])
 def test_known_values_win(shape: tuple[int, ...], layers: str) -> None:
     """On meshes by any criterion, each point lies where the values at both ends of its edge place it."""
     field = np.rint(100 * smooth(shape, 5)).astype(np.int64)

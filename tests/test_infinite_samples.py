@@ -10,6 +10,7 @@ from drawings import as_set
 from isocodec.errors import InputError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
+from tables import looped
 
 SQUARE = np.zeros((7, 7))
 SQUARE[2:5, 2:5] = 1
@@ -17,9 +18,9 @@ CUBE = np.zeros((5, 5, 5))
 CUBE[1:4, 1:4, 1:4] = 1
 
 
-@pytest.mark.parametrize("precision", [0.05, 0.5, 1.0])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("base", [SQUARE, CUBE], ids=["plane", "space"])
+@looped("precision", [0.05, 0.5, 1.0])
+@looped("sign", [1.0, -1.0])
+@looped("base", [SQUARE, CUBE], ids=["plane", "space"])
 def test_as_beside_a_large_sample(base: np.ndarray, sign: float, precision: float) -> None:
     """The same bytes, whichever axis and direction leads to the infinite sample."""
     middle = tuple(size // 2 for size in base.shape)
@@ -45,6 +46,7 @@ def test_between_two_infinite_samples_it_is_in_the_middle() -> None:
     assert np.allclose(points[:, 1], 1.5)
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("turned", [False, True], ids=["rising", "falling"])
 @pytest.mark.parametrize("above", [1.0, 1e300, np.inf])

@@ -9,10 +9,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import isocodec
 from commands import BALL, HILLS
+from libraries import Late
+
+Image = Late("PIL.Image")
 
 SVG = "{http://www.w3.org/2000/svg}"
 

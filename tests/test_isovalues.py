@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import KDTree
 
 import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
@@ -31,6 +30,10 @@ from isocodec.stream.encoder import encoder_of
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isoconform.meshes import chosen, uniform
 from isoconform.streams import layers, split
+from libraries import Late
+from tables import looped
+
+KDTree = Late("scipy.spatial.KDTree")
 
 
 @st.composite
@@ -59,8 +62,8 @@ def same(a, b, within=0.0):
         assert np.array_equal(*(np.unique(c, axis=0) for c in cells))
 
 
-@pytest.mark.parametrize("n", [2, 3])
-@pytest.mark.parametrize(
+@looped("n", [2, 3])
+@looped(
     "wanted",
     [{"parts": 11}, {}, {"precision": "exact"}, {"precision": "signs"}, {"layers": 1}, {"order": "independent"}],
 )

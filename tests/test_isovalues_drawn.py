@@ -8,9 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
-from PIL import Image
-from scipy.spatial import Delaunay
 
 import isocodec
 from commands import run
@@ -18,6 +15,12 @@ from isocodec.api.plots import Panels, Steps, runs_of, steps_of
 from isocodec.drawing.pictures.colours import colours_of, places_of
 from isocodec.drawing.pictures.picture import contour_picture
 from isocodec.drawing.pictures.shading import vertex_normals
+from libraries import Late
+from tables import looped
+
+to_hex = Late("matplotlib.colors.to_hex")
+Image = Late("PIL.Image")
+Delaunay = Late("scipy.spatial.Delaunay")
 
 MANY = [float(value) for value in range(5, 215, 5)]
 """42 isovalues."""
@@ -59,8 +62,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 COUNTS = {"map": 42, "series": 4, "mesh": 4, "tiles": 4}
 
 
-@pytest.mark.parametrize("kind", sorted(COUNTS))
-@pytest.mark.parametrize("suffix", [".svg", ".png"])
+@looped("kind", sorted(COUNTS))
+@looped("suffix", [".svg", ".png"])
 def test_colour_of_every_isovalue_is_in_the_picture(files: dict[str, Path], kind: str, suffix: str) -> None:
     file = isocodec.open(files[kind])
     plotted = steps_of(file, f"o{suffix}", Steps(count=1))
@@ -78,7 +81,7 @@ def test_colour_of_every_isovalue_is_in_the_picture(files: dict[str, Path], kind
         assert (np.abs(pixels - colour).max(axis=1) <= 1).sum() > 5
 
 
-@pytest.mark.parametrize("kind", ["map", "series", "mesh", "tiles", "volume"])
+@looped("kind", ["map", "series", "mesh", "tiles", "volume"])
 def test_one_isovalue_alone(files: dict[str, Path], kind: str) -> None:
     file = isocodec.open(files[kind])
     chosen = file.isovalues[1]
@@ -116,7 +119,7 @@ def test_command_line_draws_all_or_one(files: dict[str, Path], tmp_path: Path) -
     assert run("plot", files["map"], "-o", target, "--isovalue", 100.5).exit_code == 0
 
 
-@pytest.mark.parametrize(("isovalues", "expected"), [
+@looped(("isovalues", "expected"), [
     ([1.0], [0]), ([0.0, 1, 2], [0, 0.5, 1]), ([2.0, 0, 1], [1, 0, 0.5]), ([0.0, 1, 4], [0, 0.25, 1]),
     ([1.0, 10, 100, 1000], [0, 1 / 3, 2 / 3, 1]), ([5.0, 5.0], [0, 0]), ([-1e30, 0, 1e30], [0, 0.5, 1]),
 ])
@@ -124,7 +127,7 @@ def test_places_of_colours(isovalues: list[float], expected: list[float]) -> Non
     assert np.allclose(places_of(isovalues), expected)
 
 
-@pytest.mark.parametrize(("isovalues", "steps", "expected"), [
+@looped(("isovalues", "steps", "expected"), [
     ([0] * 3 + [1] * 2 + [2] * 2, 3, [3, 5, 7]), ([0] * 3 + [1] * 2 + [2] * 2, 2, [5, 7]),
     ([0] * 2 + [1] * 2, 4, [1, 2, 3, 4]), ([0] * 2 + [1] * 2, 5, [1, 2, 3, 4]), ([0] * 2 + [1] * 2, 1, [4]),
 ])

@@ -10,11 +10,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-import geopandas
 import numpy as np
-import pyogrio
 import pytest
-import shapely
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
@@ -23,6 +20,11 @@ from isocodec.io.writers.output_formats import COLUMNS, OutputOptions
 from isocodec.io.writers.registry import OUTPUTS
 from isocodec.io.writers.things import Areas
 from isocodec.io.writers.write import write
+from libraries import Late
+
+geopandas = Late("geopandas")
+pyogrio = Late("pyogrio")
+shapely = Late("shapely")
 
 UTM = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
 
@@ -159,6 +161,7 @@ def volume(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize(("suffix", "what", "n"), FULL)
 def test_a_full_disk(source: Path, volume: Path, tmp_path: Path, suffix: str, what: str, n: int) -> None:
     """Files may not be longer than a part of what is written: exit code 3, and what was there."""
@@ -186,6 +189,7 @@ def rising(points: np.ndarray, values: Any) -> float:
     return float((values(middle + left / 2) > values(middle - left / 2)).mean())
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("matrix", [
     UTM, UTM * [[1, 1, 1], [-1, 1, 1]], UTM * [[1, -1, 1], [1, 1, 1]], UTM[:, [1, 0, 2]],

@@ -16,7 +16,9 @@ import build
 import cache
 from targets import TARGETS
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="permissions and locks as POSIX has them")
+pytestmark = [
+    pytest.mark.heavy, pytest.mark.skipif(os.name != "posix", reason="permissions and locks as POSIX has them"),
+]
 
 
 @pytest.fixture

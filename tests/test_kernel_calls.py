@@ -30,6 +30,7 @@ from isocodec.kernel.types import (
     kind_of,
 )
 from isocodec.stream.encoder import encoder_of
+from tables import looped
 
 
 @record
@@ -51,7 +52,7 @@ def slots(*values: int) -> bytes:
 # --- values in slots ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@looped(
     ("kind", "value", "expected"),
     [
         (INT, 258, b"\x02\x01" + bytes(6)), (INT, -2, b"\xfe" + b"\xff" * 7), (INT, np.uint8(7), slots(7)),
@@ -64,7 +65,7 @@ def test_numbers(kind, value, expected):
     assert kind.pack(value) == expected
 
 
-@pytest.mark.parametrize(
+@looped(
     ("kind", "value"),
     [(INT, 1.0), (INT, True), (INT, np.True_), (INT, None), (INT, "1"), (INT, np.array(1)), (FLOAT, 1), (FLOAT, True),
      (FLOAT, np.int64(1)), (BOOL, 1), (BOOL, 0.0), (BOOL, None)],
@@ -101,7 +102,7 @@ def test_empty_arrays():
         assert Array("int32", len(shape)).pack(empty) == slots(0, 0, *shape, *empty.strides)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("value", "found"),
     [
         (np.zeros(3, np.int32), "int32, 1d"), (np.zeros((3, 1), np.int64), "int64, 2d"), ([1, 2], "list"),
@@ -207,7 +208,7 @@ def nothing() -> None: ...
 def several() -> tuple[int, int, int]: ...
 
 
-@pytest.mark.parametrize(
+@looped(
     ("function", "content", "expected"),
     [
         (whole, slots(-3), -3), (fraction, struct.pack("<d", 0.1), 0.1), (truth, slots(1), True),
@@ -230,7 +231,7 @@ def test_a_status_of_a_fault_is_an_index_error():
 def weighed(values: IntVector, weight: float, turned: bool) -> float: ...
 
 
-@pytest.mark.parametrize(
+@looped(
     ("arguments", "match"),
     [
         ((np.zeros(2), 1.0, True), r"weighed, argument values: float64, 1d instead of int64\[1d\]"),

@@ -19,6 +19,7 @@ from isocodec.api.files import IMPOSSIBLE, OPERATIONS
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.placement import Placement
 from isocodec.stream.options import EncodeOptions, ProfileName
+from tables import looped
 
 KINDS = ("grid", "series", "mesh", "surface", "tiles")
 MOST_IMPOSSIBLE = 12
@@ -291,8 +292,8 @@ def uniform(tmp_path_factory: pytest.TempPathFactory) -> dict[str, IsoFile]:
     }
 
 
-@pytest.mark.parametrize("kind", ["grid", "series", "several", "tiles"])
-@pytest.mark.parametrize("power", range(5))
+@looped("kind", ["grid", "series", "several", "tiles"])
+@looped("power", range(5))
 def test_cubes_as_wide_as_within_are_not_refined(uniform: dict[str, IsoFile], kind: str, power: int) -> None:
     """Exactly as wide, hardly less and hardly more: each second layer halves cubes of 64 samples."""
     widths = [16.0, 4.0, 1.0] if kind == "tiles" else [2.0 ** (6 - i // 2) for i in range(13)]
@@ -326,8 +327,8 @@ def test_no_parameter_is_lost_on_what_is_encoded_already(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("profile", get_args(ProfileName))
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if ("merge", kind) not in IMPOSSIBLE])
+@looped("profile", get_args(ProfileName))
+@looped("kind", [kind for kind in KINDS if ("merge", kind) not in IMPOSSIBLE])
 def test_profiles_are_those_asked_for(kind: str, profile: Any, tiles: bytes) -> None:
     """By one file and by several; or it is refused by name."""
     data = tiles if kind == "tiles" else encoded(kind)

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import matplotlib.text
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -35,6 +34,9 @@ from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
 from isocodec.io.writers.registry import OUTPUTS
+from libraries import Late
+
+matplotlib = Late("matplotlib")
 
 LABELS = (3, -2, 300)
 KINDS = {"one": LABELS[:1], "several": LABELS, "series": LABELS}

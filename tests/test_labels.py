@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import nibabel
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,7 +14,11 @@ import isocodec
 from brute import examples
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.errors import InputError, OptionError
+from libraries import Late
 from places import matrix
+
+nibabel = Late("nibabel")
+trimesh = Late("trimesh")
 
 ZONES = np.digitize(HILLS, [20, 80, 140])
 SHELLS = np.digitize(BALL, [40, 70])

@@ -19,6 +19,7 @@ from isocodec.api.export import counted
 from isocodec.api.plots import Steps, steps_of
 from isocodec.drawing.tessellation import Tessellation
 from isocodec.errors import OptionError, TruncatedError
+from tables import looped
 
 Y, X = np.mgrid[:40, :48]
 HILL = ((Y - 17) ** 2 + (X - 20) ** 2 + X * Y % 7).astype(np.int32)
@@ -209,7 +210,7 @@ def check_middles(file: IsoFile, kind: str, path: Path) -> None:
         steps_of(cut, path / "a.png", Steps(count=99, isovalue=isovalue_of(file)))
 
 
-@pytest.mark.parametrize(
+@looped(
     ("precision", "within"),
     [("20,10,5", 5.0), (3.0, 3.0), ("20,5,exact", 0.0), ("exact", 0.0), ("signs", None), (None, None)],
 )

@@ -16,6 +16,7 @@ from isocodec.mesh.complex import complex_of
 from isocodec.mesh.hierarchy import hierarchy_of
 from isocodec.mesh.isovalue import MeshIsovalue
 from isospec.container import ChunkType
+from tables import looped
 
 
 def curve(
@@ -42,6 +43,7 @@ MESHES = {
 }
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("kind", MESHES)
 @pytest.mark.parametrize("seed", range(30))
 def test_the_same_curve_as_along_a_walk(seed: int, kind: str) -> None:
@@ -71,6 +73,7 @@ def test_further_isovalues_lean(kind: str) -> None:
         assert {tuple(p) for p in contour.points} == {tuple(p) for p in want.points}
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("kind", MESHES)
 @pytest.mark.parametrize("seed", range(8))
 def test_every_layer_shows_the_curve_of_its_mesh(kind: str, seed: int) -> None:
@@ -141,7 +144,7 @@ def test_meshes_in_the_file_have_levels_where_asked() -> None:
         assert points[0] == points[1] and len(found[0].cells) == len(found[1].cells)
 
 
-@pytest.mark.parametrize("layers, clause", [
+@looped("layers, clause", [
     ([(3, 99)], "10.1.3"), ([(3, 1), (3, 1)], "10.1.3"), ([(3, 1), (1, 5)], "10.1.3"),
     ([(3, 1), (0,)], "10.1.3"), ([(0,), (3, 0)], "10.1.3"), ([(3,)], "10.1.3"),
 ])

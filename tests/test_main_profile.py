@@ -65,6 +65,7 @@ from isospec.tables import (
     starts,
     unpacked,
 )
+from tables import looped
 
 # -- tables ----------------------------------------------------------------------------------------------------------
 
@@ -145,7 +146,7 @@ def test_sums_made_beforehand(n):
     assert np.array_equal(np.unique(found), np.arange(-1, ROWS[n]))
 
 
-@pytest.mark.parametrize(("n", "phase"), [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2)])
+@looped(("n", "phase"), [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2)])
 def test_vertices_around_a_middle(n, phase):
     """They are vertices of the next level, and among them all corners of the diamond."""
     around = [tuple(each) for each in nearest_vertices(n, phase).tolist()]
@@ -356,8 +357,8 @@ def _around(state, cd, w):
     return here
 
 
-@pytest.mark.parametrize("shape", [(70, 81), (34, 3), (19, 17, 21), (2, 9, 12)])
-@pytest.mark.parametrize("back", [1, 2, 3, 5])
+@looped("shape", [(70, 81), (34, 3), (19, 17, 21), (2, 9, 12)])
+@looped("back", [1, 2, 3, 5])
 def test_rows_of_known_vertices_around(shape, back):
     """In the middle of the box and at its border, on pages of the board and across them: those known, by signs."""
     n, full = len(shape), len(shape) * cube_exponent(shape)
@@ -404,8 +405,8 @@ def _three(position):
     return [np.int64(x) for x in (*position, 0)[:3]]
 
 
-@pytest.mark.parametrize("shape", [(150, 141), (34, 3), (19, 17, 140), (2, 9, 12)])
-@pytest.mark.parametrize("back", [1, 4])
+@looped("shape", [(150, 141), (34, 3), (19, 17, 140), (2, 9, 12)])
+@looped("back", [1, 4])
 def test_copied_part_of_the_board_keeps_up_with_it(shape, back):
     """Around all middles of a block that follow one another, with vertices that become known, images beyond the box."""
     n, full = len(shape), len(shape) * cube_exponent(shape)

@@ -35,6 +35,7 @@ from isocodec.kernel import DONE
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import grid_plan, reduced
 from isocodec.stream.encoder import encoder_of
+from tables import looped
 
 SHAPES = [(34, 29), (13, 12, 14)]
 
@@ -99,8 +100,8 @@ def clamped(position, shape):
     return tuple(min(max(int(x), 0), size - 1) for x, size in zip(position, shape, strict=True))
 
 
-@pytest.mark.parametrize("shape", [*SHAPES, (70, 140), (3, 67), (9, 17, 135)])
-@pytest.mark.parametrize("planes", [1, 4])
+@looped("shape", [*SHAPES, (70, 140), (3, 67), (9, 17, 135)])
+@looped("planes", [1, 4])
 def test_rows_of_values_nearby(shape, planes):
     """Half of the vertices told as far as ``p``, the others one bit less; within blocks of the order and across them.
     """
@@ -268,8 +269,8 @@ def rarity(state):
     return min(bits(q) - 1, 12) if q else 0
 
 
-@pytest.mark.parametrize("shape", [(70, 81), (19, 17, 21)])
-@pytest.mark.parametrize("back", [1, 2, 5])
+@looped("shape", [(70, 81), (19, 17, 21)])
+@looped("back", [1, 2, 5])
 def test_rows_of_the_manner(shape, back):
     """The length of edges, how rare new components are, and how often predictions were right."""
     n = len(shape)
@@ -316,8 +317,8 @@ def test_calm_follows_what_was_predicted(shape):
     assert crossed_calm[0] > crossed_calm[1]
 
 
-@pytest.mark.parametrize("shape", [(70, 81), (19, 17, 21), (3, 40)])
-@pytest.mark.parametrize("back", [1, 3])
+@looped("shape", [(70, 81), (19, 17, 21), (3, 40)])
+@looped("back", [1, 3])
 def test_rows_of_the_crowd(shape, back):
     """At nodes in the box and at its border, of cells as large as the box, too."""
     n = len(shape)

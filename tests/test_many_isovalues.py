@@ -20,6 +20,7 @@ from isocodec.format.header import Header, read_header, read_isovalue, write_hea
 from isocodec.stream.isovalues import multiples
 from isocodec.stream.series import nearest_before
 from isospec.container import LAYER_LIMIT, MAX_ISOVALUES, ChunkType, IsovalueKind
+from tables import looped
 
 ROWS, COLUMNS = np.mgrid[:65, :65]
 BOWL = np.hypot(ROWS - 30.25, COLUMNS - 28.75)
@@ -53,7 +54,7 @@ def forms(value: float) -> dict[IsovalueKind, bytes]:
     return out
 
 
-@pytest.mark.parametrize("value", [
+@looped("value", [
     0.1, 0.2, 0.30000000000000004, -0.1, 1e-15, -1e-15, 1e-16, 12.25, 0.75, 1 / 3, 1234.5678, float(np.float32(0.1)),
     2.0**60, 9007199254740991e-15, 9007199254740993e-15, 1e300, -5e-324, 123456789012.3, 90071992547409.91,
     0.1 + 2.0**40,
@@ -92,8 +93,8 @@ def test_evenly_spaced_isovalues_cost_few_bytes() -> None:
         assert sum(map(len, chunks)) <= 7 * len(chunks)
 
 
-@pytest.mark.parametrize("number", [1, 61, 62, 63, 64, 65, 127, 128, 4095])
-@pytest.mark.parametrize("back", [1, 2, 61, 62, 63, 64, 65, 127, 128, 4095, None])
+@looped("number", [1, 61, 62, 63, 64, 65, 127, 128, 4095])
+@looped("back", [1, 2, 61, 62, 63, 64, 65, 127, 128, 4095, None])
 def test_leaning_far_back(number: int, back: int | None) -> None:
     lean = None if back is None else number - back
     if lean is not None and lean < 0:

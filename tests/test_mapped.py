@@ -9,12 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
-from skimage.measure import find_contours
 
 import grids
 import isocodec
@@ -29,7 +25,14 @@ from isocodec.format.coordinate_record import CoordinatesRecord, read_coordinate
 from isocodec.format.events import CoordinatesRead
 from isocodec.grid.passes.node_run import NodeGrid, decode_run, encode_run
 from isospec.container import ChunkType
+from libraries import Late
 from places import on_nodes
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+shapely = Late("shapely")
+find_contours = Late("skimage.measure.find_contours")
+trimesh = Late("trimesh")
 
 Array = grids.Array
 UNWRAP = 360.0
@@ -40,8 +43,8 @@ def unwrapped(arrays: list[Array]) -> list[Array]:
     return [np.unwrap(np.unwrap(arrays[0], axis=0, period=UNWRAP), axis=1, period=UNWRAP), arrays[1]]
 
 
-@pytest.mark.parametrize("error", [0.005, 0.1])
-@pytest.mark.parametrize("grid", [grids.rotated_pole, grids.polar, grids.elliptic])
+@looped("error", [0.005, 0.1])
+@looped("grid", [grids.rotated_pole, grids.polar, grids.elliptic])
 def test_points_lie_where_coordinates_say(grid: Callable[[], tuple[Array, list[Array]]], error: float) -> None:
     """Against scipy's interpolation of the coordinates that were given."""
     field, arrays = grid()
@@ -91,8 +94,8 @@ def test_volumes() -> None:
     assert np.abs(placed - np.stack(expected, axis=1)).max() < 0.005
 
 
-@pytest.mark.parametrize("options", [{}, {"precision": "signs"}, {"precision": "step=0.01"}, {"profile": "baseline"}])
-@pytest.mark.parametrize("grid", [grids.polar, grids.cylinder])
+@looped("options", [{}, {"precision": "signs"}, {"precision": "step=0.01"}, {"profile": "baseline"}])
+@looped("grid", [grids.polar, grids.cylinder])
 def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[str, Any]) -> None:
     """What ends at one end of a periodic axis goes on at the other, at the same place."""
     field, arrays = grid()
@@ -185,8 +188,8 @@ def test_holes_may_have_any_coordinates() -> None:
     assert max(sizes) < 4 * sizes[0]
 
 
-@pytest.mark.parametrize(("right", "up"), [(0.3, 0.1), (0.0, 0.2), (0.5, 0.5), (0.1, -0.5)])
-@pytest.mark.parametrize("missing", [False, True])
+@looped(("right", "up"), [(0.3, 0.1), (0.0, 0.2), (0.5, 0.5), (0.1, -0.5)])
+@looped("missing", [False, True])
 def test_cells_that_fold_are_left_out(right: float, up: float, missing: bool) -> None:
     """Ocean grids with the pole in a cell, on an edge, at a node: the rest is encoded and placed."""
     y, x = np.mgrid[:24, :24] - 11.5 - np.array([up, right])[:, None, None]
@@ -226,6 +229,7 @@ def folded() -> list[Array]:
     return [a + rng.uniform(-1, 1, a.shape) for a in grids.polar()[1]]
 
 
+@pytest.mark.cover(1)
 @pytest.mark.parametrize(
     ("change", "options", "words"),
     [
@@ -251,7 +255,7 @@ def test_coordinates_of_no_use(change: Any, options: dict[str, Any], words: str)
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize(
+@looped(
     "where",
     [
         {"matrix": np.eye(2, 3)}, {"error": 0}, {"error": 0.7}, {"error": "small"}, {"periodic": "x"},
@@ -358,7 +362,7 @@ def test_bytes() -> None:
     assert read_coordinates(payload, (5, 6)) == RECORD
 
 
-@pytest.mark.parametrize(
+@looped(
     ("at", "byte"), [(0, 4), (0, 128), (1, 0), (1, 4), (1, 16), (2, 0x7F), (10, 0xBF), (18, 0x0C), (35, 0x80)]
 )
 def test_a_chunk_that_is_none(at: int, byte: int) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
@@ -13,7 +12,10 @@ import grids
 import isocodec
 from commands import ok, run
 from inputs import read_place
+from libraries import Late
 from places import on_nodes
+
+h5py = Late("h5py")
 
 FIELD, NODES = grids.rotated_pole()
 SOUTH, EAST = np.linspace(60, -60, 13), np.arange(36) * 10.0

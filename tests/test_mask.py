@@ -7,12 +7,10 @@ import zlib
 from pathlib import Path
 from unittest import mock
 
-import nibabel
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
 import isocodec
 from brute import examples, noise, smooth
@@ -21,6 +19,10 @@ from isocodec import Decoder, Limits
 from isocodec.drawing import rows as masks
 from isocodec.drawing.rows import MaskRows
 from isocodec.errors import LimitError, OptionError, TruncatedError
+from libraries import Late
+
+nibabel = Late("nibabel")
+Image = Late("PIL.Image")
 
 SHAPES = st.one_of(st.tuples(*[st.integers(2, 20)] * 2), st.tuples(*[st.integers(2, 7)] * 3))
 WAYS = (

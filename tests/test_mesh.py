@@ -21,6 +21,7 @@ from isocodec.grid.lattice.tables import PAGE_SHIFT, mesh_tables
 from isocodec.grid.passes.runner import Tube
 from isocodec.limits import Limits
 from isoconform.meshes import exponent
+from tables import looped
 
 # A root of edge 8 has two whole periods of the second finest cubes along each axis.
 CASES = [(n, 3, level) for n in (2, 3) for level in range(3 * n + 1)]
@@ -82,7 +83,7 @@ def test_levels_are_those_at_which_bisection_makes_vertices(n, k):
     assert levels_of(np.zeros((0, n), np.int64), k).shape == (0,)
 
 
-@pytest.mark.parametrize("n, k, level", CASES)
+@looped("n, k, level", CASES)
 def test_classes_are_the_simplices(uniform, n, k, level):
     """C2-mesh: every simplex of a uniform level is one class in one block, vertex for vertex."""
     mesh = uniform(n, k, level)
@@ -92,7 +93,7 @@ def test_classes_are_the_simplices(uniform, n, k, level):
     assert inside == set(mesh.brute)
 
 
-@pytest.mark.parametrize("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
+@looped("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
 def test_children(uniform, n, k, level):
     """C2-mesh: the child tables are Maubach's rule, and the middle is the new vertex."""
     mesh, below = uniform(n, k, level), uniform(n, k, level + 1)
@@ -109,7 +110,7 @@ def test_children(uniform, n, k, level):
             assert w in below.brute[2 * i + side]
 
 
-@pytest.mark.parametrize("n, k, level", CASES)
+@looped("n, k, level", CASES)
 def test_neighbours(uniform, n, k, level):
     """C2-mesh: across a face lies the one other simplex that has it."""
     mesh = uniform(n, k, level)
@@ -134,7 +135,7 @@ def test_neighbours(uniform, n, k, level):
                 assert not all(0 <= x <= 1 << k for x in other[opposite])
 
 
-@pytest.mark.parametrize("n, k, level", CASES)
+@looped("n, k, level", CASES)
 def test_cubes(uniform, n, k, level):
     """C2-mesh: a simplex's cube and its number within it name it uniquely."""
     mesh = uniform(n, k, level)
@@ -161,7 +162,7 @@ def test_roots(uniform, n):
     assert listed == mesh.brute
 
 
-@pytest.mark.parametrize("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
+@looped("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
 def test_diamonds(uniform, n, k, level):
     """C2-mesh: around each middle the members, their corners and children; 4 corners, or 8, 6, 10 by level mod 3."""
     mesh = uniform(n, k, level)
@@ -233,7 +234,7 @@ def test_children_of_diamonds_have_their_corners(n):
             assert len(set(middles)) == len(middles) // (n - 1)
 
 
-@pytest.mark.parametrize("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
+@looped("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
 def test_only_middles_have_a_kind(uniform, n, k, level):
     """C2-mesh: a lattice point has a diamond iff some simplex of the level is bisected there."""
     mesh = uniform(n, k, level)
@@ -257,7 +258,7 @@ def _conforming(found, shape):
 BOXES = [(5, 3), (3, 6), (2, 2), (2, 3), (9, 9), (2, 40), (7, 4, 2), (3, 3, 3), (2, 2, 2), (2, 9, 3), (5, 6, 4)]
 
 
-@pytest.mark.parametrize("shape", BOXES)
+@looped("shape", BOXES)
 def test_clamped_simplices_tile_the_box(shape):
     """C2-mesh: after clamping, simplices with a volume fill any box, none flipped, and the mesh conforms."""
     n, k = len(shape), exponent(shape)

@@ -39,6 +39,7 @@ def pieces(contour):
     return sorted(sorted(cell) for cell in contour.points[contour.cells].tolist())
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("progressive", [False, True])
 @pytest.mark.parametrize("options", [{"precision": "signs"}, {"precision": "exact"}, {"precision": 0.5}])

@@ -14,6 +14,7 @@ from explicit_meshes import Mesh, components, euler, plane, space, torus
 from isocodec import Mesh as Valued
 from isocodec.errors import OptionError
 from isocodec.search.mesh_cuts import MeshContour
+from tables import looped
 from test_hierarchy import surface
 
 pyvista = pytest.importorskip("pyvista")
@@ -107,8 +108,8 @@ def test_small_distances_are_kept_without_a_search(kind: str, monkeypatch: pytes
     assert not tried and [layer.within for layer in file.info.layers] == [None] * (len(file.info.layers) - 1) + [2.0]
 
 
-@pytest.mark.parametrize("edges", EDGES)
-@pytest.mark.parametrize("kind", MESHES)
+@looped("edges", EDGES)
+@looped("kind", MESHES)
 def test_distances_are_kept(kind: str, edges: float) -> None:
     """Both ways; a file of signs and offsets of the whole mesh takes no fewer bytes."""
     smaller = 0
@@ -145,8 +146,8 @@ def test_steps(kind: str) -> None:
         assert max(farthest(contour, original), farthest(original, contour)) <= step * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("topology", [False, True])
-@pytest.mark.parametrize("kind", MESHES)
+@looped("topology", [False, True])
+@looped("kind", MESHES)
 def test_steps_that_end_in_exact_values(kind: str, topology: bool) -> None:
     """Layers before the last keep their distance; then points are bit for bit those of exact values alone."""
     mesh = MESHES[kind](5)
@@ -182,8 +183,8 @@ def shape_of(contour: isocodec.Contour) -> tuple[int, int, int]:
     return components(len(contour.points), cells), euler(len(contour.points), cells), int((count == 1).sum() > 0)
 
 
-@pytest.mark.parametrize("precision", ["signs", "distance", "steps"])
-@pytest.mark.parametrize("kind", ["plane", "surface", "space"])
+@looped("precision", ["signs", "distance", "steps"])
+@looped("kind", ["plane", "surface", "space"])
 def test_topology_is_kept(kind: str, precision: str) -> None:
     """In every layer, on meshes with borders and noise of the size of a cell."""
     makers = {"plane": lambda s: plane(s, 120, 0.93), "surface": surface, "space": lambda s: space(s, 80, 0.95)}
@@ -232,7 +233,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@looped("name", REFUSED)
 def test_refused(name: str) -> None:
     how, options, wanted = REFUSED[name]
     mesh = plane(1, 200)

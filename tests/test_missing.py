@@ -5,11 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
-import rasterio
-import tifffile
 
 import isocodec
 from commands import HILLS, fails, ok, run
@@ -17,6 +14,12 @@ from inputs import read_field, read_nodata
 from isocodec.errors import InputError
 from isocodec.field.missing import filled, missing_samples
 from isocodec.field.samples import missing_of
+from libraries import Late
+from tables import looped
+
+h5py = Late("h5py")
+rasterio = Late("rasterio")
+tifffile = Late("tifffile")
 
 HOLE = np.zeros(HILLS.shape, np.bool_)
 HOLE[8:14, 10:20] = HOLE[0, 0] = HOLE[30:, 38:] = True
@@ -108,8 +111,8 @@ def test_values_that_no_sample_can_have(dtype: str, nodata: float) -> None:
     assert not missing_samples(np.arange(-3, 9).astype(dtype), nodata).any()
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "int32", "float32", "float64"])
-@pytest.mark.parametrize("isovalues", [[80.5], [80], [20.25, 300]])
+@looped("dtype", ["uint8", "int32", "float32", "float64"])
+@looped("isovalues", [[80.5], [80], [20.25, 300]])
 def test_missing_samples_lie_where_they_are_said_to(dtype: str, isovalues: list[float]) -> None:
     field = HILLS.astype(dtype)
     if dtype == "uint8" and max(isovalues) > 255:
@@ -172,6 +175,7 @@ def test_on_the_command_line(tmp_path: Path) -> None:
 MASKS = {"none": None, "nothing": np.zeros(HILLS.shape, np.bool_), "some": HOLE, "other": np.roll(HOLE, 5, axis=1)}
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("hidden", MASKS)
 @pytest.mark.parametrize("mask", MASKS)
 @pytest.mark.parametrize("lost", [False, True])

@@ -6,15 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-import matplotlib.tri
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay
 
 import isocodec
 from brute import examples
@@ -23,7 +19,13 @@ from explicit_meshes import crossings
 from isocodec import Contour, Encoder, Mesh
 from isocodec.errors import InputError, OptionError
 from isocodec.tin.rank import by_rank
+from libraries import Late
 from test_delaunay import by_definition
+
+matplotlib = Late("matplotlib")
+Figure = Late("matplotlib.figure.Figure")
+Delaunay = Late("scipy.spatial.Delaunay")
+shapely = Late("shapely")
 
 Triangles = set[frozenset[tuple[float, ...]]]
 CIRCLE = [(x, y) for x in range(-25, 26) for y in range(-25, 26) if x * x + y * y == 625]

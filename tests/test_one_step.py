@@ -11,11 +11,8 @@ import weakref
 from pathlib import Path
 from typing import Any
 
-import geopandas
 import numpy as np
-import pyogrio
 import pytest
-import shapely
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
@@ -27,6 +24,12 @@ from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.io.writers.output_formats import OutputOptions
 from isocodec.io.writers.registry import OUTPUTS
+from libraries import Late
+from tables import looped
+
+geopandas = Late("geopandas")
+pyogrio = Late("pyogrio")
+shapely = Late("shapely")
 
 ROWS, COLUMNS = np.mgrid[:33, :41]
 HOLES = np.zeros(HILLS.shape, bool)
@@ -77,7 +80,7 @@ def exact(what: Any, name: str) -> dict[str, Any]:
     return {"precision": "exact" if what.values.dtype.kind in "iu" else "step=1e-10"}
 
 
-@pytest.mark.parametrize("name", FIELDS)
+@looped("name", FIELDS)
 def test_contours_are_those_of_the_exact_file(name: str) -> None:
     what, isovalue = FIELDS[name]
     traced = Traced(what, isovalue)
@@ -173,6 +176,7 @@ def test_names_of_columns_and_layers_index_contours_and_heights(tmp_path: Path, 
         assert [name for name, _ in pyogrio.list_layers(path)] == ["heights"]
 
 
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("option", [["--attribute", "z"], ["--layer", "z"], ["--index", 5], ["--3d"]])
 @pytest.mark.parametrize("suffix", sorted({s for o in OUTPUTS if o.kind == "contour" for s in o.suffixes}))
 def test_what_a_format_does_not_have_is_refused(tmp_path: Path, suffix: str, option: list[Any]) -> None:

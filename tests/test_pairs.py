@@ -6,15 +6,17 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import nibabel
 import numpy as np
 import pytest
-import rasterio
-import zarr
-from rasterio.transform import from_origin
 
 import isocodec
 from isocodec.errors import InputError
+from libraries import Late
+
+nibabel = Late("nibabel")
+rasterio = Late("rasterio")
+from_origin = Late("rasterio.transform.from_origin")
+zarr = Late("zarr")
 
 VOLUME = np.arange(60, dtype=np.int16).reshape(3, 4, 5)
 AFFINE = np.array([[-2.0, 0, 0, 5], [0, 3, 0, 6], [0, 0, 4, -7], [0, 0, 0, 1]])

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial import KDTree
 
 from brute import blobs, crossing_edges, crossing_points, examples, lattice, mixed, sign_fields, smooth
 from isocodec import Decoder
@@ -26,6 +25,10 @@ from isocodec.kernel import DONE, NEED
 from isocodec.search.strategy import grid_plan
 from isocodec.stream.encoder import encoder_of
 from isoconform.meshes import exponent
+from libraries import Late
+from tables import looped
+
+KDTree = Late("scipy.spatial.KDTree")
 
 # --- set-up and checks ----------------------------------------------------------------------------------------------
 
@@ -145,7 +148,7 @@ def test_elongated_boxes(shape):
     same_state(encoder.frame.strands[-1].tube, decoder.grid._tube)
 
 
-@pytest.mark.parametrize("base_level", range(12, 19))
+@looped("base_level", range(12, 19))
 def test_every_base_level_of_a_deep_mesh(base_level):
     """260 samples: the full grid is level 18, and bases lie on both sides of 14 and 15, which layer programs escape."""
     field = smooth((3, 260), 5, 6)

@@ -13,14 +13,9 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-import pyvista
-import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from skimage.measure import find_contours, marching_cubes
 
 import grids
 import isocodec
@@ -29,6 +24,15 @@ from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.grid.lattice.vertex_set import every_vertex
 from isocodec.stream.options import CriterionName
+from libraries import Late
+from tables import looped
+
+pyvista = Late("pyvista")
+coo_array = Late("scipy.sparse.coo_array")
+connected_components = Late("scipy.sparse.csgraph.connected_components")
+shapely = Late("shapely")
+find_contours = Late("skimage.measure.find_contours")
+marching_cubes = Late("skimage.measure.marching_cubes")
 
 Array = NDArray[np.float64]
 BEYOND = 3
@@ -258,6 +262,7 @@ def known_topology(where: str) -> tuple[int, int]:
     return true_topology(known(where) > LEVEL, AXES[where][1], 2)
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("topology", [False, True])
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("where", AXES if HEAVY else ["torus", "pipe"])
@@ -319,8 +324,8 @@ def at_ends(contour: isocodec.Contour, axis: int) -> list[set[tuple[float, ...]]
             for end in (0, contour.shape[axis] - 1)]
 
 
-@pytest.mark.parametrize("way", SEARCHED)
-@pytest.mark.parametrize("where", ["torus", "pipe"])
+@looped("way", SEARCHED)
+@looped("where", ["torus", "pipe"])
 def test_several_isovalues(where: str, way: str) -> None:
     """They go on across the seam, and do not cross one another."""
     _, periodic, _ = AXES[where]
@@ -349,8 +354,8 @@ def test_frames(way: str) -> None:
             assert drawn_topology(contour, periodic, 2) == true_topology(frame.values > LEVEL, periodic, 2)
 
 
-@pytest.mark.parametrize("way", SEARCHED)
-@pytest.mark.parametrize("where", ["torus", "all round"])
+@looped("way", SEARCHED)
+@looped("where", ["torus", "all round"])
 def test_missing_samples(where: str, way: str) -> None:
     """At the seam, too: curves end there at both ends alike."""
     shape, periodic, seed = AXES[where]
@@ -390,8 +395,8 @@ def crowded() -> tuple[Array, list[Array]]:
     return np.hypot(x / 90, y / 60) - 1 - 0.04 * np.cos(5 * turn) - 0.02 * np.sin(11 * turn), [x, y]
 
 
-@pytest.mark.parametrize(("cells", "topology"), [(0.4, False), (1.5, False), (1.5, True)])
-@pytest.mark.parametrize("grid", MAPPED)
+@looped(("cells", "topology"), [(0.4, False), (1.5, False), (1.5, True)])
+@looped("grid", MAPPED)
 def test_distances_on_mapped_grids(grid: str, cells: float, topology: bool) -> None:
     """In the world, both ways, against the curve of scikit-image put there by scipy; smaller than on the full grid."""
     field, arrays = MAPPED[grid]()

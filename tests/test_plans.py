@@ -8,9 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import shapely
-from scipy.ndimage import gaussian_filter
-from skimage.measure import find_contours
 
 import isocodec
 from commands import BALL, HILLS, fails, ok
@@ -24,6 +21,12 @@ from isocodec.search.proof import hausdorff
 from isocodec.stream.plan_file import _LINES, check_plan, read_plan
 from isocodec.stream.plan_file import __doc__ as LANGUAGE
 from isospec.container import SIGNATURE
+from libraries import Late
+from tables import looped
+
+gaussian_filter = Late("scipy.ndimage.gaussian_filter")
+shapely = Late("shapely")
+find_contours = Late("skimage.measure.find_contours")
 
 FULL = 12
 """Level of the full grid of HILLS: two axes, a root cube with an edge of 64 samples."""
@@ -149,6 +152,7 @@ DISTANCES = [
 """Plans, and the step of values, if the field is one of floats."""
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize(("text", "step"), DISTANCES)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_distortion_keeps_its_distance(text: str, step: float | None, seed: int) -> None:
@@ -217,6 +221,7 @@ def test_all_lines_that_may_follow_are_there() -> None:
     assert {line.split()[0] for text in LATER for line in text.splitlines()} | bases == set(_LINES)
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("later", LATER)
 @pytest.mark.parametrize("first", ["topology", "crossing", "topology curvature=0.5", "level=7 crossing"])
 @pytest.mark.parametrize("begin", ["adaptive-base", "adaptive-base 4", "base 2\nadapt"])
@@ -229,8 +234,8 @@ def test_topology_and_crossings_hold_for_later_lines(begin: str, first: str, lat
     assert right == 14 and {len(file.contour(layers=count).lines) for count in kept} == {right}
 
 
-@pytest.mark.parametrize("first", CRITERIA)
-@pytest.mark.parametrize("later", CRITERIA)
+@looped("first", CRITERIA)
+@looped("later", CRITERIA)
 def test_criteria_of_the_line_before(first: str, later: str) -> None:
     """Those about any mesh might as well be given again; a distance is kept by the line that states it."""
     text = f"adaptive-base {first}\nadapt {later}"

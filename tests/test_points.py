@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial import Delaunay
 
 import isocodec
 from brute import examples
@@ -14,6 +13,10 @@ from commands import fails, ok
 from explicit_meshes import crossings
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
 from isocodec.io.readers.input_formats import read_mesh
+from libraries import Late
+from tables import looped
+
+Delaunay = Late("scipy.spatial.Delaunay")
 
 
 def scattered(seed, count=80, side=1000):
@@ -91,7 +94,7 @@ def test_connectivity_costs_nothing():
     assert len(alone) < 0.95 * len(whole)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("points", "cells", "options", "error"),
     [
         (np.zeros((5, 3)), None, {}, InputError),

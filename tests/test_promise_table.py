@@ -13,6 +13,7 @@ import pytest
 import isocodec
 from commands import HILLS, ok, run
 from isocodec.field.placement import Placement
+from tables import looped
 
 WHERE = Placement([[0, 0.5, 0], [-0.5, 0, 0]], unit="m")
 VALUE = 80.5
@@ -126,7 +127,7 @@ def kept(data: bytes) -> set[bool | None]:
     return {found.kept for found in isocodec.open(data).verify(field(None))}
 
 
-@pytest.mark.parametrize(
+@looped(
     ("precision", "edit", "promise"),
     [
         ("2cm", {"profile": "baseline"}, "within 2cm (0.04 cells)"),
@@ -145,6 +146,7 @@ def test_edits_promise_what_is_true(precision: Any, edit: dict[str, Any], promis
     assert kept(edited) == {None if promise is None else True}
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("layers", range(1, 18))
 def test_the_first_layers_of_steps(layers: int) -> None:
     """Only where a step ends something is promised."""

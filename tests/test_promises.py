@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
 
 import isocodec
 from brute import examples, smooth
@@ -22,12 +21,16 @@ from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
 from isospec.container import ChunkType
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
 
 FINE = 24
 """Points that a segment is sampled at."""
 
 
-@pytest.mark.parametrize(
+@looped(
     ("promises", "payload"),
     [
         (Promises({}, False), "00"),
@@ -54,7 +57,7 @@ def test_thousandths_come_back(parts: dict[int, int], topology: bool) -> None:
     assert read_promises(write_promises(promises)) == promises
 
 
-@pytest.mark.parametrize(
+@looped(
     "payload", ["", "02", "0001", "000005", "000100", "00018005", "000185", "ffff", "00" + "ff" * 10]
 )
 def test_what_is_no_promise(payload: str) -> None:
@@ -133,7 +136,7 @@ def test_others_are_skipped() -> None:
     assert np.array_equal(decoder.contour().points, isocodec.decode(data).points)
 
 
-@pytest.mark.parametrize("promise", [(), (0.0,), (float("nan"),), ("1",), (1.0, 2.0), (1e300,)])
+@looped("promise", [(), (0.0,), (float("nan"),), ("1",), (1.0, 2.0), (1e300,)])
 def test_promises_of_a_plan(promise: tuple[object, ...]) -> None:
     plan = [("base", 2), ("refine", None), ("offsets", 3)]
     data = isocodec.encode(HILLS, 80.5, layers=[*plan, ("promise", 0.5)])

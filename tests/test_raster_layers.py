@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 import isocodec
 from brute import INTERPRETED, examples, mixed
@@ -25,6 +24,12 @@ from isoconform.meshes import exponent
 from isoconform.raster import letters
 from isoconform.streams import File, layers, steps_of
 from isospec.container import Operation, Profile
+from libraries import Late
+from tables import looped
+
+Image = Late("PIL.Image")
+ImageDraw = Late("PIL.ImageDraw")
+ImageFont = Late("PIL.ImageFont")
 
 RASTER = [("raster",)]
 PLANS = {
@@ -96,7 +101,7 @@ def test_only_where_asked_for_by_name() -> None:
 # --- against brute force --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", SIZES[::20] if INTERPRETED else SIZES)
+@looped("size", SIZES[::20] if INTERPRETED else SIZES)
 def test_every_size(size: int) -> None:
     for shape in ((size, 3), (size, size)):
         field = signs_of(shape, size)
@@ -226,7 +231,7 @@ def _file(shape: tuple[int, ...], run: bytes, *steps: tuple[int, int]) -> bytes:
     return bytes(File(start, (layers(steps_of(*(steps or ((Operation.REFINE, 0),))), run),)))
 
 
-@pytest.mark.parametrize(("shape", "steps", "clause"), [
+@looped(("shape", "steps", "clause"), [
     ((9, 9, 9), (), "5.12"),
     ((1 << 20, 1 << 20), (), "5.12"),
     ((1 << 24, 17), (), "5.12"),

@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import KDTree
 
 import isocodec
 from commands import BALL, HILLS, fails, ok
@@ -24,6 +22,11 @@ from isocodec.search.original import original
 from isocodec.stream.container import with_checksum
 from isocodec.stream.recoder import sources_of
 from isospec.container import ChunkType, Profile
+from libraries import Late
+from tables import looped
+
+KDTree = Late("scipy.spatial.KDTree")
+shapely = Late("shapely")
 
 NOISE = picture((23, 18), 7, noise=0.8)
 FIELDS = {"hills": (HILLS, 80.5), "noise": (NOISE, 0.5), "ball": (BALL, 55.5)}
@@ -56,6 +59,7 @@ def apart(a: isocodec.Contour, b: isocodec.Contour) -> float:
     return max(farthest(one, two), farthest(two, one))
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("profile", ["main", "baseline"])
 @pytest.mark.parametrize(
@@ -78,6 +82,7 @@ def test_steps_of_floats() -> None:
     )
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("there", ["main", "baseline"])
@@ -93,8 +98,8 @@ def test_no_point_moves(name: str, precision: str, there: str) -> None:
     assert isocodec.open(made).edited(profile=here) == isocodec.open(data).edited(profile=here)
 
 
-@pytest.mark.parametrize("tolerance", [0.03, 0.2, 1.0])
-@pytest.mark.parametrize("precision", PRECISIONS)
+@looped("tolerance", [0.03, 0.2, 1.0])
+@looped("precision", PRECISIONS)
 def test_distances_are_kept(precision: str, tolerance: float) -> None:
     """Between the curve of the file and that of the result."""
     for field, isovalue in (FIELDS["hills"], FIELDS["noise"]):
@@ -114,8 +119,8 @@ def test_distances_of_surfaces() -> None:
     assert 0 < max(there, back) < 0.25 + 0.1
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("name", FIELDS)
+@looped("precision", PRECISIONS)
+@looped("name", FIELDS)
 def test_the_searches_start_from_the_curve_of_the_file(name: str, precision: str) -> None:
     """What distances are proven from is what a decoder draws."""
     field, isovalue = FIELDS[name]
@@ -146,7 +151,7 @@ def test_missing_samples_and_place() -> None:
     assert isocodec.decode(isocodec.open(data).edited(precision=0.5)).masked
 
 
-@pytest.mark.parametrize("seed", range(6))
+@looped("seed", range(6))
 def test_values_beside_scattered_holes(seed: int) -> None:
     """Edges that no cell without missing samples has tell nothing (spec 5.10.4), and nothing is asked of them."""
     rng = np.random.default_rng(seed)
@@ -276,8 +281,8 @@ def test_commands(tmp_path: Path, hills: Path) -> None:
     assert not (tmp_path / "twice.iso").exists()
 
 
-@pytest.mark.parametrize("asked", [[80.5, 60.5], [60.5, 80.5], [100.5, 80.5, 80.5], [100.5]], ids=str)
-@pytest.mark.parametrize("order", ["isovalues", "independent"])
+@looped("asked", [[80.5, 60.5], [60.5, 80.5], [100.5, 80.5, 80.5], [100.5]], ids=str)
+@looped("order", ["isovalues", "independent"])
 def test_isovalues_that_are_kept_stay_in_the_order_of_the_file(asked: list[float], order: str) -> None:
     """Each once, in whatever order they are named."""
     file = isocodec.open(isocodec.encode(HILLS, [60.5, 100.5, 80.5], precision="exact", order=order))

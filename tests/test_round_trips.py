@@ -13,21 +13,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import ezdxf
-import geopandas
-import mapbox_vector_tile
-import meshio
-import nibabel
 import numpy as np
-import pyproj
 import pytest
-import pyvista
-import shapely
-import SimpleITK
-import trimesh
-from PIL import Image
-from pmtiles import reader as pmtiles_reader
-from scipy.spatial import KDTree
 
 import isocodec
 from isocodec.errors import OptionError
@@ -35,6 +22,21 @@ from isocodec.field.placement import LPS, RAS, Placement
 from isocodec.io.writers.registry import OUTPUTS
 from isocodec.io.writers.things import Areas, SampleMask, Thing, thing_of
 from isocodec.io.writers.write import write
+from libraries import Late
+
+ezdxf = Late("ezdxf")
+geopandas = Late("geopandas")
+mapbox_vector_tile = Late("mapbox_vector_tile")
+meshio = Late("meshio")
+nibabel = Late("nibabel")
+Image = Late("PIL.Image")
+pmtiles_reader = Late("pmtiles.reader")
+pyproj = Late("pyproj")
+pyvista = Late("pyvista")
+KDTree = Late("scipy.spatial.KDTree")
+shapely = Late("shapely")
+SimpleITK = Late("SimpleITK")
+trimesh = Late("trimesh")
 
 Array = np.ndarray
 LAEA = pyproj.CRS("+proj=laea +lat_0=48 +lon_0=9 +x_0=1000 +datum=WGS84").to_wkt()
@@ -477,6 +479,7 @@ def nowhere(suffix: str, name: str) -> bool:
     return suffix == ".pmtiles" and name.rpartition(", ")[2] in ("samples", "no system", "plane in a body")
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize(("suffix", "name"), CELLS)
 def test_round_trips(tmp_path: Path, suffix: str, name: str) -> None:
     what, path = content(name), tmp_path / f"a{suffix}"

@@ -25,6 +25,7 @@ from isocodec.stream.grid_contents import GridContents
 from isocodec.stream.plan_file import read_plan
 from isoconform.explicit import some_nodes, with_cuts
 from isospec.container import ChunkType, DomainKind, MeshLayer
+from tables import looped
 
 # --- runs by themselves -----------------------------------------------------------------------------------------------
 
@@ -286,7 +287,7 @@ def test_symbols_and_work_bound_every_run(kind: str, ended: list[tuple[int, int]
         before = 0 if kind == "coordinates" else units
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@looped("kind", KINDS)
 def test_work_grows_with_the_bytes(kind: str):
     """What real files take is allowed for each byte."""
     decode(kind, KINDS[kind][0](), Limits(work=1 if kind == "layers" else 1 << 12))

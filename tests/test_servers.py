@@ -28,7 +28,6 @@ from isocodec.storage.ranges import SLACK, together
 from isocodec.storage.web import LANES, Range
 from tiled import encoded, hilly, pieces, tiled_of
 
-pytest.importorskip("aiohttp")
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="slow in Python, and the same")
 BOX = [(300, 330), (400, 430)]
 RIGHT = ""

@@ -9,14 +9,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import shapely
-from PIL import Image
-from shapely.geometry import shape as shape_of
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.errors import OptionError, TruncatedError
+from libraries import Late
 from written import rendered
+
+Image = Late("PIL.Image")
+shapely = Late("shapely")
+shape_of = Late("shapely.geometry.shape")
 
 ISOVALUES = [60.5, 100.5, 80.5]
 

@@ -14,9 +14,10 @@ from commands import run
 from isocodec.api.thinned import thin
 from isocodec.cli import main
 from isoconform.damage import damaged
+from tables import looped
 
 
-@pytest.mark.parametrize("command", sorted(main.commands))
+@looped("command", sorted(main.commands))
 def test_help_says_nothing_twice(command: str) -> None:
     """No paragraph begins as another one does, and no list of suffixes has one twice."""
     text = run(command, "--help").stdout

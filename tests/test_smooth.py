@@ -15,6 +15,7 @@ from isocodec.drawing import smoothing
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.stream.inspect import inspect
+from tables import looped
 
 
 def both(field, isovalue, **options):
@@ -80,8 +81,8 @@ def test_what_follows_from_what_is_told_stays(shape, plan):
     )
 
 
-@pytest.mark.parametrize(("precision", "room"), [("exact", 0), (0.05, 0.5 / 11), (None, 0.5 / 11), (0.08, 0.5 / 7)])
-@pytest.mark.parametrize("shape", [(23, 30), (9, 11, 10)])
+@looped(("precision", "room"), [("exact", 0), (0.05, 0.5 / 11), (None, 0.5 / 11), (0.08, 0.5 / 7)])
+@looped("shape", [(23, 30), (9, 11, 10)])
 def test_points_stay_in_their_parts(shape, precision, room):
     """But for points in the middles of cells, which are between their neighbours anyway."""
     field = np.rint(100 * (noise(shape) + smooth(shape, 5))).astype(int)
@@ -191,8 +192,8 @@ ROUND = {2: (ball((40, 41), (19.3, 20.1), 14.2), 14.2, (19.3, 20.1)),
          3: (ball((28, 27, 29), (13.3, 12.9, 14.1), 11.3), 11.3, (13.3, 12.9, 14.1))}
 
 
-@pytest.mark.parametrize("n", [2, 3])
-@pytest.mark.parametrize("distance", [0.5, 0.2, 0.11, None])
+@looped("n", [2, 3])
+@looped("distance", [0.5, 0.2, 0.11, None])
 def test_the_promise_holds_with_and_without(n, distance):
     field, radius, centre = ROUND[n]
     data = isocodec.encode(field, 0, precision="signs smooth" if distance is None else f"{distance} smooth")
@@ -209,8 +210,8 @@ def test_the_promise_holds_with_and_without(n, distance):
         assert error.max() <= share * (1 if distance is None else distance) + 1 / (4 * radius)
 
 
-@pytest.mark.parametrize("shape", [(40, 41), (20, 21, 19)])
-@pytest.mark.parametrize("precision", ["signs", "0.2", "0.05"])
+@looped("shape", [(40, 41), (20, 21, 19)])
+@looped("precision", ["signs", "0.2", "0.05"])
 def test_rough_fields_are_left_alone(shape, precision):
     """The same bytes as without."""
     field = noise(shape)
@@ -219,7 +220,7 @@ def test_rough_fields_are_left_alone(shape, precision):
     )
 
 
-@pytest.mark.parametrize("text", ["", "0", "65", "07", "x", "-1", "1.0", "\u0664", " 4", "100"])
+@looped("text", ["", "0", "65", "07", "x", "-1", "1.0", "\u0664", " 4", "100"])
 def test_notes_of_other_forms_are_ignored(text):
     field = ROUND[2][0]
     data = isocodec.encode(field, 0, precision="signs", metadata={"smoothing": text})
@@ -250,7 +251,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@looped("name", REFUSED)
 def test_what_it_does_not_go_with(name):
     with pytest.raises(OptionError, match="smooth"):
         REFUSED[name]()

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from isocodec import Decoder, encode
 from isocodec.grid.models.crossing_candidates import _SECOND, NEXT, TURNS, UNIT
 from isocodec.grid.models.crossings_nearby import _join_leaves
 from isocodec.grid.models.magnitude import FEW_TIMES, bits, by_few
+from tables import looped
 
 
-@pytest.mark.parametrize("shape", [(9, 14), (2, 2), (6, 7, 5), (2, 3, 2)])
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("holes", [False, True])
+@looped("shape", [(9, 14), (2, 2), (6, 7, 5), (2, 3, 2)])
+@looped("seed", range(3))
+@looped("holes", [False, True])
 def test_edges_of_the_full_grid_are_joined_like_those_of_leaves(shape, seed, holes):
     noise = np.random.default_rng(seed).normal(size=shape)
     field = np.ma.masked_where(noise > 1.2, noise[::-1]) if holes else noise

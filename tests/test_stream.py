@@ -24,6 +24,7 @@ from isocodec.format.kinds import BASES
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.inspect import inspect
 from isospec.container import ChunkType
+from tables import looped
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------
 
@@ -81,7 +82,7 @@ TestFeeding = Feeding.TestCase
 TestFeeding.settings = settings(max_examples=5 if INTERPRETED else 150, stateful_step_count=40)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@looped("name", NAMES)
 def test_byte_by_byte(name):
     """Events, with their offsets, come when their last byte is there, and are those of the whole file."""
     decoder, events = Decoder(), []
@@ -97,7 +98,7 @@ def test_byte_by_byte(name):
     assert same_drawing(decoder.contour(), whole(name)[2])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@looped("name", NAMES)
 def test_order_of_events(name):
     """Header first, base, then as many layers as are announced; offsets ascend; the end is the file's."""
     events = whole(name)[0]
@@ -114,7 +115,7 @@ def test_order_of_events(name):
     assert skipped == ([ChunkType.INDEX] if name == "several runs" else [])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@looped("name", NAMES)
 def test_prefixes(name):
     """Any prefix: symbols are the first ones of the file's, a drawing works, and only close() complains."""
     data, (_, total, _, _) = files()[name], whole(name)
@@ -178,7 +179,7 @@ def test_errors_are_sticky():
 # --- truncation -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", NAMES)
+@looped("name", NAMES)
 def test_truncate_to_layers(name):
     """The first layers alone are a valid file, which draws what the file draws after them."""
     data = files()[name]
@@ -212,7 +213,7 @@ def all_of_prefixes(data: bytes) -> Iterator[bytes]:
             yield isocodec.open(data[:length]).edited(size=len(data) + 100)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@looped("name", NAMES)
 def test_truncate_to_bytes(name):
     """As many symbols as fit: a valid file, not too long, which draws what some prefix near that length does."""
     data = files()[name]
@@ -303,8 +304,8 @@ def envelopes(data):
 # --- what a file says of itself -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape, seed", [((30, 40), 1), ((127, 100), 2), ((9, 8, 10), 3), ((16, 16, 16), 4)])
-@pytest.mark.parametrize("isovalue", [3, -7.5])
+@looped("shape, seed", [((30, 40), 1), ((127, 100), 2), ((9, 8, 10), 3), ((16, 16, 16), 4)])
+@looped("isovalue", [3, -7.5])
 def test_overhead(shape, seed, isovalue):
     """Small integer files, exact: at most 24 bytes are not entropy-coded data."""
     data = isocodec.encode(picture(shape, seed), isovalue, precision="exact")
@@ -312,7 +313,7 @@ def test_overhead(shape, seed, isovalue):
     assert isocodec.open(data).info.overhead_bytes <= 24
 
 
-@pytest.mark.parametrize("name", NAMES)
+@looped("name", NAMES)
 def test_inspect(name):
     """Structure without decoding agrees with the decoder; chunks cover the file behind its header."""
     data = files()[name]

@@ -13,17 +13,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
-import nibabel
 import numpy as np
 import pytest
-import tifffile
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
 from inputs import META, virtual
 from isocodec.cli.report import one_warning
 from isocodec.errors import InputError, one_line, plain
+from libraries import Late
+
+h5py = Late("h5py")
+nibabel = Late("nibabel")
+tifffile = Late("tifffile")
 
 ODD = "a\x1b[31mred\x07\u202egnp\x9b2J\x7f"
 """Colours, a bell, text that runs backwards, and a cleared screen."""

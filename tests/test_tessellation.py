@@ -5,11 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
-import shapely.geometry
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,7 +16,12 @@ from commands import BALL, HILLS, fails, ok
 from isocodec.drawing.tessellation import Tessellation, tessellated
 from isocodec.errors import TruncatedError
 from isoconform.meshes import chosen
+from libraries import Late
 from written import rendered
+
+meshio = Late("meshio")
+shapely = Late("shapely")
+trimesh = Late("trimesh")
 
 # Two triangles of a square of 4 samples a side, split along the diagonal from (0, 0); one vertex lies above.
 SQUARE = Tessellation(

@@ -6,11 +6,14 @@ import json
 
 import numpy as np
 import pytest
-import shapely
 
 import isocodec
 from commands import fails, ok, run
 from isocodec.errors import InputError, OptionError
+from libraries import Late
+from tables import looped
+
+shapely = Late("shapely")
 
 LINE = np.array([(i, 0) for i in range(1, 8)] + [(1, 1)])
 VALUES = np.array([5, -1, 0, -3, 0, -1.1, 2.5, 0])
@@ -41,14 +44,14 @@ def interpolated(tin: isocodec.Tin, points: np.ndarray) -> np.ndarray:
     return np.asarray(LinearTriInterpolator(Triangulation(x, y, tin.triangles), tin.values)(*points.T))
 
 
-@pytest.mark.parametrize("criterion", EXAMPLE)
+@looped("criterion", EXAMPLE)
 def test_published_example(criterion: str):
     found = isocodec.thin(isocodec.Mesh(LINE, None, VALUES), criterion=criterion, to=4)
     assert (found.order[:4] + 1).tolist() == [point for point, _ in EXAMPLE[criterion]]
     assert found.anticipated[:4].round(2).tolist() == [error for _, error in EXAMPLE[criterion]]
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@looped("criterion", CRITERIA)
 def test_errors_are_those_of_the_surface(criterion: str):
     points, values = terrain()
     found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=40)
@@ -86,7 +89,7 @@ def test_keys_are_what_brute_force_finds():
             before = float(((interpolated(tin, points) - values) ** 2).sum())
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@looped("criterion", CRITERIA)
 def test_order_of_points_does_not_matter(criterion: str):
     points, values = terrain()
     mixed = np.random.default_rng(3).permutation(len(points))
@@ -97,7 +100,7 @@ def test_order_of_points_does_not_matter(criterion: str):
     assert np.array_equal(first.points[first.triangles], second.points[second.triangles])
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@looped("criterion", CRITERIA)
 def test_error_is_kept(criterion: str):
     points, values = terrain()
     found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, error=6)
@@ -154,7 +157,7 @@ def test_floating_point_positions():
     assert np.abs(found - rough[np.lexsort(rough.T)]).max() < np.ptp(rough) / 2**23
 
 
-@pytest.mark.parametrize(
+@looped(
     ("points", "values", "code"),
     [
         (LINE[:7], VALUES[:7], "collinear"),
@@ -175,7 +178,7 @@ def test_input_that_cannot_be_thinned(points: np.ndarray, values: np.ndarray | N
     assert caught.value.code == code
 
 
-@pytest.mark.parametrize(
+@looped(
     "options", [{}, {"to": 5, "error": 1.0}, {"to": 2}, {"error": -1.0}, {"error": np.nan}, {"to": 4, "criterion": "X"}]
 )
 def test_options_that_make_no_sense(options: dict):
@@ -238,6 +241,7 @@ def test_command_with_missing_samples(tmp_path):
     assert "4 of 77 points" in done.stdout
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("told", ["nan", "mask", "masked array"])
 def test_numbers_of_points_are_those_of_samples(criterion: str, told: str):
@@ -303,6 +307,7 @@ def triangulated(points: np.ndarray) -> set[tuple[int, ...]]:
     return {tuple(sorted(cell)) for cell in Delaunay(points).simplices.tolist()}
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("way", ["API", "command"])
 @pytest.mark.parametrize("layers", [1, 4])
 @pytest.mark.parametrize("criterion", CRITERIA)

@@ -15,19 +15,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import ndimage
-from shapely.geometry import shape as shape_of
-from skimage import measure
 
 import isocodec
 from brute import examples
 from isocodec import Contour
 from isocodec.drawing.areas import areas_of
 from isocodec.drawing.separation import NEAR_END, single
+from libraries import Late
+from tables import looped
+
+ndimage = Late("scipy.ndimage")
+shapely = Late("shapely")
+shape_of = Late("shapely.geometry.shape")
+measure = Late("skimage.measure")
+trimesh = Late("trimesh")
 
 Fields = dict[str, Any]
 
@@ -99,6 +102,7 @@ def apart(points: Any) -> bool:
     return len(np.unique(points, axis=0)) == len(points)
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", PLANE)
 def test_lines_and_areas(name: str, precision: str) -> None:
@@ -140,6 +144,7 @@ def _check_samples(sides: list[Any], above: Any) -> None:
         assert np.array_equal(shapely.intersects(side, shapely.points(columns, rows)), inside)
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", SPACE)
 def test_surfaces(name: str, precision: str) -> None:
@@ -160,6 +165,7 @@ PLACEMENTS = {
 }
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("placement", PLACEMENTS)
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("name", ["lone sample, below", "block", "face", "saddle of equals", "random 0"])
@@ -273,13 +279,13 @@ def test_rings_are_nested_as_shapely_nests_them(
     assert chosen.area + other.area == pytest.approx(np.prod(np.subtract(shape, 1)))
 
 
-@pytest.mark.parametrize("field", [
+@looped("field", [
     lambda y, x: np.maximum(abs(y - 40), abs(x - 40)) % 4,
     lambda y, x: (y + x) % 7,
     lambda y, x: (y % 4 == 1) * (x % 4 == 1) * 4 * (x > 20) + 4 * (x < 3),
     lambda y, x: 2 + 2 * np.sin(np.hypot(y - 40, x - 33) / 2 + np.arctan2(y - 40, x - 33)),
 ], ids=["frames", "bands", "dots", "spiral"])
-@pytest.mark.parametrize("above", [True, False])
+@looped("above", [True, False])
 def test_deep_and_wide_nests(field: Callable[..., Any], above: bool) -> None:
     contour = contour_of(np.round(field(*np.mgrid[:81, :83])).astype(np.int16), "exact")
     wanted, chosen, faces = rebuilt(contour, above)

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.ndimage import gaussian_filter
-from skimage.measure import find_contours
 
 import isocodec
 from brute import INTERPRETED
@@ -23,7 +21,11 @@ from isocodec.storage.ranges import GAP, MOST_PIECES, SLACK, together
 from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import groups_of
+from libraries import Late
 from tiled import encoded, hilly, holed, pieces, tiled_of
+
+gaussian_filter = Late("scipy.ndimage.gaussian_filter")
+find_contours = Late("skimage.measure.find_contours")
 
 FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 5, 3: 2}
 """Random fields, by number of axes."""

@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
 
 import isocodec
 from commands import fails, ok, run
 from isocodec.stream.isovalues import multiples
 from isocodec.stream.options import Options
 from isocodec.tiles.writing import sample_range, tiling_of
+from libraries import Late
 from tiled import hilly, holed, pieces
+
+rasterio = Late("rasterio")
 
 
 def floats() -> np.ndarray:

@@ -7,14 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 
 import isocodec
 from brute import smooth
 from isocodec.errors import FormatError
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isocodec.tiles.first_stages import first_stages
+from libraries import Late
 from tiled import encoded, hilly, holed, pieces, tiled_of
+
+KDTree = Late("scipy.spatial.KDTree")
 
 ISOVALUES = [30.5, 32.5, 1e6, 28.5, 60.5, -20.5, 31.5, 33.5, 34.5, 36.5]
 """In no order, one without a curve, and more than a group has."""

@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.ndimage import maximum_filter
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok
 from isocodec.drawing.gaps import filled, loops_of
 from isocodec.tiles.tiled import TiledFile
+from libraries import Late
 from test_tiles import random_field
 from tiled import encoded, pieces, tiled_of
+
+maximum_filter = Late("scipy.ndimage.maximum_filter")
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="many tiles would be slow")
 

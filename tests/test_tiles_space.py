@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 import isocodec
 from brute import INTERPRETED
@@ -18,9 +17,12 @@ from isocodec.search.tile_faces import Faces, ancestry, parents, unit_of
 from isocodec.search.tile_volume import pitch_of
 from isocodec.tiles.tiled import TiledFile
 from isoconform import meshes
+from libraries import Late
 from test_tiles import check_faces
 from test_tiles_mixed import check_closed, mixed
 from tiled import encoded, tiled_of
+
+gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
 COUNT, MANY = 4, 40

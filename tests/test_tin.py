@@ -16,6 +16,7 @@ from isocodec.format.chunks import write_chunk
 from isocodec.format.header import Header, write_header
 from isocodec.format.surface import TinHead, read_tin, write_tin
 from isospec.container import ChunkType, Profile
+from tables import looped
 
 DEMO = Path(__file__).parents[1] / "demo" / "data"
 Y, X = np.mgrid[:40, :52]
@@ -33,7 +34,7 @@ def end(data: bytes) -> bytes:
     return data[:-4] + zlib.crc32(data[:-4]).to_bytes(4, "big")
 
 
-@pytest.mark.parametrize("error", [0.0, 0.5, 2.0, 7.5, 500.0])
+@looped("error", [0.0, 0.5, 2.0, 7.5, 500.0])
 def test_error_is_kept(error: float):
     tin = isocodec.open(isocodec.encode(isocodec.thin(HILL, error=error))).surface()
     assert np.abs(tin.raster() - HILL).max() <= error + 1e-9
@@ -132,7 +133,7 @@ def test_head_as_bytes():
     assert read_tin(data, 0) == (head, len(data))
 
 
-@pytest.mark.parametrize(
+@looped(
     "head",
     ["2428280a000603640109", "20002810000603640109", "200000", "2028280a000003640109", "2028280a000503640109",
      "2028280a0006036400", "2028280a0006036441", "20282880", "2028280a000603848000010901", "2028280a00060364"],
@@ -200,7 +201,7 @@ def test_notes():
     ).surface().metadata == {"unit": "m"}
 
 
-@pytest.mark.parametrize(
+@looped(
     "options",
     [{}, {"error": 1.0, "to": 9}, {"error": -1.0}, {"error": np.nan}, {"to": 2}, {"size": 0}, {"size": 20},
      {"to": 9, "layers": 0}, {"to": 9, "layers": 65}, {"to": 9, "step": 0.0}, {"error": 1.0, "step": 1.0}],
@@ -294,7 +295,7 @@ def test_beginnings_of_layers_are_good_surfaces(name: str):
         assert psnr(field, alone) - psnr(field, begun) <= most
 
 
-@pytest.mark.parametrize("layers", [2, 3, 5, 12, 64])
+@looped("layers", [2, 3, 5, 12, 64])
 def test_layers_add_points(layers: int):
     """Each to those before; the first have values that suit all of them, where these are free."""
     points, values = scattered()

@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import shapely
 
 import isocodec
 from commands import fails, ok
 from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
+from libraries import Late
+from tables import looped
+
+shapely = Late("shapely")
 
 DEMO = Path(__file__).resolve().parents[1] / "demo" / "data"
 
@@ -110,8 +113,8 @@ SMALL = {
 }
 
 
-@pytest.mark.parametrize("tolerance", [0.1, 0.2, 0.5, 2.0])
-@pytest.mark.parametrize("name", SMALL)
+@looped("tolerance", [0.1, 0.2, 0.5, 2.0])
+@looped("name", SMALL)
 def test_small_fields_are_not_refused(name, tolerance):
     """Where the search finds nothing, the surface of all samples has the contours, if any surface of samples has."""
     field, isovalues = SMALL[name], [22.5, 37.0]

@@ -16,6 +16,7 @@ from isocodec.errors import FormatError, OptionError
 from isocodec.format.chunks import write_chunk, write_further, write_turn
 from isocodec.format.events import LayerComplete, TurnRead
 from isospec.container import ChunkType
+from tables import looped
 
 ROWS, COLUMNS = np.mgrid[:33, :29]
 NOISE = np.random.default_rng(2).normal(size=ROWS.shape)
@@ -35,6 +36,7 @@ def drawn(data: bytes, **view: Any) -> list[Any]:
     return [{*map(tuple, one.points.tolist())} for one in isocodec.open(data).contours(**view)]
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("profile", ["main", "baseline"])
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", FIELDS)
@@ -121,7 +123,7 @@ def test_edits(tmp_path: Path) -> None:
     assert file.statistics().layers
 
 
-@pytest.mark.parametrize(
+@looped(
     ("first", "count", "clause"),
     [(0, 0, "3.5.9"), (0, 3, "3.5.9"), (2, 1, "3.5.9"), (1, 1, None), (0, 2, None)],
 )

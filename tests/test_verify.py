@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
-from scipy.ndimage import maximum_filter, minimum_filter
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
@@ -20,9 +18,15 @@ from isocodec.errors import InputError
 from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
+from libraries import Late
+from tables import looped
+
+maximum_filter = Late("scipy.ndimage.maximum_filter")
+minimum_filter = Late("scipy.ndimage.minimum_filter")
+shapely = Late("shapely")
 
 
-@pytest.mark.parametrize(
+@looped(
     "options",
     [
         {}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 0.5}, {"precision": [4, 1, 0.25]},
@@ -49,8 +53,8 @@ def test_promises_are_kept(options: dict[str, Any]) -> None:
             assert one.promised == options["precision"][-1]
 
 
-@pytest.mark.parametrize("precision", [0.07, 0.021, 0.011, 0.0004, 1e-5])
-@pytest.mark.parametrize("shape", [(17, 18), (6, 7, 5)])
+@looped("precision", [0.07, 0.021, 0.011, 0.0004, 1e-5])
+@looped("shape", [(17, 18), (6, 7, 5)])
 def test_fine_promises_are_measured_finely(shape: tuple[int, ...], precision: float) -> None:
     """Kept is kept, however fine; and half of what is needed is not."""
     field = np.cumsum(np.random.default_rng(1).normal(size=shape), axis=1)
@@ -64,6 +68,7 @@ RAMP = np.tile(np.arange(12.0), (9, 1))
 METRES = Placement(np.array([[0.0, 10, 0], [-10, 0, 0]]), unit="m")
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("unit", ["", "m"])
 @pytest.mark.parametrize("off", [-1e-2, -1e-3, -1e-5, 0.0, 1e-5, 1e-3, 1e-2])
 @pytest.mark.parametrize("away", [0.011, 0.125, 0.4999])
@@ -171,6 +176,7 @@ CHANGES: dict[str, tuple[tuple[int, ...], int, tuple[int, ...]]] = {
 PRECISIONS: list[Any] = [None, "exact", "signs", 0.02]
 
 
+@pytest.mark.cover(2)
 @pytest.mark.parametrize("precision", PRECISIONS, ids=str)
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("isovalues", [[80.5, 120.5], [120.5, 80.5]], ids=str)

@@ -22,9 +22,11 @@ from isoconform.explicit_dump import is_explicit
 from isoconform.manifest import default_directory, read_manifest
 from isoconform.tiled_dump import is_tiled
 from make_goldens import CASES, PATH, digests, hill, noise
+from tables import looped
 from wasm.runner import Failed, Runner
 
 pytestmark = [
+    pytest.mark.heavy,
     pytest.mark.skipif(EXECUTION is Execution.PYTHON, reason="kernels run as plain Python"),
     pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed"),
 ]
@@ -124,7 +126,7 @@ def test_vectors(decoder: Runner, part: int):
     assert "iso_passes_base_base" in decoder.called
 
 
-@pytest.mark.parametrize("name", CASES)
+@looped("name", CASES)
 def test_goldens(whole: Runner, name: str):
     """Files and states are those of every platform."""
     with whole.at_work():

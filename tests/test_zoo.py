@@ -14,6 +14,7 @@ import pytest
 
 from isoconform.dump import dump
 from isoconform.manifest import read_manifest
+from tables import looped
 from zoo.check import TABLE, VECTORS, check, table
 from zoo.command import USAGE_ERROR, main
 from zoo.misreadings import THEMES, Change, RottenError, by_name, changed, load, plant
@@ -32,7 +33,7 @@ def test_there_are_enough():
     assert len(THEMES) == len(list(Path(TABLE.parent / "zoo").glob("*.toml")))
 
 
-@pytest.mark.parametrize("misreading", MISREADINGS, ids=list(BY_NAME))
+@looped("misreading", MISREADINGS, ids=list(BY_NAME))
 def test_changes_fit_the_sources(misreading):
     """Each old text stands there exactly once, and what becomes of the file is Python."""
     for file, text in changed(misreading).items():
