@@ -11,9 +11,10 @@ from typing import Any
 
 import isocodec
 import isospec
+from home import ROOT
 from isocodec.kernel import EXECUTION
 
-KEPT = Path(__file__).parents[1] / ".pytest_cache" / "encoded"
+KEPT = ROOT / ".pytest_cache" / "encoded"
 """Beside what pytest keeps: `make clean` takes both away."""
 
 

@@ -43,7 +43,7 @@ def looped(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """`pytest.mark.parametrize` within one test: to collect thousands of small ones takes longer than to run them.
 
-    Cases share the fixtures of the test; an error has a note with its case.
+    Cases share the fixtures of the test, but each has its own folder; an error has a note with its case.
     """
     columns = names.replace(" ", "").split(",") if isinstance(names, str) else [*names]
     table = list(rows)
@@ -52,14 +52,17 @@ def looped(
         signature = inspect.signature(test)
 
         def run(**fixtures: Any) -> None:
-            for row in table:
+            for number, row in enumerate(table):
                 marks = {mark.name for mark in getattr(row, "marks", ())}
                 values = row.values if hasattr(row, "marks") else (row,) if len(columns) == 1 else row
                 case = dict(zip(columns, values, strict=True))
                 if "heavy" in marks and not HEAVY:
                     continue
+                if "tmp_path" in fixtures:
+                    case["tmp_path"] = fixtures["tmp_path"] / f"case{number}"
+                    case["tmp_path"].mkdir()
                 try:
-                    test(**fixtures, **case)
+                    test(**{**fixtures, **case})
                 except pytest.skip.Exception:
                     continue
                 except BaseException as error:

@@ -13,6 +13,7 @@ import isocodec
 from commands import HILLS, ok
 from files import picture
 from libraries import Late
+from tables import looped
 
 geopandas = Late("geopandas")
 shapely = Late("shapely")
@@ -55,7 +56,7 @@ def test_of_one_and_with_holes() -> None:
     assert isocodec.bands([]) == []
 
 
-@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".fgb", ".shp", ".parquet"])
+@looped("suffix", [".geojson", ".gpkg", ".fgb", ".shp", ".parquet"])
 def test_files(tmp_path: Path, suffix: str) -> None:
     data = isocodec.encode(isocodec.Field(HILLS, placement=UTM), VALUES, metadata={"crs": "EPSG:32631"})
     (tmp_path / "in.iso").write_bytes(data)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+
+from home import ROOT
 
 pytest.importorskip("scipy")
 pytest.importorskip("skimage")
 pytest.importorskip("contourpy")
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+sys.path.insert(0, str(ROOT / "tools"))
 
 
 from bench import measure, peers2d, peers3d, record

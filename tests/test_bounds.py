@@ -24,6 +24,7 @@ from isocodec.cli import option_records
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.storage import content
 from libraries import Late
+from tables import looped
 
 h5py = Late("h5py")
 nibabel = Late("nibabel")
@@ -34,7 +35,7 @@ KINDS = ["a.npy", "a.npz", "a.h5", "a.tif", "packed.tif", "a.png", "a.jpg", "a.n
 KINDS += ["a.mha", "a.mhd"]
 
 
-@pytest.mark.parametrize("name", KINDS)
+@looped("name", KINDS)
 def test_one_limit_for_all_formats(tmp_path: Path, name: str) -> None:
     path, field = written(tmp_path, name)
     assert same(read_field(path, samples=field.size), field)
@@ -125,7 +126,7 @@ HUGE = [
 ]
 
 
-@pytest.mark.parametrize("name", HUGE)
+@looped("name", HUGE)
 def test_small_files_that_claim_to_be_huge(tmp_path: Path, name: str) -> None:
     path = huge(tmp_path, name)
     assert path.stat().st_size < 10_000
@@ -139,7 +140,7 @@ def test_small_files_that_claim_to_be_huge(tmp_path: Path, name: str) -> None:
     assert peak < 50e6
 
 
-@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.nii", "a.mha", "a.nrrd", "a.tif"])
+@looped("name", ["a.npy", "a.npz", "a.nii", "a.mha", "a.nrrd", "a.tif"])
 def test_sizes_that_the_bytes_cannot_hold(tmp_path: Path, name: str) -> None:
     """Of 2000 samples a side: allowed, but not there."""
     path = tmp_path / name

@@ -18,6 +18,7 @@ from isocodec.api.export import counted
 from isocodec.cli import main
 from isocodec.cli import report as progress_module
 from isocodec.cli.option_records import HEADINGS
+from tables import looped
 
 # ---- Where the output goes ------------------------------------------------------------------------------------------
 
@@ -448,8 +449,8 @@ def test_verbs_that_write() -> None:
     }
 
 
-@pytest.mark.parametrize("suffix", [".kml", ".csv", ".json", ".mbtiles", ".iso9660", ".iso.gz", ".5"])
-@pytest.mark.parametrize("verb", WRITING)
+@looped("suffix", [".kml", ".csv", ".json", ".mbtiles", ".iso9660", ".iso.gz", ".5"])
+@looped("verb", WRITING)
 def test_names_with_other_suffixes_are_refused(tmp_path: Path, verb: str, suffix: str) -> None:
     """A file of one format under the name of another helps nobody; formats that can be written are listed."""
     np.save(tmp_path / "hills.npy", HILLS)
@@ -460,8 +461,8 @@ def test_names_with_other_suffixes_are_refused(tmp_path: Path, verb: str, suffix
     assert not list(tmp_path.glob("out*"))
 
 
-@pytest.mark.parametrize("name", ["out", "out.iso", "OUT.ISO"])
-@pytest.mark.parametrize("verb", ["encode", "edit"])
+@looped("name", ["out", "out.iso", "OUT.ISO"])
+@looped("verb", ["encode", "edit"])
 def test_names_of_iso_files(tmp_path: Path, verb: str, name: str) -> None:
     np.save(tmp_path / "hills.npy", HILLS)
     isocodec.save(tmp_path / "hills.iso", HILLS, 80.5)

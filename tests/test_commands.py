@@ -14,7 +14,9 @@ import click
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+from home import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
 
 import isocodec
 import isocodec.api
@@ -25,6 +27,7 @@ from isocodec.cli.option_records import HEADINGS
 from isocodec.cli.report import EXIT_CODES
 from isocodec.errors import FormatError, InputError, KernelError, LimitError, MissingExtraError, OptionError
 from isocodec.field.placement import Placement
+from tables import looped
 
 POINTS = np.random.default_rng(7).random((60, 2)) * 10
 KINDS: dict[str, Callable[[], Any]] = {
@@ -69,7 +72,7 @@ def options_of(command: click.Command) -> Iterator[click.Option]:
 OPENING = [(name, each) for name in (*OUTPUTS, "info") for each in options_of(main.commands[name])]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@looped("kind", KINDS)
 @pytest.mark.parametrize(("name", "option"), OPENING, ids=[f"{name}{each.opts[-1]}" for name, each in OPENING])
 def test_each_option_works_with_each_kind_or_is_refused_by_name(
     files: Path, tmp_path: Path, kind: str, name: str, option: click.Option
@@ -105,7 +108,7 @@ def test_commands_that_decode_have_the_limits() -> None:
         assert {"limit_memory", "limit_work", "limit_samples"} <= {each.name for each in main.commands[name].params}
 
 
-@pytest.mark.parametrize("name", DECODING)
+@looped("name", DECODING)
 def test_the_limit_of_memory_holds_for_each_command(files: Path, tmp_path: Path, name: str) -> None:
     words = [name, files / "grid.iso", *([files / "hills.npy"] if name == "verify" else []), "--limit-memory", 100]
     words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
@@ -122,8 +125,8 @@ ERRORS = [
 ]
 
 
-@pytest.mark.parametrize("as_json", [False, True])
-@pytest.mark.parametrize("name", [name for name in main.commands if name not in ("encode", "thin")])
+@looped("as_json", [False, True])
+@looped("name", [name for name in main.commands if name not in ("encode", "thin")])
 @pytest.mark.parametrize(("raised", "code"), ERRORS, ids=[type(error).__name__ for error, _ in ERRORS])
 def test_each_class_of_error_has_its_exit_code(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int, name: str,
@@ -297,7 +300,7 @@ def test_standard_output_has_the_file_and_nothing_else(
 MERGING = [each for each in options_of(main.commands["edit"]) if each.heading.startswith(("Part", "Precision"))]
 
 
-@pytest.mark.parametrize("option", MERGING, ids=lambda each: each.name)
+@looped("option", MERGING, ids=lambda each: each.name)
 def test_options_of_edit_hold_for_several_files_or_are_refused(
     files: Path, tmp_path: Path, option: click.Option
 ) -> None:

@@ -119,8 +119,8 @@ def test_triangles_keep_their_winding(stored: str, turned: bool) -> None:
     assert np.cross(b - a, c - a).sum(axis=0)[2] > 0
 
 
-@pytest.mark.parametrize("suffix", OF_CURVES)
-@pytest.mark.parametrize("stored", STORED)
+@looped("suffix", OF_CURVES)
+@looped("stored", STORED)
 def test_curves_in_files(stored: str, suffix: str, tmp_path: Path) -> None:
     file, data = opened(stored)
     out = tmp_path / f"out{suffix}"
@@ -157,7 +157,7 @@ def test_meshes_in_files(whole: bool, suffix: str, tmp_path: Path) -> None:
     assert (tmp_path / f"other{suffix}").read_bytes() == out.read_bytes()
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj", ".off", ".glb", ".vtp", ".vtu"])
+@looped("suffix", [".ply", ".stl", ".obj", ".off", ".glb", ".vtp", ".vtu"])
 def test_surfaces_on_tetrahedra_in_files(suffix: str, tmp_path: Path) -> None:
     import trimesh
 

@@ -7,7 +7,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import pytest
 import isocodec
 from brute import INTERPRETED, smooth
 from explicit_meshes import plane, space, torus
+from home import ROOT
 from isocodec.field.placement import Placement
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
@@ -27,7 +27,7 @@ from isocodec.tin.delaunay import delaunay, remove
 from isocodec.tin.rank import by_rank
 from make_goldens import CASES, PATH, SMALL, digests
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
+sys.path.insert(0, str(ROOT / "tools" / "kernels"))
 
 from front import kernels
 

@@ -294,7 +294,7 @@ def labelled(path: Path, unit: str) -> Any:
     return xarray.DataArray(BALL.astype(np.int16), dims=("x", "y", "z"), coords=axes)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("make", "unit", "millimetres"),
     [
         (nifti, "mm", 1.0), (nifti, "micron", 1e-3), (nifti, "meter", 1e3), (nifti, "unknown", 1.0), (nrrd, "", 1.0),

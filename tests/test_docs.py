@@ -21,10 +21,10 @@ import pytest
 import isocodec
 from brute import INTERPRETED
 from commands import run
+from home import ROOT
 from isocodec.cli import main
 from tables import looped
 
-ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 JAVASCRIPT = ROOT / "codec" / "js"
 README = ROOT / "README.md"
@@ -155,7 +155,7 @@ def test_the_pictures_are_made_by_commands_that_there_are(
     checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What ``tools/demo.py`` runs for the pictures of these pages and for its own files is parsed, not carried out."""
-    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "tools")
+    monkeypatch.syspath_prepend(ROOT / "tools")
     demo = importlib.import_module("demo")
     drawn, asked = tmp_path / "docs", []
     shutil.copytree(demo.ROOT / "docs", drawn, ignore=shutil.ignore_patterns("*.md", "site"))

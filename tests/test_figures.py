@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from home import ROOT
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
 from isocodec.stream.inspect import inspect
 
 pytest.importorskip("matplotlib")
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+sys.path.insert(0, str(ROOT / "tools"))
 
 import isocodec
 from commands import HILLS

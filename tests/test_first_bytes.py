@@ -21,6 +21,7 @@ from isocodec.field.meshed import StoredName
 from isocodec.stream.options import ProfileName
 from isoconform.raster import letters
 from libraries import Late
+from tables import looped
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 map_coordinates = Late("scipy.ndimage.map_coordinates")
@@ -152,9 +153,9 @@ def test_distances(shape: tuple[int, ...], width: float, precision: Any) -> None
     check(data)
 
 
-@pytest.mark.parametrize("precision", [None, "exact"])
-@pytest.mark.parametrize("profile", get_args(ProfileName))
-@pytest.mark.parametrize(("shape", "tile"), [((260, 260), 128), ((70, 40, 40), 32)])
+@looped("precision", [None, "exact"])
+@looped("profile", get_args(ProfileName))
+@looped(("shape", "tile"), [((260, 260), 128), ((70, 40, 40), 32)])
 def test_tiles(tmp_path: Path, shape: tuple[int, ...], tile: int, profile: ProfileName, precision: Any) -> None:
     path = tmp_path / "tiles.iso"
     isocodec.save(path, smooth(shape, 2.0, 0), LEVELS[:1], tile=tile, profile=profile, precision=precision)

@@ -17,6 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from home import ROOT
 from isocodec import encode
 from isocodec.errors import KernelError
 from isocodec.format.program import Progress, read_program
@@ -37,7 +38,7 @@ from isospec.elements import ELEMENTS
 from tables import looped
 
 VECTORS = default_directory()
-SPEC = Path(__file__).parent.parent / "spec" / "iso.md"
+SPEC = ROOT / "spec" / "iso.md"
 ANNEX_D = bytes.fromhex("8949534f00400412210ac22f22aee379e8a4ea7d22c0f797")
 """The file that annex D of the specification explains byte by byte."""
 EMPTY = bytes.fromhex("8949534f 00 00 0302 01")

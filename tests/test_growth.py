@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+from home import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
 
 from growth import exponent, tables, waves
 

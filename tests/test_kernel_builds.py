@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
+from home import ROOT
+
+sys.path.insert(0, str(ROOT / "tools" / "kernels"))
 
 import build
 import cache

@@ -19,6 +19,7 @@ import pytest
 
 import isocodec
 from commands import HILLS, ok
+from home import ROOT
 from isocodec.errors import KernelError
 from isocodec.grid.tube.ranks import enter_numbers_at
 from isocodec.kernel import EXECUTION, Execution
@@ -26,11 +27,10 @@ from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
 from isocodec.kernel.types import Signature
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
+sys.path.insert(0, str(ROOT / "tools" / "kernels"))
 
 import front
 
-ROOT = front.ROOT
 IN_LIBRARY = EXECUTION in (Execution.LIBRARY, Execution.CHECKED)
 
 

@@ -315,8 +315,8 @@ PARAMETERS += EncodeOptions.__annotations__
 
 
 @pytest.mark.parametrize("name", [name for name in PARAMETERS if name != "progress"])
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("opened", [False, True])
+@looped("kind", KINDS)
+@looped("opened", [False, True])
 def test_no_parameter_is_lost_on_what_is_encoded_already(
     opened: bool, kind: str, name: str, tmp_path: Path, tiles: bytes
 ) -> None:
@@ -341,8 +341,8 @@ def test_profiles_are_those_asked_for(kind: str, profile: Any, tiles: bytes) -> 
             assert isocodec.open(made).info.profile == profile
 
 
-@pytest.mark.parametrize("profile", get_args(ProfileName))
-@pytest.mark.parametrize("kind", KINDS)
+@looped("profile", get_args(ProfileName))
+@looped("kind", KINDS)
 def test_profiles_of_new_files(kind: str, profile: Any, tmp_path: Path) -> None:
     """A new file has the profile that was asked for, or the kind that cannot have it refuses it by name."""
     refused = profile != "main" and kind in ("mesh", "surface")

@@ -35,6 +35,7 @@ from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
 from isocodec.io.writers.registry import OUTPUTS
 from libraries import Late
+from tables import looped
 
 matplotlib = Late("matplotlib")
 
@@ -634,7 +635,7 @@ def test_the_table_is_whole() -> None:
     assert sorted(rows) == sorted(CELLS)
 
 
-@pytest.mark.parametrize(("kind", "n"), CASES)
+@looped(("kind", "n"), CASES)
 @pytest.mark.parametrize("row", CELLS)
 def test_cells(row: str, kind: str, n: int, tmp_path: Path) -> None:
     CELLS[row](Case(kind, n, tmp_path))

@@ -16,6 +16,7 @@ from commands import BALL, HILLS, fails, ok, run
 from isocodec.errors import InputError, OptionError
 from libraries import Late
 from places import matrix
+from tables import looped
 
 nibabel = Late("nibabel")
 trimesh = Late("trimesh")
@@ -138,8 +139,8 @@ def test_command_refuses(tmp_path: Path) -> None:
 AFFINE = np.array([[-2.0, 0, 0, 10], [0, 1.5, 0.25, -4], [0, -0.1, 3, 7], [0, 0, 0, 1]])
 
 
-@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".npy"])
-@pytest.mark.parametrize("labels", [(1, 2), (1, 300), (7, -3), (1, 70000), (0.5, 2)])
+@looped("suffix", [".nii", ".nii.gz", ".npy"])
+@looped("labels", [(1, 2), (1, 300), (7, -3), (1, 70000), (0.5, 2)])
 def test_all_labels_and_back(tmp_path: Path, labels: tuple[float, float], suffix: str) -> None:
     """Into one file, and out into one volume with its affine."""
     values = np.select([SHELLS == 1, SHELLS == 2], labels)
@@ -177,8 +178,8 @@ def test_all_labels_alone(tmp_path: Path) -> None:
     assert "gives numbers" not in fails(2, "encode", tmp_path / "z.npy", "--label", "x", "-o", tmp_path / "a.iso")
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "int16", "int32", "float32"])
-@pytest.mark.parametrize("labels", [(1, 3), (1, 7), (2, 5), (10, 250), (1, 2000)])
+@looped("dtype", ["uint8", "int16", "int32", "float32"])
+@looped("labels", [(1, 3), (1, 7), (2, 5), (10, 250), (1, 2000)])
 def test_labels_in_scaled_integers(tmp_path: Path, labels: tuple[int, int], dtype: str) -> None:
     """NIfTI scales whole numbers by what fills its type: they are a little off, or far where it has too few steps."""
     values = np.select([SHELLS == 1, SHELLS == 2], labels).astype(float)

@@ -31,7 +31,7 @@ def tiff(path: Path, field: np.ndarray, nodata: str | None) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
+@looped(
     ("dtype", "text", "value"),
     [("int16", "-32768", -32768), ("float32", "-9999", -9999), ("float32", "-3.4028234663852886e+38", None),
      ("float64", "1e-3", 1e-3), ("float32", "nan", np.nan), ("uint8", "255 ", 255)],

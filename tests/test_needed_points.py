@@ -16,6 +16,7 @@ import isocodec
 from brute import examples
 from commands import fails, ok
 from explicit_meshes import crossings
+from home import ROOT
 from isocodec import Contour, Encoder, Mesh
 from isocodec.errors import InputError, OptionError
 from isocodec.tin.rank import by_rank
@@ -29,7 +30,7 @@ shapely = Late("shapely")
 
 Triangles = set[frozenset[tuple[float, ...]]]
 CIRCLE = [(x, y) for x in range(-25, 26) for y in range(-25, 26) if x * x + y * y == 625]
-DEM = np.load(Path(__file__).parent.parent / "demo/data/jacksboro_fault_dem.npz")["values"].astype(float)
+DEM = np.load(ROOT / "demo/data/jacksboro_fault_dem.npz")["values"].astype(float)
 
 
 @st.composite

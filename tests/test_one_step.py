@@ -96,8 +96,8 @@ def test_contours_are_those_of_the_exact_file(name: str) -> None:
         assert np.abs(pieces(contour) - pieces(other)).max(initial=0) <= (1e-9 if "floats" in name else 0)
 
 
-@pytest.mark.parametrize("what", ["areas", "bands"])
-@pytest.mark.parametrize("name", ["integers", "matrix", "holes", "mask"])
+@looped("what", ["areas", "bands"])
+@looped("name", ["integers", "matrix", "holes", "mask"])
 def test_areas_are_those_of_the_exact_file(tmp_path: Path, name: str, what: str) -> None:
     field, isovalue = FIELDS[name]
     (tmp_path / "a.iso").write_bytes(isocodec.encode(field, isovalue, **exact(field, name)))
@@ -119,7 +119,7 @@ def test_with_a_precision_they_are_those_of_such_a_file(tmp_path: Path, more: li
     assert np.array_equal(one["points"], two["points"]) and np.array_equal(one["cells"], two["cells"])
 
 
-@pytest.mark.parametrize("suffix", sorted({s for o in OUTPUTS if o.kind == "contour" for s in o.suffixes}))
+@looped("suffix", sorted({s for o in OUTPUTS if o.kind == "contour" for s in o.suffixes}))
 def test_every_format_holds_what_decode_writes(tmp_path: Path, suffix: str) -> None:
     """Of a plane or of space, one isovalue or as many as the format holds; the same counts, and a file that is read."""
     output = next(o for o in OUTPUTS if o.kind == "contour" and suffix in o.suffixes)
@@ -151,8 +151,8 @@ def test_more_isovalues_than_a_file_holds(tmp_path: Path) -> None:
     assert not (tmp_path / "b.gpkg").exists()
 
 
-@pytest.mark.parametrize("verb", ["encode", "decode"])
-@pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".parquet", ".geojson"])
+@looped("verb", ["encode", "decode"])
+@looped("suffix", [".gpkg", ".fgb", ".shp", ".parquet", ".geojson"])
 def test_names_of_columns_and_layers_index_contours_and_heights(tmp_path: Path, suffix: str, verb: str) -> None:
     field = isocodec.Field(HILLS, placement=UTM, crs="EPSG:32631")
     if verb == "decode":
@@ -193,7 +193,7 @@ def test_what_a_format_does_not_have_is_refused(tmp_path: Path, suffix: str, opt
     assert one != two
 
 
-@pytest.mark.parametrize("option", [
+@looped("option", [
     ["--what", "areas"], ["--layer", "a"], ["--attribute", "a"], ["--index", 2], ["--3d"], ["--keep-crs"],
     ["--in-samples"],
 ])
@@ -202,7 +202,7 @@ def test_options_of_other_formats_do_not_apply_to_iso(tmp_path: Path, option: li
     assert option[0] in fails(2, "encode", tmp_path / "in.npy", "-o", tmp_path / "a.iso", "--isovalue", 60.5, *option)
 
 
-@pytest.mark.parametrize("option", [
+@looped("option", [
     ["--tile", 32], ["--frames"], ["--order", "independent"], ["--profile", "baseline"], ["--metadata", "a=b"],
     ["--layers", 2], ["--surface"],
 ])

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from home import ROOT
+
 pytest.importorskip("build")
 pytestmark = pytest.mark.heavy
 
-ROOT = Path(__file__).resolve().parents[1]
 TESTS = ("test_exact.py", "test_isovalues.py", "test_stream.py")
 """Tests that need no other library than those below."""
 ROUND_TRIP = """

@@ -12,6 +12,7 @@ import pytest
 import isocodec
 from isocodec.errors import InputError
 from libraries import Late
+from tables import looped
 
 nibabel = Late("nibabel")
 rasterio = Late("rasterio")
@@ -23,8 +24,8 @@ AFFINE = np.array([[-2.0, 0, 0, 5], [0, 3, 0, 6], [0, 0, 4, -7], [0, 0, 0, 1]])
 PLANE = np.arange(60, dtype=np.float32).reshape(6, 10)
 
 
-@pytest.mark.parametrize("kind", ["Nifti1Pair", "AnalyzeImage", "Spm99AnalyzeImage", "scaled", "capitals"])
-@pytest.mark.parametrize("given", [".hdr", ".img"])
+@looped("kind", ["Nifti1Pair", "AnalyzeImage", "Spm99AnalyzeImage", "scaled", "capitals"])
+@looped("given", [".hdr", ".img"])
 def test_pairs_of_volumes(tmp_path: Path, kind: str, given: str) -> None:
     """Values and places as nibabel has them, whichever of the two files is given."""
     made: Any = getattr(nibabel, kind, nibabel.Nifti1Pair)(VOLUME, AFFINE if "Analyze" not in kind else None)
@@ -56,8 +57,8 @@ def test_halves_of_pairs(tmp_path: Path) -> None:
         isocodec.read(tmp_path / "a.hdr")
 
 
-@pytest.mark.parametrize("name", ["a.dat", "a.img", "a", "a.raw", "a.bin", "a.bsq", "a.DAT", "a.b.dat"])
-@pytest.mark.parametrize("given", ["samples", "header", "header behind the name"])
+@looped("name", ["a.dat", "a.img", "a", "a.raw", "a.bin", "a.bsq", "a.DAT", "a.b.dat"])
+@looped("given", ["samples", "header", "header behind the name"])
 def test_envi(tmp_path: Path, name: str, given: str) -> None:
     """Values, places and missing samples as GDAL has them, by either file; a band of several."""
     path = tmp_path / name
@@ -78,8 +79,8 @@ def test_envi(tmp_path: Path, name: str, given: str) -> None:
             isocodec.read(header, band=2)
 
 
-@pytest.mark.parametrize("kind", ["RGB", "RGBA"])
-@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".img"])
+@looped("kind", ["RGB", "RGBA"])
+@looped("suffix", [".nii", ".nii.gz", ".img"])
 def test_colours_of_nifti(tmp_path: Path, kind: str, suffix: str) -> None:
     """Each channel as nibabel has it; none without a choice."""
     stored = np.zeros(VOLUME.shape, [(name, "u1") for name in kind])
@@ -95,8 +96,8 @@ def test_colours_of_nifti(tmp_path: Path, kind: str, suffix: str) -> None:
         isocodec.read(path)
 
 
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("kind", ["array", "group", "folder", "deflated", "bomb"])
+@looped("version", [2, 3])
+@looped("kind", ["array", "group", "folder", "deflated", "bomb"])
 def test_zipped_zarr(tmp_path: Path, version: int, kind: str) -> None:
     """A store, or the folder that is one, in a zip."""
     folder, out = tmp_path / "in" / "a.zarr", tmp_path / "a.zarr.zip"

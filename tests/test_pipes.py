@@ -13,6 +13,7 @@ import pytest
 
 import isocodec
 from commands import HILLS, fails, ok
+from home import ROOT
 
 
 def piped(data: bytes, *arguments: str, cwd: Path | None = None) -> tuple[bytes, str]:
@@ -61,7 +62,7 @@ def test_urls(tmp_path: Path) -> None:
 @pytest.mark.skipif(shutil.which("file") is None, reason="file(1) is not installed")
 def test_magic(tmp_path: Path) -> None:
     """An .iso file is told from the image of a disc."""
-    magic = Path(__file__).parents[1] / "docs" / "isocodec.magic"
+    magic = ROOT / "docs" / "isocodec.magic"
     (tmp_path / "a.iso").write_bytes(isocodec.encode(HILLS, 80.5))
     (tmp_path / "b.iso").write_bytes(bytes(40000))
     told = [

@@ -11,6 +11,7 @@ import pytest
 
 import isocodec
 from commands import BALL, HILLS, fails, ok
+from home import ROOT
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
@@ -205,7 +206,7 @@ def test_a_distance_that_no_mesh_but_the_full_grid_keeps() -> None:
     assert max(hausdorff(whole.points, whole.cells, found.points, found.cells)) <= 0.15 + 1e-2
 
 
-TERRAIN = np.load(Path(__file__).parent.parent / "demo/data/jacksboro_fault_dem.npz")["values"][100:200, 100:220]
+TERRAIN = np.load(ROOT / "demo/data/jacksboro_fault_dem.npz")["values"][100:200, 100:220]
 BENDS = 0.3
 NUMBERS = {"level": 6, "curvature": BENDS, "distortion": 1.5}
 CRITERIA = [f"{one.name}={NUMBERS[one.name]}" if one.name in NUMBERS else one.name for one in fields(Criteria)]

@@ -169,7 +169,7 @@ def test_merged_files_promise_what_all_of_them_do() -> None:
     assert "promise" not in isocodec.open(mixed).metadata
 
 
-@pytest.mark.parametrize(
+@looped(
     ("edit", "promise"),
     [({"profile": "baseline"}, "within 2cm (0.04 cells)"), ({"layers": 2}, None), ({"layers": 9}, "within 2cm"),
      ({"precision": 0.3}, "within 0.34 cells"), ({"window": ((0, 20), (0, 20))}, None)],

@@ -26,6 +26,7 @@ from isocodec.errors import IsoError
 from isocodec.format.header import HEAD_BYTES
 from isocodec.storage.ranges import SLACK, together
 from isocodec.storage.web import LANES, Range
+from tables import looped
 from tiled import encoded, hilly, pieces, tiled_of
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="slow in Python, and the same")
@@ -313,8 +314,8 @@ def test_a_server_without_ranges_is_said_so(size: int, noise: bytes, tmp_path: P
         assert pieces(isocodec.open(url).contour()) == pieces(isocodec.decode(data))
 
 
-@pytest.mark.parametrize("side", [30, 200, 580])
-@pytest.mark.parametrize("kind", ["noise", "rough"])
+@looped("side", [30, 200, 580])
+@looped("kind", ["noise", "rough"])
 def test_a_window_reads_at_most_twice_what_it_needs(noise: bytes, kind: str, side: int, tmp_path: Path) -> None:
     """As counted by the server, beside the head of the file and a little slack; in at most eight requests."""
     rough = np.random.default_rng(2).normal(size=(900, 900)).cumsum(axis=0)

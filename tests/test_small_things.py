@@ -11,6 +11,7 @@ import pytest
 
 import isocodec
 from commands import run
+from home import ROOT
 from isocodec.api.thinned import thin
 from isocodec.cli import main
 from isoconform.damage import damaged
@@ -69,7 +70,7 @@ def test_the_kit_damages_every_kind_of_file(kind: str) -> None:
 
 
 def test_every_extra_is_in_the_table() -> None:
-    root = Path(__file__).parents[1]
+    root = ROOT
     table = (root / "docs" / "installation.md").read_text()
     listed = (root / "pyproject.toml").read_text().split("[project.optional-dependencies]")[1].split("\n[")[0]
     extras = re.findall(r"^(\w+) = \[", listed, re.MULTILINE)

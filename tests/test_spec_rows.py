@@ -1,9 +1,10 @@
 """The specification's table of rows is what the codec uses."""
 
 import sys
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+from home import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
 
 import spec_rows
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
-SPEC = Path(__file__).resolve().parent.parent / "spec" / "iso.md"
+from home import ROOT
+
+SPEC = ROOT / "spec" / "iso.md"
 HEAD = "| for | clauses | words |\n"
 WHOLE = "the whole text"
 CLOSE = 0.1

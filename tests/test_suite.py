@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import ast
 from itertools import combinations, product
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import isocodec
 from encoded import encoded
+from home import ROOT
 from libraries import Late
 from tables import covering, looped
 
-HOME = Path(__file__).resolve().parent
-while not (HOME / "conftest.py").is_file():
-    HOME = HOME.parent
 HEADS = {
     "PIL", "SimpleITK", "aiohttp", "antimeridian", "cfgrib", "contourpy", "dask", "distributed", "ezdxf", "fsspec",
     "geopandas", "h5py", "highdicom", "imagecodecs", "imageio", "laspy", "lxml", "mapbox_vector_tile", "matplotlib",
@@ -37,7 +34,7 @@ STILL = {
 def test_no_library_is_loaded_by_a_head() -> None:
     """`Late` stands in for it until it is used."""
     found = []
-    for path in sorted(HOME.rglob("*.py")):
+    for path in sorted((ROOT / "tests").rglob("*.py")):
         if path.stem in STILL:
             continue
         for node in ast.parse(path.read_text()).body:

@@ -335,7 +335,7 @@ def test_points_of_any_criterion_can_be_coded(tmp_path, criterion: str, layers: 
     assert {tuple(sorted(cell)) for cell in cells.tolist()} == triangulated(found)
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@looped("criterion", CRITERIA)
 def test_points_of_any_criterion_in_the_terrain(tmp_path, criterion: str):
     """Samples of a grid, where many points lie on circles: each of the file's triangles has an empty one."""
     y, x = np.mgrid[:20, :26]

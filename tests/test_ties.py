@@ -179,8 +179,8 @@ def test_files_of_surfaces(name: str, suffix: str, placement: str, tmp_path: Pat
     assert mesh.is_watertight and mesh.body_count == pieces(contour)
 
 
-@pytest.mark.parametrize("name", ["lone sample, below", "corner", "border", "saddle of equals", "random 1"])
-@pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".geojson", ".parquet"])
+@looped("name", ["lone sample, below", "corner", "border", "saddle of equals", "random 1"])
+@looped("suffix", [".gpkg", ".fgb", ".shp", ".geojson", ".parquet"])
 def test_files_of_lines(name: str, suffix: str, tmp_path: Path) -> None:
     geopandas = pytest.importorskip("geopandas")
     contour = contour_of(PLANE[name], "exact")

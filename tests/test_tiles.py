@@ -22,6 +22,7 @@ from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import groups_of
 from libraries import Late
+from tables import looped
 from tiled import encoded, hilly, holed, pieces, tiled_of
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
@@ -160,7 +161,7 @@ def in_face(part: TilePart | None, axis: int, at: int) -> list[tuple[float, ...]
 
 
 @pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
-@pytest.mark.parametrize("seed", range(6))
+@looped("seed", range(6))
 def test_tolerances_are_kept_without_seams(tmp_path: Path, seed: int) -> None:
     """Meshes are searched tile by tile: all of the curve lies within the tolerance, both ways, and goes on."""
     field = random_field(2, seed, seed % 2 == 0)

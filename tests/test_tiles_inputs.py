@@ -13,6 +13,7 @@ import pytest
 import isocodec
 from brute import INTERPRETED
 from commands import fails, run
+from tables import looped
 from test_servers import Server, serving
 from tiled import hilly, pieces
 
@@ -131,7 +132,7 @@ INPUTS: dict[str, tuple[Callable[[Path], Path], str, list[object]]] = {
 }
 
 
-@pytest.mark.parametrize("name", INPUTS)
+@looped("name", INPUTS)
 def test_tiles_are_what_one_piece_is(tmp_path: Path, name: str) -> None:
     make, suffix, options = INPUTS[name]
     source = make(tmp_path / f"in{suffix}")

@@ -16,6 +16,7 @@ from isocodec.stream.isovalues import multiples
 from isocodec.stream.options import Options
 from isocodec.tiles.writing import sample_range, tiling_of
 from libraries import Late
+from tables import looped
 from tiled import hilly, holed, pieces
 
 rasterio = Late("rasterio")
@@ -111,7 +112,7 @@ def test_offsets_of_multiples() -> None:
     assert multiples(0.1, 0, 0.35, 0.05) == (0.05, 0.15, 0.25)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("options", "code", "said"),
     [
         ([], 2, "give one of --isovalue, --interval or --label"),

@@ -18,6 +18,7 @@ from commands import fails, ok
 from isocodec.drawing.gaps import filled, loops_of
 from isocodec.tiles.tiled import TiledFile
 from libraries import Late
+from tables import looped
 from test_tiles import random_field
 from tiled import encoded, pieces, tiled_of
 
@@ -66,8 +67,8 @@ def check_in_faces(contour: isocodec.Contour, file: TiledFile, plain: int) -> No
     assert flat.all(axis=1).any(axis=1).all()
 
 
-@pytest.mark.parametrize("n", [2, 3])
-@pytest.mark.parametrize(
+@looped("n", [2, 3])
+@looped(
     "options", [{}, {"precision": "signs"}, {"precision": "exact"}], ids=["default", "signs", "exact"],
 )
 def test_no_gaps(tmp_path: Path, n: int, options: dict[str, object]) -> None:
@@ -130,8 +131,8 @@ def test_a_download_that_ends_early(tmp_path: Path, n: int) -> None:
         tiled_of(data[: begin - 9]).window(partial=True)
 
 
-@pytest.mark.parametrize(("shape", "holes"), [((150, 210), 6), ((70, 72, 68), 3)])
-@pytest.mark.parametrize(
+@looped(("shape", "holes"), [((150, 210), 6), ((70, 72, 68), 3)])
+@looped(
     "options", [{}, {"precision": "exact"}, {"precision": "signs"}], ids=["default", "exact", "signs"],
 )
 def test_gaps_stay_beside_missing_samples_only(

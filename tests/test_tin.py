@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import zlib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import isocodec
 from commands import fails, ok, run
+from home import ROOT
 from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isocodec.format.header import Header, write_header
@@ -18,7 +18,7 @@ from isocodec.format.surface import TinHead, read_tin, write_tin
 from isospec.container import ChunkType, Profile
 from tables import looped
 
-DEMO = Path(__file__).parents[1] / "demo" / "data"
+DEMO = ROOT / "demo" / "data"
 Y, X = np.mgrid[:40, :52]
 HILL = np.rint(100 * np.exp(-((Y - 20.0) ** 2 + (X - 30.0) ** 2) / 200)) + (X > 12) * 20
 """A hill beside a cliff."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import isocodec
 from commands import fails, ok
+from home import ROOT
 from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
@@ -18,7 +18,7 @@ from tables import looped
 
 shapely = Late("shapely")
 
-DEMO = Path(__file__).resolve().parents[1] / "demo" / "data"
+DEMO = ROOT / "demo" / "data"
 
 
 def test_contours_of_surfaces(tmp_path):

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import isocodec
+from home import ROOT
 from isocodec import Field, encode
 from isocodec.kernel import EXECUTION, Execution
 from isoconform import runner
@@ -30,7 +31,7 @@ pytestmark = [
     pytest.mark.skipif(EXECUTION is Execution.PYTHON, reason="kernels run as plain Python"),
     pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed"),
 ]
-BUILDER = Path(__file__).parents[1] / "tools" / "kernels"
+BUILDER = ROOT / "tools" / "kernels"
 
 
 def of_grids(data: bytes) -> bool:
