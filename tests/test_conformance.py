@@ -108,6 +108,7 @@ def test_manifest_entry_is_right(vector):
         assert vector.layers[-1].state == expected.state
 
 
+@pytest.mark.heavy
 def test_manifest_covers_the_format():
     """At least 25 vectors; every syntax element, residue of levels and outcome in both dimensions."""
     assert len(VECTORS) >= 25
@@ -154,6 +155,7 @@ def test_vectors_of_the_main_profile_use_every_kind_of_symbols(n):
     assert set(np.flatnonzero(~used)) == ({4, 5, 10, 11, 45, 48} if n == 2 else set())
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("tier", TIERS)
 def test_tiers_of_conformance(tier):
     """Within the counts of its tier every vector decodes; some beyond tier 0 do not, and exit with 6 then."""
@@ -418,6 +420,7 @@ def test_json_report_of_failures(capsys, tmp_path):
     assert {entry["name"] for entry in report["vectors"] if entry["reason"]} == wrong
 
 
+@pytest.mark.heavy
 def test_a_wrong_exit_code_after_a_layer_fails(capsys, tmp_path, importable):
     """Right states, right at the end: but part of a file is no reason to say that it is cut off, or wrong."""
     name = "plane_values_8_bit"

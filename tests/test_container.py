@@ -253,6 +253,7 @@ def test_program_refused(encoding, offset):
     refused(layers_file(data), "program", len(HEADER) + 2 + offset)
 
 
+@pytest.mark.heavy
 def test_programs_with_too_many_layers_or_bits():
     """131,072 layers, and 52 bits of values."""
     many = bytes([0x8F, 0xAF, 0x11]) + b"\xa0" * (LAYER_LIMIT - 2) + b"\x20"

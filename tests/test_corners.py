@@ -95,6 +95,7 @@ def test_a_payload_of_exactly_2_to_the_14():
 # --- counts ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.heavy
 def test_many_layers():
     """Some thousands, of which all but two tell nothing; more than a file may have are refused, by writers too."""
     field = np.zeros((5, 4), np.int64)

@@ -64,6 +64,7 @@ def test_ways_of_one_turn_leave_nothing() -> None:
     assert made.best == {10: 100} and made.now == {}
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("shape", [(70, 64), (15, 17, 16)])
 @pytest.mark.parametrize("tolerance", [0.6, 1.5])
 def test_giving_up_loses_nothing(shape: tuple[int, ...], tolerance: float, monkeypatch: pytest.MonkeyPatch) -> None:

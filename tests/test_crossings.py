@@ -57,7 +57,7 @@ def _between(place: np.ndarray, first: np.ndarray, second: np.ndarray) -> bool:
     return bool(np.min(gaps) > 1e-6 and ((low < angle[1]) & (angle[1] < high)).sum() == 1)
 
 
-@pytest.mark.cover(2)
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("tolerance", [0.05, 0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", FIELDS)
@@ -74,6 +74,7 @@ def test_isovalues_next_to_one_another_do_not_cross(name: str, tolerance: float,
         assert not len(apart.exceeded(contour.points, contour.cells).cells)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("options", [
     {"keep_topology": True}, {"profile": "baseline"}, {"order": "independent"}, {"order": "isovalues"},
 ])
