@@ -45,7 +45,7 @@ class Slip:
     old, new : str
         Text that occurs once in the module, and what a tired engineer writes.
     tests : list of str
-        Names of test files, without ``test_`` and suffix.
+        Names of test files, without ``test_`` and suffix; or with ``::`` and a test in it.
     """
 
     place: str
@@ -126,7 +126,9 @@ def run(words: list[str], root: Path, environment: dict[str, str], seconds: floa
 def verdict(slip: Slip, copy: Path, root: Path, seconds: float) -> str:
     """What catches a slip: ``tests`` or ``vectors``; else ``survived``, or ``time`` if it was not settled."""
     folders = [str(copy.parent), *(str(root / name) for name in ("spec", "conformance", "tests"))]
-    tests = [str(path) for name in slip.tests for path in sorted((root / "tests").rglob(f"test_{name}.py"))]
+    tests = []
+    for name, _, one in (each.partition("::") for each in slip.tests):
+        tests += [f"{path}::{one}".removesuffix("::") for path in (root / "tests").rglob(f"test_{name}.py")]
     if len(tests) < len(slip.tests):
         sys.exit(f"{slip.place}: no tests {', '.join(slip.tests)}")
     with planted(slip, copy) as more:
