@@ -56,9 +56,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if isinstance(item, pytest.Function) and (mark := item.get_closest_marker("cover")):
             tables[item.function, *mark.args].append(item)
     for (_, strength), table in tables.items():
-        kept = covering([[*item.callspec.indices.values()] for item in table], strength)
+        kept = covering([[*map(_key, item.callspec.params.values())] for item in table], strength)
         for number in {*range(len(table))}.difference(kept):
             table[number].add_marker("heavy")
+
+
+def _key(value: object) -> object:
+    """What tells a value of a table from others: of arrays and the like, which object it is."""
+    return repr(value) if isinstance(value, str | bytes | int | float | None) else id(value)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

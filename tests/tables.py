@@ -13,13 +13,13 @@ import pytest
 from brute import HEAVY
 
 
-def covering(rows: Sequence[Sequence[int]], strength: int = 2) -> list[int]:
+def covering(rows: Sequence[Sequence[object]], strength: int = 2) -> list[int]:
     """Choose rows so that all that ``strength`` columns have together in any row, they have in one of these.
 
     Parameters
     ----------
     rows : sequence of rows
-        Of a table, each with the number of a value in every column.
+        Of a table, each with a value in every column, or what stands for it.
     strength : int
         1: each value; 2: each pair of values of two columns.
 

@@ -274,7 +274,7 @@ _CURVES = [".geojson", ".svg", ".npz"]
 FORMATS = {"encode": [".iso", *_CURVES], "decode": _CURVES, "plot": [".png"], "thin": [".ply"]}
 
 
-@pytest.mark.parametrize("as_json", [False, True])
+@looped("as_json", [False, True])
 @pytest.mark.parametrize(("name", "to"), [(name, to) for name in WRITING for to in FORMATS.get(name, [".iso"])])
 def test_standard_output_has_the_file_and_nothing_else(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, to: str, as_json: bool

@@ -134,9 +134,8 @@ UNITS = [
 ]
 
 
-@pytest.mark.cover(1)
-@pytest.mark.parametrize(("text", "millimetres"), UNITS)
-@pytest.mark.parametrize(("unit", "size"), [("mm", 1.0), ("micron", 1e-3), ("meter", 1e3), ("cm", 10.0), (None, None)])
+@looped(("text", "millimetres"), UNITS)
+@looped(("unit", "size"), [("mm", 1.0), ("micron", 1e-3), ("meter", 1e3), ("cm", 10.0), (None, None)])
 def test_every_unit_of_a_distance_and_of_coordinates(
     text: str, millimetres: float | None, unit: str | None, size: float | None
 ) -> None:
@@ -352,9 +351,8 @@ def test_a_degree_of_longitude_is_the_longest_nearest_to_the_equator(
     assert placement.cells_of("100km", shape) == pytest.approx(100 / widest, rel=1e-6)
 
 
-@pytest.mark.cover(1)
-@pytest.mark.parametrize("given", METRES)
-@pytest.mark.parametrize("unit", METRES)
+@looped("given", METRES)
+@looped("unit", METRES)
 def test_lengths_in_other_units(given: str, unit: str) -> None:
     """How many of one unit a length of another is, both ways."""
     assert converted(f"3{given}", unit, "the points") == pytest.approx(3 * METRES[given] / METRES[unit], rel=1e-12)

@@ -46,11 +46,10 @@ def test_between_two_infinite_samples_it_is_in_the_middle() -> None:
     assert np.allclose(points[:, 1], 1.5)
 
 
-@pytest.mark.cover(2)
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize("turned", [False, True], ids=["rising", "falling"])
-@pytest.mark.parametrize("above", [1.0, 1e300, np.inf])
-@pytest.mark.parametrize("below", [-1.0, -1e300, -np.inf])
+@looped("axis", range(3))
+@looped("turned", [False, True], ids=["rising", "falling"])
+@looped("above", [1.0, 1e300, np.inf])
+@looped("below", [-1.0, -1e300, -np.inf])
 def test_promises_are_measured_from_where_files_put_the_crossing(
     below: float, above: float, turned: bool, axis: int
 ) -> None:

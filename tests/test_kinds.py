@@ -262,7 +262,7 @@ def test_the_table_is_whole():
     assert len(IMPOSSIBLE) <= MOST_IMPOSSIBLE
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@looped("kind", KINDS)
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_operations(operation: str, kind: str, tmp_path: Path, tiles: bytes):
     data = tiles if kind == "tiles" else encoded(kind)

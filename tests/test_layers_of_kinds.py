@@ -249,7 +249,7 @@ def test_kinds_are_all_there(folder: Path) -> None:
     assert kinds == {"grid", "series", "mesh", "surface", "tiles"}
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@looped("kind", KINDS)
 @pytest.mark.parametrize("operation", CHECKS)
 def test_layers(operation: str, kind: str, folder: Path, tmp_path: Path) -> None:
     data = data_of(kind, folder)

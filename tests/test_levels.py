@@ -43,7 +43,7 @@ MESHES = {
 }
 
 
-@pytest.mark.cover(2)
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("kind", MESHES)
 @pytest.mark.parametrize("seed", range(30))
 def test_the_same_curve_as_along_a_walk(seed: int, kind: str) -> None:

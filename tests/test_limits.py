@@ -29,8 +29,6 @@ from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
 from written import rendered
 
-LONE = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
-"""Vertices far from each other, in a base of level 24."""
 MIB = 1 << 20
 
 
@@ -185,13 +183,14 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
 def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
     """Before their memory is taken; the decoder holds nothing after that, and says why."""
     ends = []
-    for step in (len(LONE), 1, 5):
+    lone = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
+    for step in (len(lone), 1, 5):
         decoder = Decoder(Limits(memory=40 * MIB))
         gc.collect()
         tracemalloc.start()
         with pytest.raises(LimitError) as caught:
-            for at in range(0, len(LONE), step):
-                decoder.feed(LONE[at : at + step])
+            for at in range(0, len(lone), step):
+                decoder.feed(lone[at : at + step])
                 list(decoder)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()

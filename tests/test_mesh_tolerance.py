@@ -14,10 +14,11 @@ from explicit_meshes import Mesh, components, euler, plane, space, torus
 from isocodec import Mesh as Valued
 from isocodec.errors import OptionError
 from isocodec.search.mesh_cuts import MeshContour
+from libraries import Late
 from tables import looped
 from test_hierarchy import surface
 
-pyvista = pytest.importorskip("pyvista")
+pyvista = Late("pyvista")
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="slow in Python, and the same")
 
 

@@ -176,9 +176,8 @@ def test_names_of_columns_and_layers_index_contours_and_heights(tmp_path: Path, 
         assert [name for name, _ in pyogrio.list_layers(path)] == ["heights"]
 
 
-@pytest.mark.cover(1)
-@pytest.mark.parametrize("option", [["--attribute", "z"], ["--layer", "z"], ["--index", 5], ["--3d"]])
-@pytest.mark.parametrize("suffix", sorted({s for o in OUTPUTS if o.kind == "contour" for s in o.suffixes}))
+@looped("option", [["--attribute", "z"], ["--layer", "z"], ["--index", 5], ["--3d"]])
+@looped("suffix", sorted({s for o in OUTPUTS if o.kind == "contour" for s in o.suffixes}))
 def test_what_a_format_does_not_have_is_refused(tmp_path: Path, suffix: str, option: list[Any]) -> None:
     """No option is ignored: it has an effect, or one line says that it has none."""
     output = next(o for o in OUTPUTS if o.kind == "contour" and suffix in o.suffixes)

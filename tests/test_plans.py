@@ -384,11 +384,11 @@ def test_help_and_the_module_name_the_same_lines() -> None:
 JUST = float(np.nextafter(1.0, 9.0))
 
 
-@pytest.mark.parametrize(
+@looped(
     "steps",
     [(1, 1, 0.25), (1, JUST, 0.25), (2, 0.5, 0.5), (2, 0.5, 1), (1, 1), (2, 2, "exact"), (0.5, 1, "exact")], ids=str
 )
-@pytest.mark.parametrize("how", ["list", "text", "world", "command"])
+@looped("how", ["list", "text", "world", "command"])
 def test_steps_that_do_not_fall_are_refused(
     steps: tuple[float | str, ...], how: str, tmp_path: Path, hills: Path
 ) -> None:

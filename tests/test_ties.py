@@ -102,8 +102,7 @@ def apart(points: Any) -> bool:
     return len(np.unique(points, axis=0)) == len(points)
 
 
-@pytest.mark.cover(2)
-@pytest.mark.parametrize("precision", PRECISIONS)
+@looped("precision", PRECISIONS)
 @pytest.mark.parametrize("name", PLANE)
 def test_lines_and_areas(name: str, precision: str) -> None:
     field, saddles = PLANE[name], "saddle" in name or "random" in name or name == "chequered"
@@ -144,8 +143,7 @@ def _check_samples(sides: list[Any], above: Any) -> None:
         assert np.array_equal(shapely.intersects(side, shapely.points(columns, rows)), inside)
 
 
-@pytest.mark.cover(2)
-@pytest.mark.parametrize("precision", PRECISIONS)
+@looped("precision", PRECISIONS)
 @pytest.mark.parametrize("name", SPACE)
 def test_surfaces(name: str, precision: str) -> None:
     contour = contour_of(SPACE[name], precision)
@@ -165,7 +163,7 @@ PLACEMENTS = {
 }
 
 
-@pytest.mark.cover(2)
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("placement", PLACEMENTS)
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("name", ["lone sample, below", "block", "face", "saddle of equals", "random 0"])
