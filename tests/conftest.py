@@ -6,7 +6,7 @@ import os
 import re
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from unittest import mock
@@ -56,14 +56,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if isinstance(item, pytest.Function) and (mark := item.get_closest_marker("cover")):
             tables[item.function, *mark.args].append(item)
     for (_, strength), table in tables.items():
-        kept = covering([[*map(_key, item.callspec.params.values())] for item in table], strength)
+        kept = covering([_columns(item.callspec.params.values()) for item in table], strength)
         for number in {*range(len(table))}.difference(kept):
             table[number].add_marker("heavy")
 
 
-def _key(value: object) -> object:
-    """What tells a value of a table from others: of arrays and the like, which object it is."""
-    return repr(value) if isinstance(value, str | bytes | int | float | None) else id(value)
+def _columns(values: Iterable[object]) -> list[object]:
+    """What tells values of a row from others: of arrays and the like, which object it is; ``a, b`` are two values."""
+    found: list[object] = []
+    for value in values:
+        if isinstance(value, str):
+            found += value.split(", ")
+        else:
+            found.append(repr(value) if isinstance(value, int | float | None) else id(value))
+    return found
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
