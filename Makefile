@@ -4,7 +4,7 @@ PYTHON ?= python3
 # Processes that pytest runs tests in; 0 for none but its own.
 JOBS ?= 2
 # What is run once more as plain Python: arguments of pytest.
-PLAIN ?= tests/test_determinism.py
+PLAIN ?= tests/kernel/test_determinism.py
 VECTORS ?= conformance/vectors
 # Minutes that the decoder is fuzzed for, and then the encoder.
 MINUTES ?= 5

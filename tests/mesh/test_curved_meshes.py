@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_kinds import CHECKS, IMPOSSIBLE
 
 import isocodec
 from commands import fails, ok, run
 from isocodec import Mesh
 from libraries import Late
 from tables import looped
-from test_kinds import CHECKS, IMPOSSIBLE
 from written import Y_UP
 
 pv = Late("pyvista")

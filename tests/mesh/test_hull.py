@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from test_delaunay import by_definition
 
 import isocodec
 from brute import examples
@@ -23,7 +24,6 @@ from isocodec.mesh.nudging import broken_share, conditions_of, in_circle, nudged
 from isocodec.tin.rank import by_rank
 from libraries import Late
 from tables import looped
-from test_delaunay import by_definition
 
 cKDTree = Late("scipy.spatial.cKDTree")
 Delaunay = Late("scipy.spatial.Delaunay")

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from test_hierarchy import surface
 
 import isocodec
 from brute import HEAVY, INTERPRETED
@@ -16,7 +17,6 @@ from isocodec.errors import OptionError
 from isocodec.search.mesh_cuts import MeshContour
 from libraries import Late
 from tables import looped
-from test_hierarchy import surface
 
 pyvista = Late("pyvista")
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="slow in Python, and the same")

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from test_delaunay import by_definition
 
 import isocodec
 from brute import examples
@@ -21,7 +22,6 @@ from isocodec import Contour, Encoder, Mesh
 from isocodec.errors import InputError, OptionError
 from isocodec.tin.rank import by_rank
 from libraries import Late
-from test_delaunay import by_definition
 
 matplotlib = Late("matplotlib")
 Figure = Late("matplotlib.figure.Figure")

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_servers import Server, serving
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, run
 from tables import looped
-from test_servers import Server, serving
 from tiled import hilly, pieces
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="slow in Python, and the same")

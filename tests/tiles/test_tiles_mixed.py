@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from test_tiles import random_field
 
 import isocodec
 from brute import INTERPRETED
@@ -19,7 +20,6 @@ from isocodec.drawing.gaps import filled, loops_of
 from isocodec.tiles.tiled import TiledFile
 from libraries import Late
 from tables import looped
-from test_tiles import random_field
 from tiled import encoded, pieces, tiled_of
 
 maximum_filter = Late("scipy.ndimage.maximum_filter")

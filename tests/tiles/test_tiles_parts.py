@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_tiles import random_field
 
 import isocodec
 from brute import HEAVY, INTERPRETED
@@ -14,7 +15,6 @@ from commands import fails, ok, run
 from isocodec.errors import FormatError, LimitError, OptionError
 from isocodec.tiles.first_stages import first_stages
 from places import matrix
-from test_tiles import random_field
 from tiled import encoded, hilly, holed, pieces, tiled_of
 
 COUNT = {2: 2, 3: 1} if INTERPRETED else {2: 16, 3: 5} if HEAVY else {2: 6, 3: 2}

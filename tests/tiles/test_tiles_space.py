@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_tiles import check_faces
+from test_tiles_mixed import check_closed, mixed
 
 import isocodec
 from brute import INTERPRETED
@@ -18,8 +20,6 @@ from isocodec.search.tile_volume import pitch_of
 from isocodec.tiles.tiled import TiledFile
 from isoconform import meshes
 from libraries import Late
-from test_tiles import check_faces
-from test_tiles_mixed import check_closed, mixed
 from tiled import encoded, tiled_of
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_servers import right, serving
 
 import isocodec
 from brute import INTERPRETED
@@ -30,7 +31,6 @@ from isocodec.tiles.head import write_head
 from isocodec.tiles.spool import Spool, description
 from isocodec.tiles.tile_encoder import Tiling
 from isocodec.tiles.writing import tiling_of
-from test_servers import right, serving
 from tiled import encoded, hilly, holed, pieces, tiled_of
 
 # -- who encodes ---------------------------------------------------------------------------------------------------
