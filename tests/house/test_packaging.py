@@ -71,6 +71,6 @@ def test_the_wheel_works_elsewhere(built: tuple[Path, Path], tmp_path: Path) -> 
     with tarfile.open(built[0]) as archive:
         archive.extractall(tmp_path, [m for m in archive if "/tests/" in m.name], filter="data")
     (source,) = tmp_path.glob("isocodec-*")
-    said = run(there / "python", "-m", "pytest", "-q", "-m", "not heavy", *(source / "tests" / "stream" / name for name in TESTS),
-               cwd=empty)
+    tests = [source / "tests" / "stream" / name for name in TESTS]
+    said = run(there / "python", "-m", "pytest", "-q", "-m", "not heavy", *tests, cwd=empty)
     assert " passed" in said and " failed" not in said
