@@ -210,6 +210,7 @@ def test_the_promise_holds_with_and_without(n, distance):
         assert error.max() <= share * (1 if distance is None else distance) + 1 / (4 * radius)
 
 
+@pytest.mark.heavy
 @looped("shape", [(40, 41), (20, 21, 19)])
 @looped("precision", ["signs", "0.2", "0.05"])
 def test_rough_fields_are_left_alone(shape, precision):

@@ -210,6 +210,7 @@ def _torn(data: bytes) -> Iterator[Contour]:
         yield isocodec.open(data[:end]).contour(2, partial=True)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("n", [2, 3])
 @pytest.mark.parametrize("smooth", [False, True])
 def test_beginnings_of_files(n: int, smooth: bool) -> None:

@@ -293,6 +293,7 @@ def labelled(path: Path, unit: str) -> Any:
     return xarray.DataArray(BALL.astype(np.int16), dims=("x", "y", "z"), coords=axes)
 
 
+@pytest.mark.heavy
 @looped(
     ("make", "unit", "millimetres"),
     [

@@ -56,7 +56,7 @@ def noise():
     return data
 
 
-@looped("beyond", [-12, -4, -3, -1, 0, 1, 2, 3, 5, 8, 13, 24, 1000])
+@looped("beyond", [-4, -1, 0, 1, 3, 5, 24])
 def test_large_chunks_cut_to_bytes(noise, beyond):
     """Around the size from which chunks have a checksum of their own, and beyond it: as many symbols as fit."""
     most = read_header(noise)[1] + CHECKED_CHUNK + beyond

@@ -17,7 +17,7 @@ from isocodec import Decoder, Limits
 from isocodec.cli.report import progress_bar
 from isocodec.drawing import rows as masks
 from isocodec.errors import FormatError, InputError, LimitError
-from isocodec.field.placement import matrix_of, write_placement
+from isocodec.field.placement import Placement, matrix_of, write_placement
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
 from isocodec.format.events import LayerComplete
@@ -25,7 +25,9 @@ from isocodec.grid.tube.capacity import at_rest, wider_state
 from isocodec.limits import TIERS, Budget
 from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import encoder_of
+from isocodec.stream.given import in_cells
 from isocodec.stream.inspect import inspect
+from isocodec.stream.options import Precision
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
 
@@ -52,6 +54,25 @@ def test_crossings_between_infinite_samples_lie_half_way():
 
 def test_zero_has_no_sign_in_a_placement():
     assert write_placement(matrix_of([[1, -0.0, -0.0], [0, 1, 0]], 2)) == "1 0 0 0 1 0"
+
+
+def test_hidden_samples_count_for_no_isovalue():
+    field = isocodec.Field(HILLS, mask=HILLS > 150)
+    for what in (field, isocodec.Frames([field, field])):
+        assert isocodec.open(isocodec.encode(what, "every 40")).isovalues == (0, 40, 80, 120)
+
+
+def test_coordinates_take_a_share_of_the_least_distance():
+    placement = Placement(coordinates=[np.arange(33) * 10.0, np.arange(41) * 10.0], unit="m")
+    for text in ("40m,2m", "2m"):
+        precision = in_cells(Precision.of(text), placement, {}, {}, (33, 41))
+        assert precision.error == pytest.approx(0.05 * 0.2)
+
+
+def test_frames_before_one_that_is_cut_are_complete():
+    data = isocodec.encode(isocodec.Frames([HILLS, HILLS // 2, HILLS // 3]), 50.5, precision="exact")
+    file = isocodec.open(isocodec.open(data).edited(size=len(data) - 10))
+    assert file.complete and [file.contour(frame=frame).complete for frame in range(3)] == [True, True, False]
 
 
 # --- masks ------------------------------------------------------------------------------------------------------------

@@ -282,7 +282,7 @@ def psnr(field: np.ndarray, found: np.ndarray) -> float:
     return float(10 * np.log10(np.ptp(field) ** 2 / ((found - field) ** 2).mean()))
 
 
-@pytest.mark.parametrize("name", ["camera.npz", "jacksboro_fault_dem.npz"])
+@looped("name", ["camera.npz", pytest.param("jacksboro_fault_dem.npz", marks=pytest.mark.heavy)])
 def test_beginnings_of_layers_are_good_surfaces(name: str):
     """Three tenths, six and nine of a file, against files made for these sizes; and what the whole pays for it."""
     with np.load(DEMO / name) as read:
@@ -295,7 +295,7 @@ def test_beginnings_of_layers_are_good_surfaces(name: str):
         assert psnr(field, alone) - psnr(field, begun) <= most
 
 
-@looped("layers", [2, 3, 5, 12, 64])
+@looped("layers", [2, 12, *(pytest.param(each, marks=pytest.mark.heavy) for each in (3, 5, 64))])
 def test_layers_add_points(layers: int):
     """Each to those before; the first have values that suit all of them, where these are free."""
     points, values = scattered()

@@ -62,6 +62,7 @@ def test_errors_are_those_of_the_surface(criterion: str):
         assert found.errors[at] == pytest.approx(missed.max(), abs=1e-9)
 
 
+@pytest.mark.heavy
 def test_keys_are_what_brute_force_finds():
     """AT1, AT2 and l2 take the vertex with the least of what any removal would lead to, from scratch each time."""
     points, values = terrain(60)
