@@ -4,10 +4,14 @@ PYTHON ?= python3
 # Processes that pytest runs tests in; 0 for none but its own.
 JOBS ?= 2
 # What is run once more as plain Python: arguments of pytest.
-PLAIN ?= tests/test_determinism.py
+PLAIN ?= tests/kernel/test_determinism.py
 VECTORS ?= conformance/vectors
 # Minutes that the decoder is fuzzed for, and then the encoder.
 MINUTES ?= 5
+# Commit since which heavy tests are run of what has changed; the last merge if not given.
+SINCE ?=
+# Arguments of the tool for slips, for example SLIPS="--rooms stream tiles".
+SLIPS ?=
 # Arguments of the speed measurement, for example BENCH="terrain.npy:500.5 --json".
 BENCH ?=
 
@@ -21,7 +25,7 @@ DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help kernels wheels demo docs test test-web view heavy lint bench growth vectors zoo fuzz clean
+.PHONY: help kernels wheels demo docs test test-web view heavy heavy-changed slips lint bench growth vectors zoo fuzz clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -57,6 +61,12 @@ view: ## Build the viewer and serve it at http://localhost:8137/.
 heavy: export ISOCODEC_HEAVY = 1
 heavy: kernels .venv-test/.installed ## Run all tests, those that take long too, with all of their examples.
 	$(TEST_PYTHON) -m pytest -n $(JOBS) -m 'heavy or not heavy' tests
+
+heavy-changed: kernels .venv-test/.installed ## Run the heavy tests of figures, packaging, zoo and others whose sources have changed.
+	$(TEST_PYTHON) tools/heavy_changed.py $(SINCE)
+
+slips: kernels .venv-test/.installed ## Plant slips in a copy of the package, and count those that the tests catch; takes an hour.
+	$(TEST_PYTHON) tools/slips.py $(SLIPS)
 
 lint: .venv-test/.installed ## Run ruff and mypy.
 	.venv-test/bin/ruff check .

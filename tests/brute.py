@@ -22,12 +22,12 @@ INTERPRETED = interpreted()
 
 HEAVY = bool(os.environ.get("ISOCODEC_HEAVY"))
 """Whether tests try as hard as `make heavy` does."""
-SHARE = 3
+SHARE = 6
 """Otherwise they try so many times fewer examples."""
 
 
 def examples(count: int) -> settings:
-    """Settings with ``count`` examples: a third of them unless tests are heavy, a few where kernels are interpreted."""
+    """Settings with ``count`` examples: a sixth of them unless tests are heavy, a few where kernels are interpreted."""
     return settings(max_examples=min(count, 3) if INTERPRETED else count if HEAVY else -(-count // SHARE))
 
 

@@ -6,7 +6,10 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay
+
+from libraries import Late
+
+Delaunay = Late("scipy.spatial.Delaunay")
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RegularGridInterpolator
 
 from isocodec import Field
 from isocodec.field.placement import Placement
+from libraries import Late
+
+RegularGridInterpolator = Late("scipy.interpolate.RegularGridInterpolator")
 
 Array = NDArray[np.float64]
 

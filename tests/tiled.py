@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 import isocodec
 from isocodec.storage.ranges import ranges_of
 from isocodec.tiles.tiled import TiledFile
+from libraries import Late
+
+gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 
 
 def hilly(shape: tuple[int, ...] = (150, 210)) -> np.ndarray:

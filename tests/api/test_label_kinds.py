@@ -1,0 +1,738 @@
+"""The table of operations and files of labels: each cell agrees with the array, or is refused with a remedy."""
+
+from __future__ import annotations
+
+import gzip
+import inspect
+import io
+import json
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import isocodec
+from brute import examples
+from commands import ok, run
+from isocodec import Contour, Field, Frames, IsoFile
+from isocodec.api.editing import Edit
+from isocodec.api.files import ViewOptions
+from isocodec.cli import main
+from isocodec.cli.option_records import PART
+from isocodec.drawing.pictures import picture
+from isocodec.errors import IsoError, OptionError
+from isocodec.field.labelling import caption, is_of_labels
+from isocodec.field.placement import Placement
+from isocodec.io.writers.registry import OUTPUTS
+from libraries import Late
+from tables import looped
+
+matplotlib = Late("matplotlib")
+
+LABELS = (3, -2, 300)
+KINDS = {"one": LABELS[:1], "several": LABELS, "series": LABELS}
+"""Labels of each kind of file; a third of the samples has others, or none."""
+SHAPES = {2: (7, 8), 3: (6, 5, 4)}
+CASES = [("one", 3), ("several", 2), ("several", 3), ("series", 2)]
+PLACED = {2: Placement([[0, 30, 500015], [-20, 3, 4e6]], crs="EPSG:32631"), 3: None}
+
+
+@cache
+def arrays(n: int) -> list[NDArray[Any]]:
+    """Two frames, of which the second has one label less."""
+    rng = np.random.default_rng(n)
+    first = rng.choice(np.array([0, 1, *LABELS], np.int16), SHAPES[n], p=[0.3, 0.1, 0.2, 0.2, 0.2])
+    return [first, np.where(first == 300, 0, np.roll(first, 1, axis=0)).astype(np.int16)]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A file of labels, with the arrays that it was made from and a folder to write to."""
+
+    kind: str
+    n: int
+    folder: Path
+
+    @property
+    def labels(self) -> tuple[int, ...]:
+        return KINDS[self.kind]
+
+    @property
+    def frames(self) -> list[NDArray[Any]]:
+        return arrays(self.n)[: 2 if self.kind == "series" else 1]
+
+    @property
+    def data(self) -> bytes:
+        return encoded(self.kind, self.n)
+
+    @property
+    def file(self) -> IsoFile:
+        return isocodec.open(self.data)
+
+    @property
+    def path(self) -> Path:
+        path = self.folder / "a.iso"
+        path.write_bytes(self.data)
+        return path
+
+    @property
+    def source(self) -> Path:
+        path = self.folder / "a.npy"
+        np.save(path, np.stack(self.frames) if self.kind == "series" else self.frames[0])
+        return path
+
+    def truth(self, frame: int = 0, labels: Sequence[float] | None = None) -> NDArray[Any]:
+        """The array of a frame with only these labels, by default those of the file."""
+        values = self.frames[frame]
+        return np.where(np.isin(values, self.labels if labels is None else labels), values, 0)
+
+
+@cache
+def encoded(kind: str, n: int, precision: Any = None) -> bytes:
+    each = [Field(values, labels=KINDS[kind], placement=PLACED[n]) for values in arrays(n)]
+    return isocodec.encode(Frames(each) if kind == "series" else each[0], precision=precision)
+
+
+# -- what the array says ---------------------------------------------------------------------------------------------
+
+
+def crossings(mask: NDArray[np.bool_]) -> set[tuple[float, ...]]:
+    """Middles of the edges between neighbours of which one is in the mask."""
+    found = []
+    for axis in range(mask.ndim):
+        edges = np.argwhere(np.diff(mask, axis=axis)).astype(float)
+        edges[:, axis] += 0.5
+        found += edges.tolist()
+    return set(map(tuple, found))
+
+
+def on_edges(contour: Contour) -> set[tuple[float, ...]]:
+    """The points of a contour on edges along an axis."""
+    return set(map(tuple, contour.points[(contour.points % 1 > 0).sum(axis=1) == 1].tolist()))
+
+
+def agrees(contour: Contour, values: NDArray[Any], label: float) -> None:
+    """It is the border of the label in the array."""
+    assert contour.isovalue == label and contour.complete
+    assert on_edges(contour) == crossings(values == label)
+
+
+def holds(file: IsoFile, case: Case, labels: Sequence[float] | None = None, box: Any = ...) -> None:
+    """A file has these labels in all frames, within a box of the array."""
+    labels = case.labels if labels is None else labels
+    assert file.complete and file.isovalues == tuple(labels) and file.frames == len(case.frames)
+    assert file.metadata["labels"] == " ".join(map(str, labels))
+    for frame in range(file.frames):
+        assert np.array_equal(file.labels(frame=frame), case.truth(frame, labels)[box])
+    for frame, contours in enumerate(file.each_frame()):
+        for contour, label in zip(contours, labels, strict=True):
+            agrees(contour, case.frames[frame][box], label)
+
+
+def right_or_refused(file: IsoFile, case: Case) -> None:
+    """Labels of a shortened file: those that it still has, or an error."""
+    for frame in range(len(case.frames)):
+        try:
+            found = file.labels(frame=frame)
+        except IsoError as error:
+            assert error.remedy or error.code == "truncated"
+            continue
+        assert np.array_equal(found, case.truth(frame, file.isovalues))
+
+
+def refused(call: Callable[[], object], says: str) -> None:
+    with pytest.raises((OptionError, IsoError), match=says) as caught:
+        call()
+    assert caught.value.remedy or caught.value.code == "kind"
+
+
+def view(case: Case, file: IsoFile, **options: Any) -> list[Contour]:
+    """The contours of the last frame, in both ways."""
+    frame = file.frames - 1
+    found = file.contours(frame=frame, **options)
+    for contour in found:
+        alone = file.contour(contour.isovalue, frame=frame, **options)
+        assert np.array_equal(alone.points, contour.points) and np.array_equal(alone.cells, contour.cells)
+    return found
+
+
+# -- members of IsoFile ----------------------------------------------------------------------------------------------
+
+
+def member_kind(case: Case) -> None:
+    assert case.file.kind == ("series" if case.kind == "series" else "grid")
+
+
+def member_size(case: Case) -> None:
+    assert case.file.size == len(case.data) == case.file.info.bytes
+
+
+def member_data(case: Case) -> None:
+    assert case.file.data == case.data
+
+
+def member_info(case: Case) -> None:
+    info = case.file.info
+    assert info.complete and info.isovalues == list(case.labels) and set(info.leans) == {None}
+    assert (info.noun, info.caption(300)) == ("label", "label 300")
+
+
+def member_promise(case: Case) -> None:
+    assert case.file.promise == "all signs"
+
+
+def member_shape(case: Case) -> None:
+    assert case.file.shape == SHAPES[case.n]
+
+
+def member_isovalues(case: Case) -> None:
+    assert case.file.isovalues == case.labels
+
+
+def member_frames(case: Case) -> None:
+    assert case.file.frames == len(case.frames)
+
+
+def member_metadata(case: Case) -> None:
+    assert case.file.metadata["labels"] == " ".join(map(str, case.labels))
+
+
+def member_placement(case: Case) -> None:
+    placement, given = case.file.placement, PLACED[case.n]
+    assert placement is given if given is None else np.array_equal(placement.matrix, given.matrix)
+
+
+def member_crs(case: Case) -> None:
+    assert case.file.crs == (None if case.n == 3 else "EPSG:32631")
+
+
+def member_complete(case: Case) -> None:
+    assert case.file.complete and not isocodec.open(case.data[:-1]).complete
+
+
+def member_contour(case: Case) -> None:
+    for frame, label in product(range(len(case.frames)), case.labels):
+        agrees(case.file.contour(label, frame=frame), case.frames[frame], label)
+    refused(lambda: case.file.contour(1), "no label 1")
+
+
+def member_contours(case: Case) -> None:
+    for frame in range(len(case.frames)):
+        for contour, label in zip(case.file.contours(frame=frame), case.labels, strict=True):
+            agrees(contour, case.frames[frame], label)
+
+
+def member_each_frame(case: Case) -> None:
+    for values, contours in zip(case.frames, case.file.each_frame(), strict=True):
+        for contour, label in zip(contours, case.labels, strict=True):
+            agrees(contour, values, label)
+
+
+def member_mesh(case: Case) -> None:
+    for frame, label, whole in product(range(len(case.frames)), case.labels, (True, False)):
+        mesh, inside = case.file.mesh(label, whole=whole, frame=frame), case.frames[frame] == label
+        assert np.array_equal(mesh.above, inside[tuple(mesh.points.astype(int).T)])
+        assert not whole or len(mesh.points) == inside.size
+
+
+def member_above(case: Case) -> None:
+    for frame, label in product(range(len(case.frames)), case.labels):
+        assert np.array_equal(case.file.above(label, frame=frame), case.frames[frame] == label)
+
+
+def member_valid(case: Case) -> None:
+    assert case.file.valid().all()
+    values = np.where(case.frames[0] == 1, np.nan, case.frames[0])
+    for missing in ("hole", "below"):
+        file = isocodec.open(isocodec.encode(Field(values, labels=case.labels, missing=missing)))
+        assert np.array_equal(file.valid(), case.frames[0] != 1 if missing == "hole" else np.ones(values.shape, bool))
+        assert np.array_equal(file.labels()[values == values], case.truth()[values == values])
+        assert all(one.kept and one.wrong == 0 for one in file.verify(values))
+
+
+def member_labels(case: Case) -> None:
+    holds(case.file, case)
+    assert case.file.labels().dtype == (np.uint8 if case.kind == "one" else np.int16)
+    refused(lambda: case.file.labels(frame=2), "no frame 2")
+    assert np.array_equal(case.file.labels(max_bytes=len(case.data)), case.truth())
+    assert np.array_equal(isocodec.open(case.data[:-1]).labels(partial=True), case.truth())
+    for size in range(len(case.data) // 3, len(case.data), 29):
+        right_or_refused(isocodec.open(case.data[:size]), case)
+    if case.n == 2:  # searches take long in space
+        right_or_refused(isocodec.open(encoded(case.kind, case.n, 1.0)), case)
+
+
+def member_surface(case: Case) -> None:
+    refused(case.file.surface, "no triangulated surface")
+
+
+def member_statistics(case: Case) -> None:
+    assert [one.isovalue for one in case.file.statistics().contours] == list(case.labels)
+
+
+def member_verify(case: Case) -> None:
+    for frame, values in enumerate(case.frames):
+        found = case.file.verify(values, frame=frame if len(case.frames) > 1 else None)
+        assert [(one.isovalue, one.kept, one.wrong) for one in found] == [(label, True, 0) for label in case.labels]
+        wrong = values.copy()
+        wrong.flat[np.flatnonzero(values == 3)[0]] = 0
+        first = case.file.verify(wrong, frame=frame)[0]
+        assert (first.kept, first.wrong) == (False, 1)
+    if case.n == 2:
+        within = isocodec.open(encoded(case.kind, case.n, 1.0)).verify(case.frames[0])
+        assert all(one.kept and max(one.there, one.back) <= 1.001 for one in within)
+
+
+def member_edited(case: Case) -> None:
+    refused(case.file.edited, "nothing to change")
+    part = case.file.edited(window=[(2, 4)] * case.n, isovalues=[3], profile="baseline", layers=99)
+    holds(isocodec.open(part), case, (3,), (slice(2, 5),) * case.n)
+
+
+# -- parameters of contour -------------------------------------------------------------------------------------------
+
+
+def view_frame(case: Case) -> None:
+    member_contour(case)
+    refused(lambda: case.file.contour(frame=2), "no frame 2")
+
+
+def view_layers(case: Case) -> None:
+    for contour in view(case, case.file, layers=99):
+        agrees(contour, case.frames[-1], contour.isovalue)
+    assert all(contour.shape == SHAPES[case.n] for contour in view(case, case.file, layers=1))
+
+
+def view_max_bytes(case: Case) -> None:
+    for contour in view(case, case.file, max_bytes=len(case.data)):
+        agrees(contour, case.frames[-1], contour.isovalue)
+    assert not case.file.contour(max_bytes=len(case.data) // 3).complete
+
+
+def view_window(case: Case) -> None:
+    for contour in view(case, case.file, window=[(1, 3)] * case.n):
+        every = crossings(case.frames[-1] == contour.isovalue)
+        assert {at for at in every if all(1 <= x <= 3 for x in at)} <= on_edges(contour) <= every
+
+
+def view_within(case: Case) -> None:
+    for contour in view(case, case.file, within=1.0):
+        assert on_edges(contour) == crossings(case.frames[-1] == contour.isovalue)
+
+
+def view_smooth(case: Case) -> None:
+    """Points move along their edges, so that samples stay on their sides."""
+    for contour, plain in zip(view(case, case.file, smooth=True), view(case, case.file, smooth=False), strict=True):
+        moved = contour.points - plain.points
+        along = (plain.points % 1 > 0).sum(axis=1) == 1
+        assert np.abs(moved).max() <= 0.5 and not moved[along][plain.points[along] % 1 == 0].any()
+
+
+def view_through_holes(case: Case) -> None:
+    for contour in view(case, case.file, through_holes=True):
+        agrees(contour, case.frames[-1], contour.isovalue)
+
+
+def view_partial(case: Case) -> None:
+    file = isocodec.open(case.data[:-1])
+    for contour in view(case, file, partial=True):
+        assert on_edges(contour) == crossings(case.frames[file.frames - 1] == contour.isovalue)
+
+
+def view_progress(case: Case) -> None:
+    seen: list[tuple[int, int]] = []
+    view(case, case.file, progress=lambda done, total: seen.append((done, total)))
+    assert seen and seen[-1][0] <= seen[-1][1]
+
+
+# -- parameters of edited --------------------------------------------------------------------------------------------
+
+
+def edit_layers(case: Case) -> None:
+    holds(isocodec.open(case.file.edited(layers=len(case.file.info.layers))), case)
+    for layers in range(1, len(case.file.info.layers), 5):
+        right_or_refused(isocodec.open(case.file.edited(layers=layers)), case)
+
+
+def edit_size(case: Case) -> None:
+    holds(isocodec.open(case.file.edited(size=len(case.data))), case)
+    for size in range(len(case.data) // 2, len(case.data), 19):
+        try:
+            made = case.file.edited(size=size)
+        except OptionError as error:
+            assert "too few" in str(error) and error.remedy
+            continue
+        assert len(made) <= size
+        right_or_refused(isocodec.open(made), case)
+    coarse = isocodec.open(isocodec.encode(Field(np.kron(case.frames[0], np.ones((4,) * case.n)), labels=case.labels)))
+    refused(isocodec.open(coarse.edited(size=coarse.size * 2 // 3)).labels, "coarser")
+
+
+def edit_window(case: Case) -> None:
+    part = isocodec.open(case.file.edited(window=[(3, 4.2)] * case.n))
+    holds(part, case, box=(slice(2, 6),) * case.n)
+    whole = case.file.contour()
+    assert {*map(tuple, part.contour().placed.tolist())} <= {*map(tuple, whole.placed.tolist())}
+
+
+def edit_isovalues(case: Case) -> None:
+    holds(isocodec.open(case.file.edited(isovalues=case.labels[::-1])), case)
+    holds(isocodec.open(case.file.edited(isovalues=case.labels[-1:])), case, case.labels[-1:])
+    refused(lambda: case.file.edited(isovalues=[1]), "no label 1")
+
+
+def edit_profile(case: Case) -> None:
+    made = isocodec.open(case.file.edited(profile="baseline"))
+    holds(made, case)
+    assert made.info.profile == "baseline"
+
+
+def edit_precision(case: Case) -> None:
+    fine = isocodec.open(encoded(case.kind, case.n, 0.05))
+    holds(isocodec.open(fine.edited(precision="signs")), case)
+    if case.n == 2:
+        coarse = isocodec.open(fine.edited(precision=1)).verify(case.frames[-1], frame=len(case.frames) - 1)
+        assert all(one.kept and one.there <= 1.051 and one.back <= 1.051 for one in coarse)
+    for precision in ("exact", "step=1", "0.3 smooth", "2,1"):
+        refused(lambda precision=precision: fine.edited(precision=precision), "does not apply")  # type: ignore[misc]
+
+
+def edit_keep_topology(case: Case) -> None:
+    if case.n == 3:
+        return
+    made = isocodec.open(case.file.edited(precision=1, keep_topology=True))
+    for contours, others in zip(made.each_frame(), case.file.each_frame(), strict=True):
+        for one, other in zip(contours, others, strict=True):
+            assert len(one.lines) == len(other.lines)
+
+
+# -- the package -----------------------------------------------------------------------------------------------------
+
+
+def package_encode(case: Case) -> None:
+    first = Field(case.frames[0], labels=case.labels)
+    for precision in ("exact", "step=1", [2, 1]):
+        refused(lambda precision=precision: isocodec.encode(first, precision=precision), "labels")  # type: ignore[misc]
+    if case.kind == "one":
+        # the borders run half-way as they are
+        smooth = isocodec.open(isocodec.encode(first, precision="0.3 smooth"))
+        assert np.array_equal(smooth.labels(), case.truth()) and smooth.promise == "within 0.3 cells"
+        agrees(smooth.contour(), case.frames[0], 3)
+    else:
+        refused(lambda: isocodec.encode(first, precision="0.3 smooth"), "could cross")
+    if case.kind == "series":
+        each = [Field(values, labels=labels) for values, labels in zip(case.frames, [(3,), (3, -2)], strict=True)]
+        refused(lambda: isocodec.encode(Frames(each)), "frame 1 has labels that the first frame does not: -2")
+
+
+def package_save(case: Case) -> None:
+    isocodec.save(case.folder / "b.iso", case.file)
+    assert (case.folder / "b.iso").read_bytes() == case.data
+    field = Field(case.frames[0], labels=case.labels)
+    refused(lambda: isocodec.save(case.folder / "c.iso", field, tile=32), "do not apply to tiles")
+
+
+def package_open(case: Case) -> None:
+    holds(isocodec.open(case.path), case)
+    holds(isocodec.open(io.BytesIO(case.data)), case)
+
+
+def package_decode(case: Case) -> None:
+    agrees(isocodec.decode(case.data, case.labels[-1]), case.frames[0], case.labels[-1])
+
+
+def package_merge(case: Case) -> None:
+    for values in ([*case.frames], [values == 1 for values in case.frames]):
+        other: Any = Frames(values) if case.kind == "series" else values[0]
+        for order in (1, -1):
+            files = [case.data, isocodec.encode(other, 0.5)][::order]
+            refused(lambda files=files: isocodec.merge(files), "labels cannot be merged")  # type: ignore[misc]
+
+
+def package_bands(case: Case) -> None:
+    refused(lambda: isocodec.bands(case.file.contours()), "bands do not apply to labels" if case.n == 2 else "")
+
+
+# -- verbs -----------------------------------------------------------------------------------------------------------
+
+
+def verb_encode(case: Case) -> None:
+    out = case.folder / "b.iso"
+    words = [word for label in case.labels for word in ("--label", label)]
+    words += ["--frames"] if case.kind == "series" else []
+    ok("encode", case.source, "-o", out, *words)
+    holds(isocodec.open(out), case)
+
+
+def verb_decode(case: Case) -> None:
+    for what, suffix in (("labels", "npy"), ("above", "npy"), ("curve", "npz"), ("valid", "npy"), ("mesh", "ply")):
+        assert "isovalue" not in ok("decode", case.path, "-o", case.folder / f"{what}.{suffix}", "--what", what)
+    assert np.array_equal(np.load(case.folder / "labels.npy"), case.truth())
+    assert np.array_equal(np.load(case.folder / "above.npy"), case.frames[0] == 3)
+    assert {*map(tuple, np.load(case.folder / "curve.npz")["points"].tolist())} >= crossings(case.frames[0] == 3)
+
+
+def verb_edit(case: Case) -> None:
+    out = case.folder / "b.iso"
+    assert f"{len(case.labels)} label" in ok("edit", case.path, "-o", out, "--profile", "baseline")
+    holds(isocodec.open(out), case)
+    assert "labels cannot be merged" in run("edit", case.path, case.path, "-o", out).stderr
+
+
+def verb_info(case: Case) -> None:
+    said = ok("info", case.path, "--statistics")
+    assert "isovalue" not in said and all(f"Bits, label {label}\n" in said for label in case.labels)
+    assert [line.split()[1] for line in said.splitlines() if line.startswith("label ")] == [*map(str, case.labels)]
+    assert json.loads(ok("info", case.path, "--json"))["isovalues"] == list(case.labels)
+
+
+def verb_verify(case: Case) -> None:
+    frame = ["--frame", 1] if case.kind == "series" else []
+    said = ok("verify", case.path, case.source, *frame).splitlines()
+    assert [line.split(":")[0] for line in said] == [f"label {label}" for label in case.labels]
+    assert all("0 wrong signs" in line for line in said)
+
+
+def verb_plot(case: Case) -> None:
+    assert "isovalue" not in ok("plot", case.path, "-o", case.folder / "a.png", "--steps", 1)
+    result = run("plot", case.path, "-o", case.folder / "map.svg", "--map")
+    assert (result.exit_code, "two axes" in result.stderr) == ((0, False) if case.n == 2 else (2, True))
+    assert case.n == 3 or f"{len(case.labels)} label" in result.stdout
+
+
+def verb_thin(case: Case) -> None:
+    result = run("thin", case.path, "-o", case.folder / "a.ply", "--points", 9)
+    assert result.exit_code == 3 and len(result.stderr.splitlines()) == 1
+
+
+# -- options of verbs that choose a part -----------------------------------------------------------------------------
+
+
+def decoded(case: Case, *words: object, what: str = "labels") -> Any:
+    """What ``decode`` writes of labels, or its error."""
+    out = case.folder / "o.npy"
+    out.unlink(missing_ok=True)
+    result = run("decode", case.path, "-o", out, "--what", what, *words)
+    assert result.exit_code in (0, 2, 5), result.output
+    assert " isovalue" not in result.stderr
+    return np.load(out) if result.exit_code == 0 else result.stderr
+
+
+def option_decode_frame(case: Case) -> None:
+    last = len(case.frames) - 1
+    assert np.array_equal(decoded(case, "--frame", last), case.truth(last))
+    assert "no frame 2" in decoded(case, "--frame", 2)
+
+
+def option_decode_partial(case: Case) -> None:
+    assert np.array_equal(decoded(case, "--partial"), case.truth())
+    for cut, words in ((1, ["--partial"]), (1, []), (len(case.data) // 2, ["--partial"])):
+        short = case.folder / "short.iso"
+        short.write_bytes(case.data[:-cut])
+        result = run("decode", short, "-o", case.folder / "p.npy", "--what", "labels", *words)
+        # of a series the first frame is wanted, which is whole
+        allowed = (0, 2, 5) if words else (0,) if case.kind == "series" else (5,)
+        assert result.exit_code in allowed and (not words or cut > 1 or result.exit_code == 0)
+        if result.exit_code == 0:
+            labels = isocodec.open(short).isovalues
+            assert np.array_equal(np.load(case.folder / "p.npy"), case.truth(labels=labels))
+            assert case.kind == "series" or "before it is complete" in result.stderr
+
+
+def option_decode_isovalue(case: Case) -> None:
+    assert "--isovalue" in decoded(case, "--isovalue", 3)
+    for label in case.labels:
+        assert np.array_equal(decoded(case, "--isovalue", label, what="above"), case.frames[0] == label)
+    assert "no label 1" in decoded(case, "--isovalue", 1, what="above")
+
+
+def option_decode_part(name: str) -> Callable[[Case], None]:
+    """A part of the samples cannot be asked for; of curves it can."""
+
+    def cell(case: Case) -> None:
+        value = ",".join(["1:3"] * case.n) if name == "window" else len(case.data) if name == "max-bytes" else 1
+        for what in ("labels", "above"):
+            assert f"--{name} does not apply" in decoded(case, f"--{name}", value, what=what)
+        ok("decode", case.path, "-o", case.folder / "o.npz", f"--{name}", value)
+
+    return cell
+
+
+def option_edit(name: str, value: Callable[[Case], object], check: Callable[[IsoFile, Case], None]) -> Any:
+    def cell(case: Case) -> None:
+        result = run("edit", case.path, "-o", case.folder / "e.iso", f"--{name}", value(case))
+        assert result.exit_code == 0 and " isovalue" not in result.output
+        check(isocodec.open(case.folder / "e.iso"), case)
+        lost = {*case.labels} - {*isocodec.open(case.folder / "e.iso").isovalues}
+        reached = "does not reach " + " and ".join(f"label {label}" for label in case.labels if label in lost)
+        assert (reached in result.stderr) == bool(lost and name != "isovalue")
+
+    return cell
+
+
+def option_plot_frame(case: Case) -> None:
+    if case.n == 3:
+        return
+    ok("plot", case.path, "-o", case.folder / "a.png", "--steps", 1, "--frame", len(case.frames) - 1)
+    assert run("plot", case.path, "-o", case.folder / "a.png", "--frame", 2).exit_code == 2
+
+
+def option_plot_partial(case: Case) -> None:
+    if case.n == 3:
+        return
+    short = case.folder / "short.iso"
+    short.write_bytes(case.data[:-1])
+    ok("plot", short, "-o", case.folder / "a.png", "--steps", 1, "--partial")
+
+
+OPTIONS: dict[str, Callable[[Case], None]] = {
+    "decode --frame": option_decode_frame, "decode --partial": option_decode_partial,
+    "decode --isovalue": option_decode_isovalue,
+    **{f"decode --{name}": option_decode_part(name) for name in ("layers", "max-bytes", "window", "within")},
+    "edit --layers": option_edit("layers", lambda case: 1, lambda file, case: None),
+    "edit --size": option_edit("size", lambda case: len(case.data) - 1, right_or_refused),
+    "edit --window": option_edit("window", lambda case: ",".join(["2:4"] * case.n),
+                                 lambda file, case: holds(file, case, box=(slice(2, 5),) * case.n)),
+    "edit --isovalue": option_edit("isovalue", lambda case: case.labels[-1],
+                                   lambda file, case: holds(file, case, case.labels[-1:])),
+    "plot --frame": option_plot_frame, "plot --partial": option_plot_partial,
+}
+
+
+# -- the table -------------------------------------------------------------------------------------------------------
+
+CELLS: dict[str, Callable[[Case], None]] = {
+    f"{group} {rest}": cell for name, cell in globals().items()
+    for group, _, rest in [name.partition("_")] if group in ("member", "view", "edit", "package", "verb")
+    and inspect.isfunction(cell) and rest
+} | OPTIONS
+NOT_OF_FILES = {"Contour", "Decoder", "Encoder", "Field", "Frames", "IsoError", "IsoFile", "Limits", "Mesh", "Tin",
+                "kernels", "read", "thin"}
+"""Names of the package that take no file."""
+
+
+def test_the_table_is_whole() -> None:
+    """Over the lists that the code has: a new member, parameter, verb or option has no cell yet."""
+    rows = [f"member {name}" for name in vars(IsoFile) if not name.startswith("_")]
+    rows += [f"view {name}" for name in ViewOptions.__annotations__]
+    rows += [f"edit {each.name}" for each in fields(Edit)]
+    rows += [f"package {name}" for name in isocodec.__all__ if name not in NOT_OF_FILES]
+    rows += [f"verb {name}" for name in main.commands]
+    rows += [
+        f"{name} {option.opts[0]}" for name, command in main.commands.items() for option in command.params
+        if isinstance(option, click.Option) and option.heading == PART  # type: ignore[attr-defined]
+    ]
+    assert sorted(rows) == sorted(CELLS)
+
+
+@looped(("kind", "n"), CASES)
+@pytest.mark.parametrize("row", CELLS)
+def test_cells(row: str, kind: str, n: int, tmp_path: Path) -> None:
+    CELLS[row](Case(kind, n, tmp_path))
+
+
+# -- words -----------------------------------------------------------------------------------------------------------
+
+WHAT = {"contour": "curve", "areas": "areas", "mask": "above", "labels": "labels", "mesh": "mesh"}
+WRITTEN = [
+    (output.kind, suffix, n) for output in OUTPUTS if output.kind in WHAT for suffix in output.suffixes
+    for n in output.dimensions
+]
+
+
+def unpacked(path: Path) -> bytes:
+    """The bytes of a file, those of its parts if it is an archive."""
+    data = path.read_bytes()
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            return b"".join([name.encode() + archive.read(name) for name in archive.namelist()])
+    return gzip.decompress(data) if path.suffix == ".gz" else data
+
+
+@pytest.mark.parametrize(("content", "suffix", "n"), WRITTEN)
+def test_files_of_other_programs_say_label(content: str, suffix: str, n: int, tmp_path: Path) -> None:
+    """No file says isovalue, but the archive that is read back by the names of its arrays."""
+    case = Case("several", n, tmp_path)
+    said = run("decode", case.path, "-o", tmp_path / f"o{suffix}", "--what", WHAT[content])
+    assert said.exit_code == 0 and " isovalue" not in said.output, said.output
+    for path in tmp_path.glob("o*"):
+        data = unpacked(path)
+        assert suffix == ".npz" or not (b"isovalue" in data or b"ISO_" in data)
+    if content == "contour" and suffix in (".glb", ".obj", ".3mf", ".svg"):
+        assert all(f"label {label}".encode() in data for label in LABELS)
+
+
+def test_pictures_say_label(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    said: list[str] = []
+    before = picture._file
+
+    def seen(figure: Any, *more: Any) -> bytes:
+        said.extend(text.get_text() for text in figure.findobj(matplotlib.text.Text))
+        return before(figure, *more)
+
+    monkeypatch.setattr(picture, "_file", seen)
+    for n in SHAPES:
+        case = Case("several", n, tmp_path)
+        ok("decode", case.path, "-o", tmp_path / "decoded.png")
+        ok("plot", case.path, "-o", tmp_path / "steps.png", "--steps", 1)
+    assert not [text for text in said if "isovalue" in text]
+    assert {"label 3", "label -2", "label 300", "label"} <= {*said} and any("3 labels" in text for text in said)
+
+
+def test_words_in_notebooks_and_tables(tmp_path: Path) -> None:
+    file = Case("several", 2, tmp_path).file
+    for text in (repr(file), file._repr_html_(), file.contour()._repr_html_()):
+        assert "label" in text and "isovalue" not in text
+    assert "label" in file.contour().to_geodataframe() and "isovalue" not in file.contour().to_geodataframe()
+    assert set(file.contour(-2).to_pyvista().cell_data["label"]) == {-2}
+    ok("decode", Case("several", 2, tmp_path).path, "-o", tmp_path / "a.geojson", "--attribute", "organ")
+    found = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    assert [feature["properties"]["organ"] for feature in found] == list(LABELS)
+    assert "--3d" in run("decode", Case("several", 2, tmp_path).path, "-o", tmp_path / "b.geojson", "--3d").stderr
+
+
+def test_captions() -> None:
+    for notes, label in (
+        ({"labels": "1 2"}, True), ({"labels": "-0.5"}, True), ({}, False), ({"labels": ""}, False),
+        ({"labels": "liver spleen"}, False), ({"labels": "1 nan"}, False),
+    ):
+        assert is_of_labels(notes) is label
+        assert caption(1234567, notes) == f"{'label' if label else 'isovalue'} 1234567"
+    told = isocodec.open(isocodec.encode(arrays(2)[0], 0.5, metadata={"labels": "liver spleen"}))
+    refused(told.labels, "not labels")
+
+
+# -- random volumes --------------------------------------------------------------------------------------------------
+
+
+@examples(60)
+@given(data=st.data(), seed=st.integers(0, 1 << 20), axes=st.integers(2, 3), count=st.integers(1, 4))
+def test_windows_of_random_labels(data: st.DataObject, seed: int, axes: int, count: int) -> None:
+    """Enlarged to whole samples and an even start; whatever touches what, labels are those of the array there."""
+    rng = np.random.default_rng(seed)
+    shape = data.draw(st.lists(st.integers(2, 9), min_size=axes, max_size=axes))
+    values = rng.integers(0, count + 1, shape)
+    if data.draw(st.booleans()):
+        values = np.sort(values, axis=0)
+    labels = [int(label) for label in rng.permutation(np.unique(values[values > 0]))]
+    assume(labels)
+    ends = [sorted(data.draw(st.lists(st.floats(0, size - 1), min_size=2, max_size=2))) for size in shape]
+    assume(all(low < high for low, high in ends))
+    file = isocodec.open(isocodec.encode(Field(values, labels=labels)))
+    part = isocodec.open(file.edited(window=ends))
+    low = [min(int(first), size - 2) // 2 * 2 for (first, _), size in zip(ends, shape, strict=True)]
+    high = [max(int(np.ceil(last)), start + 1) for (_, last), start in zip(ends, low, strict=True)]
+    box = tuple(slice(start, end + 1) for start, end in zip(low, high, strict=True))
+    assert np.array_equal(part.labels(), values[box]) and part.isovalues == tuple(labels)
+    for contour in part.contours():
+        agrees(contour, values[box], contour.isovalue)

@@ -1,0 +1,195 @@
+"""Which samples lie above: what comes back is what was encoded, in all formats, or it is said that it cannot."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import isocodec
+from brute import examples, noise, smooth
+from commands import BALL, HILLS, fails, ok, run
+from isocodec import Decoder, Limits
+from isocodec.drawing import rows as masks
+from isocodec.drawing.rows import MaskRows
+from isocodec.errors import LimitError, OptionError, TruncatedError
+from libraries import Late
+
+nibabel = Late("nibabel")
+Image = Late("PIL.Image")
+
+SHAPES = st.one_of(st.tuples(*[st.integers(2, 20)] * 2), st.tuples(*[st.integers(2, 7)] * 3))
+WAYS = (
+    {"precision": "signs"}, {"precision": "exact"}, {}, {"precision": "signs", "profile": "baseline"}, {"layers": 0},
+)
+
+
+@given(SHAPES, st.integers(0, 2**32 - 1), st.sampled_from(WAYS), st.integers(-1, 6))
+@examples(60)
+def test_any_mask_comes_back(shape, seed, way, isovalue):
+    """Noise, and what is all above or all below."""
+    field = np.random.default_rng(seed).integers(0, 6, shape)
+    data = isocodec.encode(field, isovalue + 0.5, **way)
+    mask = isocodec.open(data).above()
+    assert mask.dtype == np.bool_ and np.array_equal(mask, field > isovalue + 0.5)
+
+
+@given(SHAPES, st.integers(0, 2**32 - 1))
+@examples(30)
+def test_out_of_the_ends_of_crossed_edges_alone(shape, seed):
+    """Known are the corner and the samples next to others of another sign; brute force finds these."""
+    rng = np.random.default_rng(seed)
+    above = rng.random(shape) < rng.random() * 0.3
+    known = np.zeros(shape, bool)
+    known[(0,) * len(shape)] = True
+    for axis in range(above.ndim):
+        low, high = (np.moveaxis(known, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
+        differ = np.diff(np.moveaxis(above, axis, 0).astype(np.int8), axis=0) != 0
+        low |= differ
+        high |= differ
+    position = np.argwhere(known)
+    for block in (1, 30, masks.BLOCK):
+        with mock.patch.object(masks, "BLOCK", block):
+            rows = list(MaskRows(shape, position, above[known]))
+            turned = list(MaskRows(shape[::-1], position[:, ::-1], above[known]))
+        assert len(rows) > 1 or block > 1
+        assert np.array_equal(np.concatenate(rows), above)
+        assert np.array_equal(np.concatenate(turned), above.T)
+
+
+@pytest.mark.parametrize("field", [noise((13, 9)), noise((6, 7, 5)), smooth((40, 33), 1), smooth((9, 18, 10), 2)])
+def test_all_isovalues_of_a_file(field):
+    values = [float(v) for v in np.quantile(field, [0.5, 0.3, 0.8])]
+    data = isocodec.encode(field, values)
+    for value in values:
+        assert np.array_equal(isocodec.open(data).above(value), field > value)
+
+
+def test_prefixes_tell_it_as_soon_as_the_signs_are_there():
+    data = isocodec.encode(HILLS, 100.5, precision="exact")
+    signs = len(isocodec.encode(HILLS, 100.5, precision="signs"))
+    told = []
+    for length in range(40, len(data), 7):
+        try:
+            mask = isocodec.open(data).above(max_bytes=length)
+        except TruncatedError as error:
+            assert error.code == "truncated" and not told
+        else:
+            told.append(length)
+            assert np.array_equal(mask, HILLS > 100.5)
+    assert signs < told[0] + 10 and told[0] < signs + 20
+
+
+def test_coarse_meshes_do_not_tell():
+    for options in ({"precision": 1}, {"layers": "level=6"}):
+        with pytest.raises(OptionError, match="coarser") as caught:
+            isocodec.open(isocodec.encode(HILLS, 100.5, **options)).above()
+        assert caught.value.code == "mask"
+    with pytest.raises(TruncatedError):
+        Decoder().grid.above()
+
+
+def test_comparison_is_exact():
+    """numpy would round the isovalue to float32, where it equals the samples."""
+    field = np.full((4, 5), 0.1, np.float32)
+    field[1, 1] = 0
+    mask = isocodec.open(isocodec.encode(field, 0.1)).above()
+    assert np.array_equal(mask, field.astype(np.float64) > 0.1) and mask.sum() == 19
+
+
+def test_damage_behind_the_isovalue_changes_nothing(tmp_path: Path) -> None:
+    """What another isovalue's layers look like is no matter: placement and warnings come from what was decoded."""
+    placement = np.array([[2.0, 0, 5], [0, 3.0, 6]])
+    data = bytearray(
+        isocodec.encode(
+            isocodec.Field(HILLS, placement=placement), [100.5, 60.5], precision="signs", order="independent"
+        )
+    )
+    chunk = isocodec.open(bytes(data)).info.chunks[-1]
+    data[chunk.offset + 2] ^= 0xFF  # its layer program
+    data[-4:] = zlib.crc32(data[:-4]).to_bytes(4, "big")
+    with pytest.raises(isocodec.errors.FormatError):
+        assert isocodec.open(bytes(data)).info
+    (tmp_path / "in.iso").write_bytes(data)
+    result = run("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--json")
+    assert result.exit_code == 0 and "choose another with --isovalue: 60.5" in result.stderr
+    assert json.loads(result.stdout)["isovalue"] == 100.5
+
+
+def test_samples_are_limited():
+    data = isocodec.encode(HILLS, 100.5)
+    isocodec.open(data, limits=Limits(samples=HILLS.size)).above()
+    with pytest.raises(LimitError) as caught:
+        isocodec.open(data, limits=Limits(samples=HILLS.size - 1)).above()
+    assert caught.value.code == "limit-samples"
+
+
+def test_pictures_and_arrays(tmp_path: Path) -> None:
+    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
+    record = json.loads(ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.png", "--json"))
+    assert record["above"] == (HILLS > 100.5).sum() and record["shape"] == list(HILLS.shape)
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "m.png")), np.where(HILLS > 100.5, 255, 0))
+    assert "samples above" in ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
+    assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 100.5)
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_volumes_of_labels_lie_where_the_volume_did(tmp_path: Path, suffix: str) -> None:
+    affine = nibabel.affines.from_matvec(np.diag([-2.0, 1.5, 3.0]), [90.0, -12.5, 7.0])
+    nibabel.save(nibabel.Nifti1Image(BALL, affine), tmp_path / "in.nii.gz")
+    ok("encode", tmp_path / "in.nii.gz", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--precision", "signs")
+    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / f"m{suffix}")
+    image = nibabel.load(tmp_path / f"m{suffix}")
+    assert np.array_equal(np.asarray(image.dataobj), BALL > 60.5) and np.allclose(image.affine, affine)
+    assert np.allclose(image.get_qform(), affine) and image.header["qform_code"] == 2
+    data = (tmp_path / f"m{suffix}").read_bytes()
+    assert suffix == ".nii" or data[4:8] == bytes(4), "no time of day: the same mask, the same bytes"
+
+
+def test_volumes_whose_place_is_odd_or_unknown(tmp_path: Path) -> None:
+    """Sheared axes, which quaternions cannot tell; what no form tells nibabel makes up, of both files alike."""
+    sheared = np.array([[2.0, 0.5, 0, 1], [0, 3, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    for name, affine in (("sheared", sheared), ("none", None)):
+        image = nibabel.Nifti1Image(BALL, affine)
+        nibabel.save(image, tmp_path / f"{name}.nii")
+        ok("encode", tmp_path / f"{name}.nii", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--precision", "signs")
+        ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
+        assert np.allclose(nibabel.load(tmp_path / "out.nii").affine, nibabel.load(tmp_path / f"{name}.nii").affine)
+    ok("encode", tmp_path / "none.nii", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--no-placement")
+    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
+    assert nibabel.load(tmp_path / "out.nii").header["sform_code"] == 0
+
+
+def test_refusals(tmp_path: Path) -> None:
+    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
+    assert ".npy, .png, .nii, .nii.gz" in fails(
+        2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.svg",
+    )
+    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz")
+    plane = nibabel.load(tmp_path / "m.nii.gz")
+    assert np.array_equal(np.squeeze(np.asarray(plane.dataobj)), HILLS > 100.5)
+    (tmp_path / "m.nii.gz").unlink()
+    (tmp_path / "coarse.iso").write_bytes(isocodec.encode(HILLS, 100.5, precision=1))
+    assert "tolerance below 0.1" in fails(
+        2, "decode", "--what", "above", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy",
+    )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["coarse.iso", "in.iso"]
+
+
+def test_truncated_files_and_several_isovalues(tmp_path: Path) -> None:
+    data = isocodec.encode(HILLS, [100.5, 60.5])
+    (tmp_path / "in.iso").write_bytes(data)
+    result = run("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
+    assert result.exit_code == 0 and "choose another with --isovalue: 60.5" in result.stderr
+    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--isovalue", 60.5)
+    assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 60.5)
+    (tmp_path / "cut.iso").write_bytes(data[:-10])
+    assert "--partial" in fails(5, "decode", "--what", "above", tmp_path / "cut.iso", "-o", tmp_path / "n.npy")
+    result = run("decode", "--what", "above", tmp_path / "cut.iso", "-o", tmp_path / "n.npy", "--partial")
+    assert result.exit_code == 0 and np.array_equal(np.load(tmp_path / "n.npy"), HILLS > 100.5)

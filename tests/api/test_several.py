@@ -1,0 +1,198 @@
+"""Several isovalues of one field: multiples of an interval in, all of them out in one file of another tool."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import BALL, HILLS, fails, ok, run
+from isocodec.errors import OptionError, TruncatedError
+from libraries import Late
+from written import rendered
+
+Image = Late("PIL.Image")
+shapely = Late("shapely")
+shape_of = Late("shapely.geometry.shape")
+
+ISOVALUES = [60.5, 100.5, 80.5]
+
+
+@pytest.fixture(scope="module")
+def data() -> bytes:
+    return isocodec.encode(isocodec.Field(HILLS, placement=(-2.0, 2.0)), ISOVALUES, metadata={"crs": "EPSG:32613"})
+
+
+@pytest.fixture
+def several(tmp_path: Path, data: bytes) -> Path:
+    path = tmp_path / "several.iso"
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_all_isovalues_are_those_one_by_one(data: bytes, smooth: bool) -> None:
+    contours = isocodec.open(data).contours(smooth=smooth)
+    assert [contour.isovalue for contour in contours] == ISOVALUES
+    for contour in contours:
+        alone = isocodec.decode(data, isovalue=contour.isovalue, smooth=smooth)
+        assert np.array_equal(contour.points, alone.points) and np.array_equal(contour.cells, alone.cells)
+        assert contour.complete and contour.placement is not None and alone.placement is not None
+        assert np.array_equal(contour.placement.matrix, alone.placement.matrix)
+        assert contour.placement.crs == alone.placement.crs == "EPSG:32613"
+
+
+def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> None:
+    counts = []
+    for size in range(20, len(data) + 1, 25):
+        contours = isocodec.open(data).contours(max_bytes=size)
+        decoder = isocodec.Decoder()
+        decoder.feed(data[:size])
+        decoder.take()
+        for number, contour in enumerate(contours):
+            assert np.array_equal(contour.points, decoder.contour(number).points)
+        counts.append(len(contours))
+    assert counts == sorted(counts) and {1, 3} <= set(counts) <= {1, 2, 3}
+    with pytest.raises(TruncatedError):
+        isocodec.open(data[:-1]).contours()
+    for size in (4, len(data[:5])):
+        with pytest.raises(TruncatedError, match="before its curve begins"):
+            isocodec.open(data).contours(max_bytes=size)
+    with pytest.raises(OptionError):
+        isocodec.open(data).contours(max_bytes=0)
+
+
+def test_geojson_has_a_feature_for_each(several: Path, data: bytes, tmp_path: Path) -> None:
+    out = tmp_path / "all.geojson"
+    contours = isocodec.open(data).contours()
+    record = json.loads(ok("decode", several, "-o", out, "--json", "--keep-crs"))
+    assert record["isovalues"] == ISOVALUES and record["points"] == sum(len(c.points) for c in contours)
+    whole = json.loads(out.read_text())
+    assert whole["type"] == "FeatureCollection" and whole["crs"]["properties"]["name"].endswith("EPSG::32613")
+    assert [feature["properties"]["isovalue"] for feature in whole["features"]] == ISOVALUES
+    for feature, contour in zip(whole["features"], contours, strict=True):
+        assert feature["type"] == "Feature" and "crs" not in feature
+        assert shape_of(feature["geometry"]).equals(shape_of(contour.__geo_interface__))
+    ok("decode", several, "-o", out, "--isovalue", 80.5, "--keep-crs")
+    one = json.loads(out.read_text())
+    assert one["type"] == "Feature" and one["properties"]["isovalue"] == 80.5
+
+
+def test_areas_of_higher_isovalues_lie_within_those_of_lower_ones(several: Path, tmp_path: Path) -> None:
+    out = tmp_path / "areas.geojson"
+    ok("decode", several, "-o", out, "--what", "areas", "--side", "above", "--keep-crs")
+    features = json.loads(out.read_text())["features"]
+    areas = {feature["properties"]["isovalue"]: shape_of(feature["geometry"]) for feature in features}
+    assert areas[60.5].area > areas[80.5].area > areas[100.5].area > 0
+    for low, high in ((60.5, 80.5), (80.5, 100.5)):
+        assert shapely.difference(areas[high], areas[low]).area == pytest.approx(0, abs=1e-9)
+
+
+def test_svg_has_a_group_for_each(several: Path, data: bytes, tmp_path: Path) -> None:
+    out = tmp_path / "all.svg"
+    ok("decode", several, "-o", out)
+    groups = list(ElementTree.parse(out).getroot().findall(".//{*}g"))
+    assert [group.findtext("{*}title") for group in groups] == [f"isovalue {v:g}" for v in ISOVALUES]
+    for group, contour in zip(groups, isocodec.open(data).contours(), strict=True):
+        assert len(list(group.findall(".//{*}path"))) == len(contour.lines)
+
+
+@pytest.mark.parametrize("count", [2, 40])
+def test_picture_of_curves_has_a_colour_for_each(count: int) -> None:
+    """The legend, or beyond a dozen the bar, lies beside the picture of a single curve."""
+    isovalues = np.linspace(40.25, 120.25, count)
+    contours = isocodec.open(isocodec.encode(HILLS, isovalues.tolist(), precision="signs")).contours()
+    picture = np.asarray(Image.open(io.BytesIO(rendered(contours, ".png"))).convert("RGB")).astype(int)
+    alone = np.asarray(Image.open(io.BytesIO(rendered(contours[0], ".png"))))
+    assert picture.shape[0] == alone.shape[0] and picture.shape[1] > alone.shape[1]
+    strong = np.abs(picture - picture.mean(axis=2, keepdims=True)).max(axis=2) > 40
+    assert len(np.unique(picture[strong] // 64, axis=0)) >= min(count, 5)
+
+
+def test_pictures_of_surfaces_stand_side_by_side(tmp_path: Path) -> None:
+    path, out = tmp_path / "shells.iso", tmp_path / "shells.png"
+    low, high = np.quantile(BALL, [0.3, 0.6])
+    path.write_bytes(isocodec.encode(BALL, [float(low), float(high)], precision="signs"))
+    ok("decode", path, "-o", out)
+    drawn = np.asarray(Image.open(out).convert("L")) < 250
+    assert drawn.shape == (450, 900)
+    assert drawn[40:, :450].mean() > 0.05 and drawn[40:, 450:].mean() > 0.05
+
+
+@pytest.mark.parametrize("options", [["--layers", 3], []])
+def test_others_are_named_where_only_one_is_written(several: Path, tmp_path: Path, options: list[object]) -> None:
+    out = tmp_path / ("one.svg" if options else "one.npz")
+    result = run("decode", several, "-o", out, *options)
+    assert result.exit_code == 0 and "choose another with --isovalue: 100.5 or 80.5" in result.stderr
+
+
+def test_formats_that_hold_one(data: bytes) -> None:
+    with pytest.raises(OptionError, match="several contours"):
+        rendered(isocodec.open(data).contours(), ".npz")
+
+
+def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: Path) -> None:
+    several.write_bytes(data[: len(data) * 2 // 3])
+    out = tmp_path / "cut.geojson"
+    assert "--partial" in fails(5, "decode", several, "-o", out)
+    assert not out.exists()
+    assert "as far as possible" in run("decode", several, "-o", out, "--partial").stderr
+    features = json.loads(out.read_text())["features"]
+    assert [feature["properties"]["complete"] for feature in features] == [False] * len(features)
+    several.write_bytes(b"")
+    assert "is empty" in fails(5, "decode", several, "-o", out, "--partial")
+
+
+def multiples(field: np.ndarray, interval: float, tmp_path: Path, *options: object) -> list[float]:
+    np.save(tmp_path / "field.npy", field)
+    args = ("encode", tmp_path / "field.npy", "-o", tmp_path / "i.iso", "--interval", interval, "--json", *options)
+    return list(json.loads(ok(*args))["isovalues"])
+
+
+def test_multiples_of_an_interval(tmp_path: Path) -> None:
+    """Those that divide the samples: the greatest lies above none, the least, if it is a sample, below others."""
+    assert multiples(HILLS, 20, tmp_path) == list(range(-(-int(HILLS.min()) // 20) * 20, int(HILLS.max()), 20))
+    ramp = np.tile(np.linspace(-0.3, 0.4, 8), (4, 1))
+    assert multiples(ramp, 0.1, tmp_path)[1:] == [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3]
+    assert multiples(np.array([[-4, 4], [0, 4]]), 4, tmp_path) == [-4, 0]
+    assert multiples(np.array([[-4, 4], [0, 4]]), 4, tmp_path, "--offset", 0.5) == [-3.5, 0.5]
+    holed = HILLS.astype(np.float32)
+    holed[3:5, 7] = np.nan
+    assert multiples(holed, 20, tmp_path, "--missing", "nearest") == multiples(HILLS, 20, tmp_path)
+
+
+def test_intervals_that_fit_no_file(tmp_path: Path) -> None:
+    path, out = tmp_path / "hills.npy", tmp_path / "out.iso"
+    np.save(path, HILLS)
+    for wrong in ("0", "-1", "nan", "inf"):
+        assert "greater than 0" in fails(2, "encode", path, "-o", out, "--interval", wrong)
+    assert "cannot be combined" in fails(2, "encode", path, "-o", out, "--interval", 20, "--isovalue", 30)
+    assert "a file holds at most 4,096" in fails(3, "encode", path, "-o", out, "--interval", 0.01)
+    np.save(path, HILLS + 1)
+    assert "no multiple" in fails(3, "encode", path, "-o", out, "--interval", 1000)
+    np.save(path, np.full((9, 9), 7.5))
+    assert fails(3, "encode", path, "-o", out, "--interval", 2).endswith("the data are all 7.5: they have no contours")
+    np.save(path, np.array([[0.0, np.inf], [1.0, 2.0]]))
+    assert "infinite" in fails(3, "encode", path, "-o", out, "--interval", 1)
+    np.save(path, np.full((3, 3), np.nan))
+    assert "missing" in fails(3, "encode", path, "-o", out, "--interval", 1, "--missing", "below")
+    assert not out.exists()
+
+
+def test_one_warning_of_all_isovalues_that_are_samples(tmp_path: Path) -> None:
+    np.save(tmp_path / "hills.npy", HILLS)
+    result = run("encode", tmp_path / "hills.npy", "-o", tmp_path / "out.iso", "--interval", 20)
+    assert result.exit_code == 0
+    assert result.stderr.count("warning:") == 1 and "one of " in result.stderr
+
+
+def test_isovalues_outside_constant_data(tmp_path: Path) -> None:
+    np.save(tmp_path / "flat.npy", np.full((9, 9), 7.5))
+    for isovalue in (7.5, 8):
+        result = run("encode", tmp_path / "flat.npy", "-o", tmp_path / "out.iso", "--isovalue", isovalue)
+        assert f"the isovalue {isovalue} lies outside the data, which are all 7.5: the curve is empty" in result.stderr

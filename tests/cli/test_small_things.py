@@ -1,0 +1,88 @@
+"""Small things of the command line and the library: what is dropped is said, and no text comes twice."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import run
+from home import ROOT
+from isocodec.api.thinned import thin
+from isocodec.cli import main
+from isoconform.damage import damaged
+from tables import looped
+
+
+@looped("command", sorted(main.commands))
+def test_help_says_nothing_twice(command: str) -> None:
+    """No paragraph begins as another one does, and no list of suffixes has one twice."""
+    text = run(command, "--help").stdout
+    paragraphs = [re.sub(r"\s+", " ", part).strip() for part in text.split("\n\n")]
+    openings = [part[:40] for part in paragraphs if len(part) > 40]
+    assert len(openings) == len(set(openings))
+    for line in re.findall(r"(?:\.[a-z0-9.]+[a-z0-9], )+\.[a-z0-9.]+[a-z0-9]", re.sub(r"\s+", " ", text)):
+        assert len(line.split(", ")) == len(set(line.split(", "))), line
+
+
+def test_an_option_that_is_given_twice_is_said(tmp_path: Path) -> None:
+    source = tmp_path / "a.iso"
+    isocodec.save(source, np.arange(64).reshape(8, 8), 30.5)
+    done = run("edit", source, "-o", tmp_path / "b.iso", "--precision", 1, "--precision", "signs")
+    assert done.exit_code == 0 and "--precision is given twice; the last one counts" in done.stderr
+
+
+@pytest.mark.parametrize("layers", ["crossing", "0", "-1", "1.5"])
+def test_layers_of_a_surface_are_a_number(tmp_path: Path, layers: str) -> None:
+    np.save(tmp_path / "a.npy", np.arange(64).reshape(8, 8) ** 2)
+    done = run("encode", tmp_path / "a.npy", "-o", tmp_path / "a.iso", "--surface", "--error", 5, f"--layers={layers}")
+    assert done.exit_code == 2 and "--layers" in done.stderr and "internal" not in done.stderr
+    assert not (tmp_path / "a.iso").exists()
+
+
+def test_isovalues_in_notes_are_short() -> None:
+    data = isocodec.encode(thin(np.arange(64).reshape(8, 8) / 10.0, contours=[0.3, 0.7], tolerance=0.2))
+    assert isocodec.open(data).metadata["promise"].endswith(" at 0.3 0.7")
+
+
+def test_bytes_bound_the_validity_of_a_surface() -> None:
+    field = np.random.default_rng(1).integers(0, 900, (40, 40))
+    data = isocodec.encode(thin(field, to=800, layers=4))
+    file = isocodec.open(data)
+    assert file.held.valid().all()
+    with pytest.raises(isocodec.IsoError):
+        file.held.valid(8)
+
+
+@pytest.mark.parametrize("kind", ["grid", "mesh", "surface", "cut"])
+def test_the_kit_damages_every_kind_of_file(kind: str) -> None:
+    square = np.arange(64).reshape(8, 8)
+    mesh = isocodec.Mesh([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 1, 2], [1, 3, 2]], [0, 1, 1, 2], stored="whole")
+    data = isocodec.encode(thin(square**2, to=20)) if kind == "surface" else isocodec.encode(
+        mesh if kind == "mesh" else square, 0.5 if kind == "mesh" else 30.5
+    )
+    data = data[: len(data) // 2] if kind == "cut" else data
+    assert len({damaged(data, Random(seed)) for seed in range(300)}) > 50
+
+
+def test_every_extra_is_in_the_table() -> None:
+    root = ROOT
+    table = (root / "docs" / "installation.md").read_text()
+    listed = (root / "pyproject.toml").read_text().split("[project.optional-dependencies]")[1].split("\n[")[0]
+    extras = re.findall(r"^(\w+) = \[", listed, re.MULTILINE)
+    assert len(extras) > 15
+    assert [extra for extra in extras if extra != "all" and f"| `{extra}` |" not in table] == []
+
+
+@pytest.mark.parametrize(("unit", "written"), [(None, "units of x"), ("mm", "mm"), ("mm um", "mm")])
+def test_a_scale_bar_has_a_unit(tmp_path: Path, unit: str | None, written: str) -> None:
+    y, x = np.mgrid[0:40, 0:50]
+    notes = {"placement": "0 3 0 3 0 0", **({"coordinate_unit": unit} if unit else {})}
+    data = isocodec.encode((x + 2 * y).astype(np.int16), [30.5, 60.5], metadata=notes)
+    (tmp_path / "a.iso").write_bytes(data)
+    assert run("plot", tmp_path / "a.iso", "--map", "-o", tmp_path / "a.svg").exit_code == 0
+    assert re.search(rf">\d+ {written}<", (tmp_path / "a.svg").read_text())

@@ -1,0 +1,495 @@
+"""Fuzzing of decoders: files from the syntax, damage, the batch protocol, what is found, and the annotated dump."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import textwrap
+import zlib
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from home import ROOT
+from isocodec import encode
+from isocodec.errors import KernelError
+from isocodec.format.program import Progress, read_program
+from isoconform import strategies
+from isoconform.__main__ import main
+from isoconform.damage import damaged, fields_of, torn
+from isoconform.decoders import Answer, Batch, Command, Reference, Request
+from isoconform.dump import COMPLETE, CUT_OFF, REFUSED, dump
+from isoconform.explain import explanation
+from isoconform.fuzz import STATE, Campaign, Trial, trials_of, verdict
+from isoconform.growing import grown, probe
+from isoconform.manifest import default_directory
+from isoconform.properties import check, try_encoder
+from isoconform.shrink import shrunk
+from isoconform.streams import Chunk, File
+from isoconform.syntax import any_bits, any_file, any_header, any_program, any_taste, bare_file
+from isospec.elements import ELEMENTS
+from tables import looped
+
+VECTORS = default_directory()
+SPEC = ROOT / "spec" / "iso.md"
+ANNEX_D = bytes.fromhex("8949534f00400412210ac22f22aee379e8a4ea7d22c0f797")
+"""The file that annex D of the specification explains byte by byte."""
+EMPTY = bytes.fromhex("8949534f 00 00 0302 01")
+"""A header: 3 x 2 samples, baseline, isovalue -1/2."""
+
+
+@pytest.fixture
+def importable(monkeypatch):
+    """Processes started by a test import what it does."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
+
+
+@pytest.fixture
+def annex(tmp_path):
+    path = tmp_path / "annex d.iso"
+    path.write_bytes(ANNEX_D)
+    return path
+
+
+# --- files from the syntax ------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_put_together_byte_by_byte():
+    """Head, length, payload, own checksum, and that of the file."""
+    chunk = Chunk(20, b"ab", True, True)
+    own = bytes.fromhex("f4 02 61 62")
+    start = EMPTY + own + zlib.crc32(own).to_bytes(4, "big")
+    assert bytes(File(EMPTY, (chunk,))) == start + zlib.crc32(start).to_bytes(4, "big")
+    assert chunk.enveloped() == b"\xd4\x02ab" + zlib.crc32(b"\xd4\x02ab").to_bytes(4, "big")
+
+
+class First(Random):
+    """Chooses the first of all things and the least of all numbers."""
+
+    def randrange(self, *_):
+        return 0
+
+    def randint(self, least, _):
+        return least
+
+    def choice(self, things):
+        return things[0]
+
+    def choices(self, things, *_, **__):
+        return [things[0]]
+
+
+def test_least_choices_make_the_least_file():
+    """One sample a side, told once or apart; base at level 0, no bits of values."""
+    head = any_header(First())
+    # version 0; scaled (0x20), isovalue as binary64 (2 << 3), two axes, baseline; a side of 1 for each axis
+    assert head.data[:8] == bytes.fromhex("8949534f 00 30 01 01")
+    assert head.shape == (1, 1)
+    assert any_bits(First()) == ((0, 0), b"\x00")
+    assert any_program(First(), Progress(0), any_taste(First())) == bytes([0x0F])
+
+
+@looped("seed", range(40))
+def test_programs_follow_on_one_another(seed):
+    """Each says what the reader makes of it, and stands where that stands."""
+    random = Random(seed)
+    before = Progress(random.choice((0, 4, 6, 12, 48)))
+    for _ in range(3):
+        after = before.copy()
+        program = any_program(random, after, any_taste(random))
+        if program:
+            read = before.copy()
+            found = read_program(program, 0, len(program), read)
+            assert found is not None and found[1] == len(program)
+            assert read == after
+        before = after
+
+
+def test_files_reach_what_encoders_do_not_write():
+    """Of 120 files most are whole and valid, some are cut off, a few are an error; all kinds of layers come in them."""
+    outputs = [dump(any_file(Random(seed))) for seed in range(120)]
+    codes = [output.exit_code for output in outputs]
+    assert codes.count(COMPLETE) > 60 and codes.count(CUT_OFF) > 8 and 2 < codes.count(REFUSED[0]) < 30
+    assert {name for output in outputs for name, count in output.symbols.items() if count} == set(ELEMENTS)
+    kinds = {event.layer.kind for output in outputs for event in output.events if hasattr(event, "layer")}
+    assert kinds == {"base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets", "raster"}
+    assert any("isovalue 1" in output.text for output in outputs)
+
+
+def test_files_are_small():
+    sizes = sorted(len(any_file(Random(seed))) for seed in range(60))
+    assert sizes[30] < 64 and sizes[-1] < 300
+
+
+def test_a_seed_is_a_file():
+    assert trials_of(3, 17) == trials_of(3, 17) != trials_of(4, 17)
+
+
+def test_a_run_grows_past_its_errors():
+    """Random bytes behind a base find a component where one has been soon; what is grown does not."""
+    start = EMPTY + bytes.fromhex("01 c0 00 0f")
+    found = [grown(start, Random(seed), 12)[1] for seed in range(10)]
+    assert all(probe.error is None for probe in found)
+    once = [grown(start, Random(seed), 12, 1)[1] for seed in range(10)]
+    assert any(probe.error is not None for probe in once)
+
+
+# --- damage ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["plane_isovalues_between_chunks", "space_index", "plane_chunk_checksums"])
+def test_files_are_taken_apart_and_put_together(name):
+    data = (VECTORS / f"{name}.iso").read_bytes()
+    file = torn(data)
+    assert file is not None and file.whole and bytes(file) == data
+    assert bytes(fields_of(file.header)) == file.header
+    start = torn(data[:-9])
+    assert start is not None and not start.whole and bytes(start) == data[:-9]
+
+
+def test_damage_reaches_many_clauses():
+    """Checksums are repaired: it is the damage that a decoder sees."""
+    clauses = {probe(damaged(bare_file(Random(seed)), Random(seed))).error for seed in range(300)}
+    found = {error.clause for error in clauses if error is not None}
+    assert found >= {"3.3.3", "3.3.4", "3.4.2", "3.4.4", "3.5.2", "3.5.5", "3.6", "6.3"}
+
+
+# --- decoders under test --------------------------------------------------------------------------------------------
+
+BATCH = "{python} -m isoconform dump --batch"
+
+
+def test_batch_protocol_of_the_reference(annex, importable):
+    """A line with code and length, then the text; a start of the file; a field, and a kind of it, that is not known."""
+    asked = f"{annex}\n{annex}\tbytes=9\n{annex}\tlayers=1\tpiece=1\n{annex}\tcolour=3\n{annex}\tlayers=x\n"
+    done = subprocess.run(
+        [sys.executable, "-m", "isoconform", "dump", "--batch"], input=asked.encode(), capture_output=True, check=True
+    )
+    expected = b""
+    for output in (dump(ANNEX_D), dump(ANNEX_D[:9]), dump(ANNEX_D, layers=1)):
+        expected += f"{output.exit_code} {len(output.text)}\n{output.text}".encode()
+    assert done.stdout == expected + b"-\n-\n"
+
+
+def test_batch_answers_in_order(annex, importable):
+    decoder = Batch(BATCH)
+    requests = [Request(annex), Request(annex, size=12), Request(annex, layers=2), Request(annex, piece=1)]
+    for request in requests:
+        decoder.ask(request)
+    outputs = [dump(ANNEX_D), dump(ANNEX_D[:12]), dump(ANNEX_D, layers=2), dump(ANNEX_D)]
+    assert [decoder.answer() for _ in requests] == [Answer(o.exit_code, o.text) for o in outputs]
+    decoder.close()
+
+
+def script(tmp_path: Path, body: str) -> str:
+    """Command of a batch decoder: ``body`` answers ``data``, ``asked`` by ``say(code, text)``."""
+    path = tmp_path / "decoder.py"
+    path.write_text(
+        "import os, sys, time\n"
+        "from isoconform.dump import dump\n"
+        "def say(code, text):\n"
+        "    sys.stdout.write(f'{code} {len(text)}\\n{text}')\n"
+        "    sys.stdout.flush()\n"
+        "for line in sys.stdin:\n"
+        "    name, *fields = line.rstrip('\\n').split('\\t')\n"
+        "    asked = {key: int(number) for key, number in (field.split('=') for field in fields)}\n"
+        "    data = open(name, 'rb').read()[: asked.get('bytes')]\n" + textwrap.indent(textwrap.dedent(body), "    ")
+    )
+    return f"{{python}} '{path}'"
+
+
+def test_a_decoder_that_dies_is_started_again(tmp_path, importable):
+    """The file that killed it counts as a crash, those behind it are answered."""
+    body = """
+        if len(data) == 3:
+            os._exit(4)
+        say(0, 'x' * len(data))
+    """
+    decoder = Batch(script(tmp_path, body))
+    for size in (1, 3, 2, 3):
+        path = tmp_path / f"{size}.iso"
+        path.write_bytes(bytes(size))
+        decoder.ask(Request(path))
+    answers = [decoder.answer() for _ in range(4)]
+    decoder.close()
+    assert [answer.trouble.partition(":")[0] for answer in answers] == ["", "crash", "", "crash"]
+    assert (answers[0], answers[2]) == (Answer(0, "x"), Answer(0, "xx"))
+
+
+@pytest.mark.parametrize(
+    ("body", "trouble"),
+    [("time.sleep(60)", "hang"), ("print('nonsense', flush=True)", "crash"), ("say(0, 'a'); sys.exit()", "")],
+)
+def test_troubles_of_a_batch(tmp_path, annex, importable, body, trouble):
+    """No answer in time; one that is none; an end between files, which is noticed at the next one only."""
+    decoder = Batch(script(tmp_path, body), timeout=5 if trouble == "hang" else None)
+    decoder.ask(Request(annex))
+    answer = decoder.answer()
+    decoder.close()
+    assert answer is not None and answer.trouble.partition(":")[0] == trouble
+
+
+def test_memory_of_a_decoder_is_limited(tmp_path, annex):
+    """It fails to allocate what is over the limit."""
+    pytest.importorskip("resource")
+    allocates = "{python} -c 'bytearray(1 << 31)' {file}"
+    limited, free = Command(allocates, memory=1 << 30), Command("{python} -c 'pass' {file}", memory=1 << 30)
+    for decoder, code in ((limited, 1), (free, 0)):
+        decoder.ask(Request(annex))
+        answer = decoder.answer()
+        assert answer is not None and answer.code == code
+
+
+def test_commands_are_given_starts_of_files(annex, importable):
+    """As files of their own, which are gone afterwards; pieces only if the command says where they go."""
+    decoder = Command("{python} -m isoconform dump {file}")
+    for request in (Request(annex, size=16), Request(annex, piece=1), Request(annex, layers=1)):
+        decoder.ask(request)
+    cut = dump(ANNEX_D[:16])
+    assert [decoder.answer() for _ in range(3)] == [Answer(cut.exit_code, cut.text), None, None]
+    assert [path.name for path in annex.parent.iterdir()] == [annex.name]
+
+
+def test_vectors_by_batch(capsys, importable):
+    """The runner, with the state after each layer, through one process."""
+    names = ["plane_values_interleaved", "plane_ends_in_values", "bad_trailing"]
+    only = [word for name in names for word in ("--only", name)]
+    assert main(["run", "--layers", "--batch", "--decoder", BATCH, *only]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "3 passed, 0 failed"
+
+
+# --- campaigns ------------------------------------------------------------------------------------------------------
+
+
+@looped(
+    ("expected", "answer", "sort"),
+    [
+        (0, Answer(0, "text"), ""), (0, Answer(0, "next"), STATE), (5, Answer(0, "text"), "exit code 0 instead of 5"),
+        (4, Answer(6, ""), ""), (4, Answer(4, "text"), "refused with a text"),
+        (0, Answer(-11, trouble="crash: x"), "crash"), (0, Answer(6, ""), "exit code 6 instead of 0"),
+    ],
+)
+def test_verdicts(expected, answer, sort):
+    output = dump(ANNEX_D)
+    wanted = type(output)(expected, "text" if expected in (0, 5) else "")
+    assert verdict(wanted, answer) == sort
+
+
+def test_our_own_decoder_has_no_findings():
+    """Whole, in pieces, cut, some layers."""
+    campaign = Campaign(Reference(), seed=1, files=100, minutes=5)
+    assert list(campaign.run()) == []
+    assert campaign.report.files > 90 and campaign.report.questions > campaign.report.files
+
+
+@pytest.mark.parametrize("fault", [IndexError("an index out of bounds"), KernelError("an array with gaps", code="x")])
+def test_faults_of_our_own_kernels_are_findings(tmp_path, monkeypatch, capsys, importable, fault):
+    """They are no verdict on a file that both of two decoders agree on."""
+
+    def broken(*_):
+        raise fault
+
+    monkeypatch.setattr("isocodec.grid.passes.base.base", broken)
+    code = main(["fuzz", "--files", "30", "--shrink", "1", "--most", "3", "--json", "--out", str(tmp_path)])
+    (finding,) = json.loads(capsys.readouterr().out)["findings"]
+    assert (code, finding["sort"]) == (1, "crash")
+    assert f"{type(fault).__name__}: {fault}" in finding["reason"]
+    assert finding["reason"] in (tmp_path / "finding_01.md").read_text()
+    with pytest.raises(type(fault)):
+        dump(ANNEX_D)
+
+
+def test_a_decoder_that_breaks_off_while_it_explains(tmp_path, importable):
+    """Then what it said last stands there."""
+    assert explanation(tmp_path / "nothing.iso").startswith("isoconform: ")
+
+
+FAULTS = {
+    "a sign": "say(output.exit_code, output.text.replace('v 1 1 1', 'v 1 1 0'))",
+    "exit code": "say(0 if output.exit_code == 5 else output.exit_code, output.text)",
+    "crash": "os._exit(3) if output.symbols.get('offset_bit') else say(output.exit_code, output.text)",
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_faults_are_found(tmp_path, capsys, importable, fault):
+    """And saved: the file, shrunk, the expected text, and a report with an annotated dump."""
+    command = script(tmp_path, f"output = dump(data, layers=asked.get('layers', 0))\n{FAULTS[fault]}")
+    code = main(["fuzz", "--batch", "--decoder", command, "--files", "400", "--most", "1", "--json",
+                 "--shrink", "4", "--out", str(tmp_path / "out")])
+    report = json.loads(capsys.readouterr().out)
+    (finding,) = report["findings"]
+    assert code == 1
+    # a process that dies takes its time to start again
+    assert finding["bytes"] <= (finding["bytes_before"] if fault == "crash" else 80)
+    assert finding["sort"] == {"a sign": STATE, "exit code": "exit code 0 instead of 5", "crash": "crash"}[fault]
+    data = (tmp_path / "out" / "finding_01.iso").read_bytes()
+    assert data.hex() == finding["hex"]
+    assert (tmp_path / "out" / "finding_01.txt").read_text() == dump(data).text
+    text = (tmp_path / "out" / "finding_01.md").read_text()
+    assert finding["reason"] in text and "exit code" in text.splitlines()[-1]
+    if len(data) >= 4:
+        assert "signature (3.3.1)" in text
+
+
+def test_kinds_of_questions_that_are_not_known_are_left_out(tmp_path, importable):
+    """A decoder that takes whole files only, as clause 8.2.1(2) allows."""
+    body = """
+        if asked:
+            sys.stdout.write('-\\n'); sys.stdout.flush()
+        else:
+            output = dump(data); say(output.exit_code, output.text)
+    """
+    campaign = Campaign(Batch(script(tmp_path, body)), files=40, minutes=5)
+    assert list(campaign.run()) == []
+    assert campaign.report.unknown == {"cut", "in pieces", "some layers"}
+    assert campaign.report.questions == campaign.report.files
+    campaign.close()
+
+
+def test_trials_say_what_is_asked():
+    kinds = {trial.kind for number in range(60) for trial in trials_of(0, number)}
+    assert kinds == {"whole", "cut", "in pieces", "some layers"}
+    assert Trial(0, b"abc", 2).there == b"ab"
+
+
+@pytest.mark.parametrize("arguments", [["--batch"], ["--encoder", "--decoder", "x {file}"], ["--decoder", "cat"]])
+def test_usage_errors(capsys, arguments):
+    assert main(["fuzz", *arguments]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+# --- shrinking ------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_shrunk_to_what_matters():
+    """To a vertex above, of a vector of 150 bytes: a header, a base, and the fewest bytes that say so."""
+    data = (VECTORS / "plane_isovalues_between_chunks.iso").read_bytes()
+
+    def holds(other):
+        output = dump(other)
+        return output.exit_code == COMPLETE and re.search(r"^v .* 1$", output.text, re.MULTILINE) is not None
+
+    assert not holds(b"") and holds(data)
+    small = shrunk(data, holds)
+    assert holds(small)
+    # signature, version, flags, sides, isovalue; head, length, program, run; checksum
+    assert len(small) <= 4 + 1 + 1 + 2 + 1 + 1 + 1 + 1 + 2 + 4
+
+
+def test_shrinking_keeps_to_its_tries():
+    asked = []
+    data = (VECTORS / "plane_values_8_bit.iso").read_bytes()
+    assert shrunk(data, lambda other: bool(asked.append(other)), tries=25) == data
+    assert len(asked) == len(set(asked)) == 25
+
+
+# --- explaining -----------------------------------------------------------------------------------------------------
+
+
+def explained(path: Path) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", "isoconform", "explain", str(path)], capture_output=True, check=True, text=True
+    )
+    return done.stdout
+
+
+def test_annex_d_is_what_the_encoder_writes():
+    field = np.array([[1, 2, 2, 1], [2, 6, 7, 2], [1, 5, 8, 3], [0, 2, 3, 1]])
+    assert encode(field, 4.5, precision="exact", layers=2, profile="baseline") == ANNEX_D
+
+
+def test_annex_d_is_explained_as_in_the_specification(annex, importable):
+    """Offsets and bytes of its table; for each of 46 symbols element, probability, range and bit."""
+    text, spec = explained(annex), SPEC.read_text(encoding="utf-8")
+    annex_d = spec[spec.index("### D.1") : spec.index("### D.3")]
+    rows = re.findall(r"^\| (\d+) \| ((?:[0-9a-f]{2} ?)+) \| \w", annex_d, re.MULTILINE)
+    expected = [(int(offset), part.strip()) for offset, part in rows]
+    # the bits of values stand with the operation that they belong to
+    expected = [(11, "2f 22") if offset == 11 else (offset, part) for offset, part in expected if offset != 12]
+    found = re.findall(r"^ +(\d+)  ((?:[0-9a-f]{2} ?)+)  ", text, re.MULTILINE)
+    assert [(int(offset), part.strip()) for offset, part in found] == expected
+    pattern = r"^\| \d+ \| ([\w ]+) \| (\w+)[^|]* \| (\d+) \| ([0-9a-f]+) \| [0-9a-f]+ \| [0-9a-f]+ \| ([01]) \|"
+    symbols = re.findall(pattern, annex_d, re.MULTILINE)
+    assert len(symbols) == 46
+    pattern = r"^ +\d+  ([\w ]+), (\w+)[^:]*: p = (\d+)/65536, range ([0-9a-f]+), bit ([01])"
+    spoken = re.findall(pattern, text, re.MULTILINE)
+    assert [(*s[:3], int(s[3], 16), s[4]) for s in spoken] == [(*s[:3], int(s[3], 16), s[4]) for s in symbols]
+    assert "CURVE(0, 3, 1, 0, 2, 0)" in text and "VALUE_NEAR(0, 1, 2)" in text
+    assert "(2, 0) below; (2, 2) above" in text and "(2, 2) number 3, 0 bits missing" in text
+    state = spec[spec.index("### D.4") : spec.index("## Annex E")].split("\n    ")[1:]
+    assert [line.strip() for line in state] == dump(ANNEX_D).text.splitlines()
+    assert text.splitlines()[-1] == "exit code 0, profile baseline, 46 symbols: complete"
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("plane_main_vertex_2x9", ["profile main", "[network 5, kind ", "offsets, 9 parts of 2 samples", "part "]),
+        ("bad_chunk_checksum", ["wrong, it is", "exit code 4", "[spec 3.5.3]"]),
+        ("plane_ends_in_header", ["not read", "no symbols", "exit code 5"]),
+        ("plane_isovalues_random_leaf_base", ["leans on isovalue 0", "leaf base at level", "adapt at level"]),
+        ("plane_cut_run_60", ["symbols to be decoded (3.5.4)"]),
+        ("bad_further_digits_long", ["[spec 3.3.4]"]),
+    ],
+)
+def test_any_file_is_explained(importable, name, parts):
+    """All of its bytes, and as many symbols as the reference counts."""
+    path = VECTORS / f"{name}.iso"
+    text = explained(path)
+    assert [part for part in parts if part not in text] == []
+    rows = re.findall(r"^ +\d+  ((?:[0-9a-f]{2} ?)+)(?:  |$)", text.split("\n\n")[1], re.MULTILINE)
+    assert bytes.fromhex("".join(rows)) == path.read_bytes()
+    output = dump(path.read_bytes())
+    if output.symbols:
+        assert f", {sum(output.symbols.values())} symbols: " in text
+
+
+# --- strategies and properties --------------------------------------------------------------------------------------
+
+
+@settings(max_examples=15)
+@given(st.data())
+def test_strategies_of_files(data):
+    """Hypothesis makes them, too; in pieces they are the same."""
+    file = data.draw(st.one_of(strategies.files(), strategies.damaged_files()))
+    parts = data.draw(strategies.pieces(file))
+    assert b"".join(parts) == file
+    assert file.startswith(data.draw(strategies.cuts(file)))
+
+
+def test_the_encoder_is_tried():
+    """As many fields as there is time for, at least one round."""
+    assert try_encoder(1e-6) > 0
+
+
+def test_wrong_signs_are_noticed():
+    """A file of another field, and one whose start is another file's."""
+    field = strategies.checkers((4, 4))
+    data, other = encode(field, 0.5), encode(1 - field, 0.5)
+    check(field, 0.5, data, [data], data[:9])
+    with pytest.raises(AssertionError, match="sign"):
+        check(field, 0.5, other, [other], b"")
+    with pytest.raises(AssertionError, match="pieces"):
+        check(field, 0.5, data, [other], b"")
+
+
+def test_isoconform_works_without_hypothesis(importable):
+    """It is asked for only where fuzzing of the encoder is."""
+    program = (
+        "import sys; sys.modules['hypothesis'] = None\n"
+        "from isoconform.__main__ import main\n"
+        "assert main(['--only', 'bad_trailing']) == 0\n"
+        "assert main(['fuzz', '--files', '2']) == 0\n"
+        "sys.exit(main(['fuzz', '--encoder']))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "pip install '.[dev]'" in done.stderr

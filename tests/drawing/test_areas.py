@@ -1,0 +1,129 @@
+"""Areas: polygons that hold the samples of one side, and with those of the other side make up the box."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import isocodec
+from brute import examples
+from commands import fails, ok
+from isocodec import Contour
+from isocodec.errors import OptionError, TruncatedError
+from libraries import Late
+from places import matrix
+
+shapely = Late("shapely")
+shape_of = Late("shapely.geometry.shape")
+
+SHAPES = st.tuples(*[st.integers(2, 14)] * 2)
+
+
+def both(contour):
+    above, below = (shape_of(contour.areas(above=side)) for side in (True, False))
+    box = (contour.shape[0] - 1) * (contour.shape[1] - 1)
+    assert above.is_valid and below.is_valid
+    assert above.area + below.area == pytest.approx(box)
+    assert above.intersection(below).area == pytest.approx(0, abs=1e-6)
+    return above, below
+
+
+def covered(area, shape):
+    rows, columns = np.indices(shape)
+    shapely.prepare(area)
+    return shapely.intersects(area, shapely.points(columns, rows))
+
+
+@given(SHAPES, st.integers(0, 2**32 - 1), st.sampled_from([{}, {"precision": "signs"}, {"profile": "baseline"}]))
+@examples(60)
+def test_samples_lie_in_the_area_of_their_side(shape, seed, way):
+    rng = np.random.default_rng(seed)
+    field = rng.normal(size=shape) + rng.normal()
+    data = isocodec.encode(field, 0.1, **way)
+    above, below = both(isocodec.decode(data))
+    mask = isocodec.open(data).above()
+    assert np.array_equal(covered(above, shape), mask)
+    assert np.array_equal(covered(below, shape), ~mask)
+
+
+@given(SHAPES, st.integers(0, 2**32 - 1), st.sampled_from([0.3, 1, 3]))
+@examples(30)
+def test_coarse_curves_have_areas_too(shape, seed, tolerance):
+    rng = np.random.default_rng(seed)
+    both(isocodec.decode(isocodec.encode(rng.normal(size=shape), 0.2, precision=tolerance)))
+
+
+@given(SHAPES, st.integers(0, 2**32 - 1))
+@examples(120)
+def test_where_points_fall_together(shape, seed):
+    """Values equal to the isovalue lie on the rings, which touch themselves, one another and the border."""
+    field = np.random.default_rng(seed).integers(0, 4, shape)
+    above, below = both(isocodec.decode(isocodec.encode(field, 1, precision="exact")))
+    for area, inside, outside in ((above, field > 1, field < 1), (below, field < 1, field > 1)):
+        held = covered(area, shape)
+        assert held[inside].all() and not held[outside].any()
+
+
+def test_islands_in_lakes():
+    field = np.zeros((40, 50))
+    for side, value in ((3, 1), (6, 0), (10, 1), (14, 0)):
+        field[side:-side, side:-side] = value
+    field[20, 0] = 1
+    above, below = both(isocodec.decode(isocodec.encode(field, 0.5, precision="signs")))
+    assert sorted(len(part.interiors) for part in above.geoms) == [0, 1, 1]
+    assert sorted(len(part.interiors) for part in below.geoms) == [0, 1, 1]
+
+
+@pytest.mark.parametrize("value", [0, 2])
+def test_without_a_curve_the_box_lies_on_one_side(value):
+    contour = isocodec.decode(isocodec.encode(np.full((3, 6), value), 1))
+    above, below = both(contour)
+    assert (above.area, below.area) == ((10, 0) if value else (0, 10))
+
+
+@pytest.mark.parametrize("placement", [None, (2.0, -3.0), [[0, 5, 100], [4, 0, 7]], [[3, 1, 0], [-1, 3, 0]]])
+def test_rings_in_the_world_run_as_in_geojson(placement):
+    """Exterior counter-clockwise, holes clockwise, whether or not the placement mirrors the plane."""
+    field = np.hypot(*(np.mgrid[:30, :40] - np.array([14, 20]).reshape(2, 1, 1)))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=placement), 9.0))
+    cell = 1.0 if placement is None else abs(np.linalg.det(matrix(contour)[:, :2]))
+    (outside,) = shape_of(contour.areas()).geoms
+    (hole,) = outside.interiors
+    assert outside.exterior.is_ccw and not hole.is_ccw
+    assert outside.area == pytest.approx(cell * (29 * 39 - np.pi * 81), rel=1e-3)
+    corners = contour.place(np.array([(0.0, 0.0), (29.0, 39.0)]))
+    assert all(outside.exterior.distance(shapely.Point(corner)) < 1e-9 for corner in corners)
+
+
+def test_surfaces_and_parts_of_layers_have_none():
+    with pytest.raises(OptionError, match="n = 2"):
+        isocodec.decode(isocodec.encode(np.random.default_rng(1).normal(size=(4, 4, 4)), 0.0)).areas()
+    contour = isocodec.decode(isocodec.encode(np.mgrid[:9, :9][0] * 1.0, 4.2))
+    torn = replace(contour, cells=contour.cells[:-1])
+    with pytest.raises(TruncatedError, match="inside the field"):
+        torn.areas()
+    with pytest.raises(TruncatedError):
+        Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), 1.0, (3, 3), False).areas()
+
+
+def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: Path) -> None:
+    out = tmp_path / "high.geojson"
+    ok("decode", curve, "-o", out, "--what", "areas", "--side", "above")
+    feature = json.loads(out.read_text())
+    assert feature["properties"]["area"] == "above" and feature["properties"]["complete"]
+    field = np.load(hills)
+    assert np.array_equal(covered(shape_of(feature["geometry"]), field.shape), field > 80.5)
+    ok("decode", curve, "-o", out, "--what", "areas", "--side", "below")
+    assert json.loads(out.read_text())["properties"]["area"] == "below"
+    wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--what", "areas", "--side", "above")
+    assert "cannot hold areas: one of .geojson, .gpkg, .fgb, .shp, .parquet" in wrong
+    assert "cannot hold areas of a surface: no format can" in fails(
+        2, "decode", surface, "-o", tmp_path / "high.geojson", "--what", "areas", "--side", "above",
+    )
+    assert not (tmp_path / "high.svg").exists()

@@ -1,0 +1,101 @@
+"""Contours: of parts of a mesh, of nothing, of any signs; and what they offer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from brute import ball, border, noise
+from drawings import check_manifold, check_winding, leaves_of
+from isocodec.drawing.contour import Contour
+from isocodec.drawing.drawing import draw
+from isocodec.drawing.leaves import Leaves
+from isocodec.errors import OptionError
+from tables import looped
+
+# --- parts, nothing, anything ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(12, 12), (7, 7, 7)])
+def test_cells_whose_leaves_are_not_all_there_are_left_out(shape):
+    leaves = leaves_of(noise(shape, 4))
+    whole = draw(leaves)
+    kept = np.random.default_rng(1).random(len(leaves.simplices)) < 0.9
+    part = draw(Leaves(**{**vars(leaves), "simplices": leaves.simplices[kept]}), complete=False)
+    assert whole.complete and not part.complete
+
+    def corners(contour):
+        return {frozenset(map(tuple, cell)) for cell in np.round(contour.points[contour.cells], 9).tolist()}
+
+    assert corners(part) < corners(whole)
+    if len(shape) == 2:
+        assert sum(len(line) - 1 for line in part.lines) == len(part.cells)
+
+
+@looped("full", [True, False])
+@looped("shape", [(5, 7), (4, 6, 9), (1, 6), (1, 1, 1)])
+@looped("values", [True, False])
+def test_nothing_to_draw(shape, full, values):
+    leaves = leaves_of(np.zeros(shape), values=values, size=1 if full else 2, bisections=0 if full else 1)
+    contour = draw(leaves)
+    n = len(shape)
+    assert contour.points.shape == contour.cells.shape == (0, n)
+    assert contour.points.dtype == np.float64 and contour.cells.dtype == np.int64
+    if n == 2:
+        assert contour.lines == []
+        assert contour.__geo_interface__ == {"type": "MultiLineString", "coordinates": ()}
+
+
+signs_2d = hnp.arrays(bool, hnp.array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=7))
+signs_3d = hnp.arrays(bool, hnp.array_shapes(min_dims=3, max_dims=3, min_side=1, max_side=5))
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.one_of(signs_2d, signs_3d), st.booleans())
+def test_any_signs(signs, pad):
+    if pad:
+        signs = np.pad(signs, 1)
+    n = signs.ndim
+    for bisections in (None, *range(n)):
+        size, count = (1, 0) if bisections is None else (2, bisections)
+        leaves = leaves_of(np.zeros(signs.shape), values=False, above=signs, size=size, bisections=count)
+        contour = draw(leaves)
+        assert contour.points.dtype == np.float64 and contour.cells.dtype == np.int64
+        check_manifold(contour)
+        if not signs[border(signs.shape)].any():
+            check_winding(contour, leaves)
+
+
+# --- the result ------------------------------------------------------------------------------------------------------
+
+
+def test_geo_interface_has_columns_as_x():
+    contour = draw(leaves_of(ball((8, 20), (3.5, 14.0), 2.2)))
+    geometry = contour.__geo_interface__
+    (line,) = geometry["coordinates"]
+    assert geometry["type"] == "MultiLineString"
+    assert [(y, x) for x, y in line] == [tuple(p) for p in contour.lines[0].tolist()]
+    shapely = pytest.importorskip("shapely.geometry")
+    assert shapely.shape(contour).bounds == pytest.approx((11.8, 1.3, 16.2, 5.7), abs=0.1)
+
+
+def test_surfaces_have_no_lines_and_no_geo_interface():
+    contour = draw(leaves_of(ball((6, 6, 6), (2.4, 2.6, 2.5), 1.4)))
+    with pytest.raises(OptionError, match="isocontour"):
+        _ = contour.lines
+    assert not hasattr(contour, "__geo_interface__")
+
+
+@pytest.mark.parametrize("shape", [(5,), (2, 2, 2, 2)])
+def test_other_dimensions_are_refused(shape):
+    with pytest.raises(OptionError, match="2 or 3"):
+        draw(leaves_of(noise(shape)))
+
+
+def test_contours_are_immutable():
+    contour = Contour(np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), 0.0, (3, 3))
+    with pytest.raises(AttributeError):
+        contour.isovalue = 1.0  # type: ignore[misc]

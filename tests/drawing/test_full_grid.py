@@ -1,0 +1,202 @@
+"""Drawings of the full grid: against scikit-image, a marching squares written here, and by winding numbers."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from brute import ball, noise
+from drawings import as_set, check_manifold, check_winding, euler, leaves_of, mesh, torus
+from isocodec.drawing.drawing import draw
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+measure = Late("skimage.measure")
+
+BOXES = [(5, 7), (4, 6, 9), (8, 8), (5, 5, 5), (2, 3), (2, 2, 3)]
+
+
+# --- the meshes that these tests draw on -----------------------------------------------------------------------------
+
+
+@looped("shape", BOXES)
+def test_bisection_of_coarse_cubes_ends_at_the_reflected_unit_cubes(shape):
+    def canonical(simplices):
+        return {tuple(map(tuple, s)) for s in simplices.tolist()}
+
+    assert canonical(mesh(shape, 4, 2 * len(shape))) == canonical(mesh(shape))
+
+
+# --- n = 2, full grid ------------------------------------------------------------------------------------------------
+
+
+@looped(("shape", "seed"), [((20, 31), 1), ((33, 8), 2), ((5, 7), 3), ((2, 2), 4), ((2, 9), 5)])
+def test_points_are_those_of_find_contours(shape, seed):
+    field = noise(shape, seed)
+    contour = draw(leaves_of(field, 0.1))
+    # There closed lines repeat their first point.
+    expected = np.concatenate([*measure.find_contours(field, 0.1), np.empty((0, 2))])
+    expected = expected[np.unique(np.round(expected, 10), axis=0, return_index=True)[1]]
+    ours = contour.points[np.lexsort(np.round(contour.points, 10).T[::-1])]
+    assert ours.shape == expected.shape
+    assert np.allclose(ours, expected, atol=1e-9, rtol=0)
+
+
+def test_lines_of_a_smooth_field_are_those_of_find_contours_with_high_values_on_the_left():
+    field = np.maximum(ball((30, 41), (11.3, 12.1), 8.2), ball((30, 41), (20.7, 36.4), 9.1))
+    ours = draw(leaves_of(field)).lines
+    theirs = measure.find_contours(field, 0.0, positive_orientation="high")
+    assert len(ours) == len(theirs) == 2
+
+    def steps(lines):
+        return {
+            (tuple(a), tuple(b)) for line in lines for a, b in itertools.pairwise((np.round(line, 9) + 0.0).tolist())
+        }
+
+    assert steps(ours) == steps(theirs)
+
+
+def marching_squares(field):
+    """Segments as pairs of points in the middle of grid edges; in a saddle the diagonal's corners are connected."""
+    segments = set()
+    for r, c in itertools.product(range(field.shape[0] - 1), range(field.shape[1] - 1)):
+        ring = [(r, c), (r, c + 1), (r + 1, c + 1), (r + 1, c)]
+        up = [bool(field[p] > 0) for p in ring]
+        middles = [tuple((np.array(ring[i]) + ring[(i + 1) % 4]) / 2) for i in range(4)]
+        crossing = [i for i in range(4) if up[i] != up[(i + 1) % 4]]
+        if len(crossing) == 2:
+            segments.add(frozenset(middles[i] for i in crossing))
+        elif crossing:
+            # Cut off the two corners of unequal parity: the other two are the ends of the diagonal.
+            for i in range(4):
+                if sum(ring[i]) % 2:
+                    segments.add(frozenset((middles[i - 1], middles[i])))
+    return segments
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_segments_are_those_of_marching_squares_with_saddles_joined_along_the_diagonal(seed):
+    field = noise((13, 16), seed)
+    contour = draw(leaves_of(field, values=False))
+    drawn = [frozenset(map(tuple, contour.points[cell].tolist())) for cell in contour.cells]
+    assert len(set(drawn)) == len(drawn)
+    assert set(drawn) == marching_squares(field)
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_lines_cover_every_segment_once_and_are_closed_unless_they_end_at_the_border(full):
+    field = noise((24, 19), 7)
+    contour = draw(leaves_of(field) if full else leaves_of(field, size=2, bisections=1))
+    check_manifold(contour)
+    assert sum(len(line) - 1 for line in contour.lines) == len(contour.cells)
+    last = np.array(contour.shape) - 1
+    kinds = [bool((line[0] == line[-1]).all()) for line in contour.lines]
+    assert True in kinds and False in kinds and kinds == sorted(kinds)
+    for line, closed in zip(contour.lines, kinds, strict=True):
+        if not closed:
+            for end in (line[0], line[-1]):
+                assert ((end == 0) | (end == last)).any()
+        assert len(as_set(line, 12)) == len(line) - closed
+
+
+def test_a_single_high_sample_is_wound_counter_clockwise_in_the_plane_of_axis_0_and_axis_1():
+    field = np.full((3, 3), -1.0)
+    field[1, 1] = 3.0
+    (line,) = draw(leaves_of(field)).lines
+    # Crossings 3/4 of the way from the middle to its four neighbours; shoelace area of that square is +2 * 0.75 ** 2.
+    assert as_set(line, 9) == {(0.25, 1.0), (1.0, 0.25), (1.75, 1.0), (1.0, 1.75)}
+    (x0, y0), (x1, y1) = line[:-1].T, line[1:].T
+    assert (x0 * y1 - x1 * y0).sum() / 2 == pytest.approx(1.125)
+
+
+# --- n = 3, full grid ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(14, 14, 14), (4, 6, 9), (2, 2, 3)])
+def test_vertices_of_noise_are_those_of_marching_cubes(shape):
+    field = noise(shape, 3)
+    contour = draw(leaves_of(field, 0.05))
+    check_manifold(contour)
+    vertices = measure.marching_cubes(field, 0.05, method="lorensen")[0]
+    on_edge = (contour.points != np.round(contour.points)).sum(axis=1) == 1
+    # Of noise, 14 cells in 256 have a point in their middle: 120 of the 2197 cells in the largest of these volumes.
+    assert (~on_edge).sum() <= 0.08 * np.prod(np.array(shape) - 1)
+    ours = contour.points[on_edge]
+    # scikit-image computes in float32, and a few points come twice there.
+    assert cKDTree(vertices).query(ours)[0].max() < 1e-4
+    assert cKDTree(ours).query(vertices)[0].max() < 1e-4
+
+
+def all_patterns():
+    """Each sign pattern of a cube once in each of the eight mirror images of a cell, and nothing else."""
+    signs = np.zeros((49, 49, 25), dtype=bool)
+    used: Counter[tuple[int, ...]] = Counter()
+    for at in itertools.product(range(16), range(16), range(8)):
+        corner = tuple(1 + 3 * i for i in at)
+        parity = tuple(c & 1 for c in corner)
+        pattern = np.array([used[parity] >> bit & 1 for bit in range(8)], dtype=bool)
+        signs[tuple(slice(c, c + 2) for c in corner)] = pattern.reshape(2, 2, 2)
+        used[parity] += 1
+    assert len(used) == 8 and set(used.values()) == {256}
+    return signs
+
+
+def test_all_patterns_in_all_mirror_images_are_watertight():
+    signs = all_patterns()
+    contour = draw(leaves_of(np.zeros(signs.shape), values=False, above=signs))
+    check_manifold(contour)
+    sides = {(t[i], t[i - 2]) for t in contour.cells.tolist() for i in range(3)}
+    assert all((b, a) in sides for a, b in sides)
+    # 14 of the 256 patterns need a centre, which is the only kind of point that is not on a grid edge; further cells
+    # of these patterns can arise around the cubes, so look only at the cubes themselves.
+    halves = contour.points * 2
+    centres = contour.points[(halves % 2 == 1).sum(1) != 1]
+    in_cubes = ((centres % 3 > 1) & (centres % 3 < 2)).all(1)
+    assert in_cubes.sum() == 14 * 8
+
+
+@looped("seed", range(5))
+@looped("shape", [(12, 11), (7, 6, 8)])
+def test_what_is_above_lies_inside(shape, seed):
+    leaves = leaves_of(noise(shape, seed, rim_below=True))
+    contour = draw(leaves)
+    check_manifold(contour)
+    check_winding(contour, leaves)
+
+
+def test_tunnel_is_drawn_as_a_tube():
+    """Only x0 and xn of a cell above, each continued outwards: the mesh's diagonal connects them."""
+    signs = np.zeros((4, 4, 4), dtype=bool)
+    signs[2, 2, 2] = signs[1, 1, 1] = True
+    leaves = leaves_of(np.zeros(signs.shape), values=False, above=signs)
+    contour = draw(leaves)
+    check_manifold(contour)
+    assert euler(contour.cells) == 2
+    assert len(contour.points) == 12
+    # The other diagonals separate their ends.
+    signs = np.zeros((4, 4, 4), dtype=bool)
+    signs[2, 2, 1] = signs[1, 1, 2] = True
+    assert euler(draw(leaves_of(np.zeros(signs.shape), values=False, above=signs)).cells) == 4
+
+
+@pytest.mark.parametrize(
+    ("field", "characteristic"),
+    [(ball((17, 18, 19), (8.1, 8.3, 9.2), 6.7), 2), (torus(), 0)],
+    ids=["sphere", "torus"],
+)
+def test_euler_characteristic_and_normals_of_smooth_fields(field, characteristic):
+    leaves = leaves_of(field)
+    contour = draw(leaves)
+    check_manifold(contour)
+    theirs = measure.marching_cubes(field, 0.0, method="lorensen")
+    assert euler(contour.cells) == euler(theirs[1]) == characteristic
+    assert len(contour.points) == len(theirs[0])
+    a, b, c = np.moveaxis(contour.points[contour.cells], 1, 0)
+    normal = np.cross(b - a, c - a)
+    nearest = tuple(np.round((a + b + c) / 3).astype(int).T)
+    gradient = np.stack(np.gradient(field), axis=-1)[nearest]
+    assert ((normal * gradient).sum(-1) < 0).all()

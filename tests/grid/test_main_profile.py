@@ -1,0 +1,470 @@
+"""The main profile: its tables, its arithmetic against a plain rendering of the specification, whole files."""
+
+from __future__ import annotations
+
+from decimal import ROUND_HALF_EVEN, Decimal, localcontext
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import isocodec
+from brute import examples, sign_fields, smooth
+from isocodec.entropy.context_layout import rates
+from isocodec.entropy.mixer import MOST_MIX, blended, clear, see
+from isocodec.entropy.network import weighed
+from isocodec.entropy.range_coder import DECODE, ENCODE, Coder, CoderRegisters, finish, start
+from isocodec.grid.lattice.access import dimension
+from isocodec.grid.lattice.diamond import diamond_at
+from isocodec.grid.lattice.order import in_order
+from isocodec.grid.lattice.store import get
+from isocodec.grid.lattice.tables import cube_exponent
+from isocodec.grid.models.contexts import CONTEXTS
+from isocodec.grid.models.neighbourhood import corners_around, look_around, nearest_vertices, see_around, survey
+from isocodec.grid.models.network_rows import (
+    AROUND,
+    BASE_NET,
+    BASE_ROW,
+    BASE_ROWS,
+    BEHIND,
+    CELLS,
+    LEAF_ROWS,
+    MAP,
+    MESH_AROUND,
+    MESH_NET,
+    MESH_ROWS,
+    OFFSET_ROWS,
+    SIGN_ROW,
+    SIGN_ROWS,
+    STATES,
+    TREE_NET,
+    TREE_ROWS,
+    VALUE_ROWS,
+)
+from isocodec.grid.models.refinement_signs import anchored
+from isocodec.grid.models.significance import BIRTH, count_cells
+from isocodec.grid.models.trained import members, shipped_models
+from isocodec.grid.passes.bisection import look
+from isocodec.grid.tube.state import learn
+from isocodec.kernel import DONE
+from isocodec.search.strategy import grid_plan
+from isocodec.stream.encoder import encoder_of
+from isospec.tables import (
+    COLUMNS,
+    HIDDEN,
+    KINDS,
+    MOST_LOGIT,
+    NET_ROWS,
+    NETS,
+    ROWS,
+    Tables,
+    packed,
+    shipped,
+    starts,
+    unpacked,
+)
+from tables import looped
+
+# -- tables ----------------------------------------------------------------------------------------------------------
+
+
+def test_tables_are_what_the_specification_states():
+    squash, found = unpacked(shipped())
+    with localcontext() as context:
+        context.prec = 40
+        for x in range(-MOST_LOGIT, MOST_LOGIT + 1):
+            exact = (65536 / (1 + (Decimal(-x) / 256).exp())).to_integral_value(ROUND_HALF_EVEN)
+            assert squash[x + MOST_LOGIT] == min(max(int(exact), 32), 65504)
+    for n, t in found.items():
+        assert t.weight.shape == (ROWS[n], HIDDEN) and BASE_ROW[n] + BASE_ROWS[n] == ROWS[n]
+        assert t.state[:, 0].max() < STATES and len(set(t.state[:, 0])) == len(t.state)
+        assert ((t.state[:, 1] >= 32) & (t.state[:, 1] <= 65504)).all()
+        assert (t.state[:, 2] <= 158).all()
+        assert np.abs(t.mix).max() <= MOST_MIX
+        assert list(NET_ROWS[n]) == [
+            *SIGN_ROWS[n], *[0] * (3 - n), TREE_ROWS[n], OFFSET_ROWS, LEAF_ROWS[n], VALUE_ROWS[n], MESH_ROWS[n],
+            BASE_ROWS[n],
+        ]
+    assert packed(squash, found) == shipped()
+    assert len(shipped()) < 180_000
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_sums_fit_their_numbers(n):
+    """Sums of a list's rows are numbers of 16 bits, and what the output weights make of them one of 32 bits."""
+    t = unpacked(shipped())[1][n]
+    # of each vertex around there is at most one row, of each cell there are two; other lists have fewer than 32
+    most = {TREE_NET: 2 * CELLS[n] + 8, MESH_NET: 2 * MESH_AROUND + 8, BASE_NET: 2 * BEHIND[n] + 8}
+    first = 0
+    for net, rows in enumerate(NET_ROWS[n]):
+        own = t.weight[first : first + rows].astype(np.int64)
+        first += rows
+        listed = AROUND[n] + 8 if net < TREE_NET else most.get(net, 32)
+        high = listed * np.maximum(own, 0).max(axis=0, initial=0)
+        low = listed * np.minimum(own, 0).min(axis=0, initial=0)
+        assert high.max() < 1 << 15 and low.min() >= -(1 << 15)
+        assert np.abs(t.out[net, :HIDDEN]) @ high + abs(t.out[net, HIDDEN]) < 1 << 31
+
+
+@examples(20)
+@given(seed=st.integers(0, 1 << 20))
+def test_any_tables_come_back(seed):
+    """Weights of all exponents, of both signs, and any start of a context."""
+    rng = np.random.default_rng(seed)
+    squash, found = unpacked(shipped())
+    for n in found:
+        part, weight = rng.integers(-8, 8, (ROWS[n], HIDDEN)), []
+        shifted = part << rng.integers(0, 4, (ROWS[n], 1))
+        first = 0
+        for rows, columns in zip(NET_ROWS[n], COLUMNS, strict=True):
+            weight.append(np.where(np.arange(HIDDEN) < columns, shifted[first : first + rows], 0))
+            first += rows
+        out = rng.integers(-(1 << 15), 1 << 15, (NETS, HIDDEN + 1))
+        out[:, :HIDDEN][np.arange(HIDDEN) >= np.array(COLUMNS)[:, None]] = 0
+        context = np.flatnonzero(rng.integers(0, 2, STATES))
+        told = starts(squash)
+        state = np.stack([context, told[rng.integers(10, 246, len(context))], rng.integers(0, 159, len(context))], 1)
+        mix = rng.integers(-MOST_MIX, MOST_MIX + 1, found[n].mix.shape)
+        found[n] = Tables(np.concatenate(weight).astype(np.int16), out, mix, state)
+    again, back = unpacked(packed(squash, found))
+    assert np.array_equal(again, squash)
+    for n, t in found.items():
+        assert np.array_equal(back[n].weight, t.weight) and np.array_equal(back[n].out, t.out)
+        assert np.array_equal(back[n].mix, t.mix) and np.array_equal(back[n].state, t.state)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_sums_made_beforehand(n):
+    """Rows after those of the networks are sums of these."""
+    rows, sums = unpacked(shipped())[1][n].weight.astype(np.int64), shipped_models(n)[2].weight
+    found = members(n)
+    assert sums.shape == (len(found), HIDDEN) and sums.ctypes.data % 64 == 0
+    assert np.array_equal(sums[: ROWS[n]], rows)
+    assert np.array_equal(sums, np.where((found >= 0)[..., None], rows[found], 0).sum(axis=1))
+    assert np.array_equal(np.unique(found), np.arange(-1, ROWS[n]))
+
+
+@looped(("n", "phase"), [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2)])
+def test_vertices_around_a_middle(n, phase):
+    """They are vertices of the next level, and among them all corners of the diamond."""
+    around = [tuple(each) for each in nearest_vertices(n, phase).tolist()]
+    assert len(set(around)) == len(around) == {2: 96, 3: 112}[n]
+    odd = n - phase
+    assert (-1,) * odd + (0,) * phase in around and (1,) * odd + (0,) * phase in around
+    for d in around:
+        count = sum((x + (axis < odd)) % 2 for axis, x in enumerate(d))
+        assert count == 0 or count >= odd
+    lengths = [sum(x * x for x in d) for d in around]
+    assert lengths == sorted(lengths)
+
+
+# -- arithmetic --------------------------------------------------------------------------------------------------------
+
+
+def _code(cd, net, flip, kind, ctx, rows, bit):
+    clear(cd)
+    for row in rows:
+        see(cd, row)
+    return blended(cd, net, flip, kind, ctx, bit)
+
+
+def coder(mode: int, n: int, room: int = 1 << 15) -> Coder:
+    prob, seen, blend = shipped_models(n)
+    cd = Coder(CoderRegisters(), np.zeros(room, np.uint8), prob, seen, rates(), blend)
+    start(cd.reg, mode)
+    return cd
+
+
+class Plain:
+    """Clause 7.11 in plain Python: probabilities of the same symbols."""
+
+    def __init__(self, n: int) -> None:
+        squash, found = unpacked(shipped())
+        self.squash = [int(x) for x in squash]
+        self.t = found[n]
+        self.mix = [[int(x) for x in row] for row in self.t.mix]
+        prob, seen, _ = shipped_models(n)
+        self.p = [int(x) for x in prob]
+        self.seen = [int(x) for x in seen]
+
+    def stretch(self, p: int) -> int:
+        wanted = 16 * (p >> 4) + 8
+        return next((x for x in range(-2047, 2048) if self.squash[x + 2047] >= wanted), 2047)
+
+    def opinions(self, net: int, flip: bool, kind: int, ctx: int, rows: list[int]) -> tuple[list[int], int]:
+        h = [sum(int(self.t.weight[row, j]) for row in rows) for j in range(48)]
+        t = int(self.t.out[net, 48]) + sum(int(self.t.out[net, j]) * h[j] for j in range(48) if h[j] > 0)
+        a = min(max(t >> 8, -2047), 2047)
+        a = -a if flip else a
+        place = CONTEXTS + 32 * kind + ((a + 2047) >> 7)
+        adaptive = [
+            (self.stretch(self.p[c]) * ((512 * self.seen[c]) // (2 * self.seen[c] + 3))) >> 8 for c in (ctx, place)
+        ]
+        return [a, *adaptive, 256], place
+
+    def probability(self, kind: int, opinions: list[int]) -> int:
+        x = sum(m * o for m, o in zip(self.mix[kind], opinions, strict=True)) >> 16
+        return self.squash[min(max(x, -2047), 2047) + 2047]
+
+    def update(self, kind: int, opinions: list[int], contexts: tuple[int, int], p: int, bit: int) -> None:
+        e = 40 * (65536 * bit - p)
+        for i, o in enumerate(opinions):
+            self.mix[kind][i] = min(max(self.mix[kind][i] + ((e * o) >> 20), -(1 << 22)), 1 << 22)
+        for c in contexts:
+            step = 65536 // (self.seen[c] + 2)
+            p = self.p[c] + (((65536 - self.p[c]) * step) >> 16) if bit else self.p[c] - ((self.p[c] * step) >> 16)
+            self.p[c] = min(max(p, 32), 65504)
+            self.seen[c] = min(self.seen[c] + 1, 158)
+
+
+symbols = st.tuples(
+    st.integers(0, NETS - 1), st.booleans(), st.integers(0, KINDS - 1), st.integers(0, CONTEXTS - 1),
+    st.lists(st.integers(0, min(ROWS.values()) - 1), min_size=1, max_size=20), st.integers(0, 1),
+)
+
+
+@examples(60)
+@given(rows=st.lists(st.integers(0, 6), max_size=60), seed=st.integers(0, 99))
+def test_rows_are_weighed(rows, seed):
+    """As plain numbers are: sums of any sign, up to the ends of 16 bits, a total up to those of 32."""
+    rng = np.random.default_rng(seed)
+    most = (1 << 15) // max(len(rows), 1)
+    table = rng.integers(-most, most, (7, HIDDEN)).astype(np.int16)
+    bound = ((1 << 31) - 1) // (HIDDEN * (1 << 15))
+    out = rng.integers(-bound, bound + 1, HIDDEN + 1).astype(np.int32)
+    expected = sum(max(sum(int(table[row, j]) for row in rows), 0) * int(out[j]) for j in range(HIDDEN))
+    row = np.array([len(rows), *rows, 5, 5])
+    assert weighed(row, table, out) == expected
+
+
+@examples(60)
+@given(n=st.sampled_from([2, 3]), found=st.lists(symbols, max_size=40), again=st.integers(1, 4))
+def test_mixing_is_that_of_the_specification(n, found, again):
+    """All states agree with plain Python after every symbol, and the bytes decode to the symbols."""
+    cd, plain = coder(ENCODE, n), Plain(n)
+    for net, flip, kind, ctx, rows, bit in found * again:
+        opinions, place = plain.opinions(net, flip, kind, ctx, rows)
+        plain.update(kind, opinions, (ctx, place), plain.probability(kind, opinions), bit)
+        assert _code(cd, net, flip, kind, ctx, np.array(rows), bit) == bit
+        assert [int(cd.prob[c]) for c in (ctx, place)] == [plain.p[c] for c in (ctx, place)]
+        assert cd.blend.mix[kind].tolist() == plain.mix[kind]
+    data = finish(cd)
+    back = coder(DECODE, n)
+    back.buf[: len(data)] = np.frombuffer(data, np.uint8)
+    back.reg.end, back.reg.final = len(data), 1
+    for net, flip, kind, ctx, rows, bit in found * again:
+        assert _code(back, net, flip, kind, ctx, np.array(rows), 0) == bit
+
+
+@pytest.mark.parametrize("pattern", ["zeros", "ones", "alternating", "random"])
+def test_extremes(pattern):
+    """Models at their ends: weights stay within their bounds, and everything comes back."""
+    rng = np.random.default_rng(8)
+    count = 3000
+    bits = {
+        "zeros": np.zeros(count, int), "ones": np.ones(count, int), "alternating": np.arange(count) % 2,
+        "random": rng.integers(0, 2, count),
+    }[pattern]
+    rows = rng.integers(0, ROWS[2], (count, 5))
+    cd = coder(ENCODE, 2)
+    for bit, row in zip(bits, rows, strict=True):
+        assert _code(cd, 4, False, 3, 700, row, int(bit)) == bit
+    assert np.abs(cd.blend.mix).max() <= MOST_MIX and cd.prob[MAP:].min() >= 32
+    data = finish(cd)
+    if pattern in ("zeros", "ones"):
+        assert len(data) < count / 40
+    back = coder(DECODE, 2)
+    back.buf[: len(data)] = np.frombuffer(data, np.uint8)
+    back.reg.end, back.reg.final = len(data), 1
+    assert [_code(back, 4, False, 3, 700, row, 0) for row in rows] == bits.tolist()
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+
+
+def drawn(data: bytes, cut: int | None = None) -> list[bytes]:
+    """Points and cells of every isovalue, fed whole or in pieces of so many bytes."""
+    decoder = isocodec.Decoder()
+    for i in range(0, len(data), cut or len(data)):
+        decoder.feed(data[i : i + (cut or len(data))])
+        for _ in decoder:
+            pass
+    decoder.close()
+    contours = [decoder.contour(i) for i in range(len(decoder.isovalues))]
+    return [x.tobytes() for c in contours for x in (c.points, c.cells)]
+
+
+def pieces(contour: isocodec.Contour) -> list[list[list[float]]]:
+    """Segments or triangles by their points, in an order that no numbering of the points changes."""
+    return sorted(sorted(cell) for cell in contour.points[contour.cells].tolist())
+
+
+@pytest.mark.parametrize("n", [2, 3])
+@examples(25)
+@given(data=st.data())
+def test_both_profiles_decode_to_the_same(n, data):
+    """Another entropy coder, the same curve: signs of any field, values, offsets, bases at any level."""
+    above = data.draw(sign_fields(n, 12 if n == 2 else 6, 40))
+    full = n * cube_exponent(above.shape)
+    rng = np.random.default_rng(data.draw(st.integers(0, 1 << 32)))
+    field = np.where(above, 1, -1) * rng.integers(1, data.draw(st.sampled_from([2, 200])), above.shape)
+    rest = grid_plan(n, full, 0)[1:]
+    options = data.draw(st.sampled_from([
+        {"precision": "signs"}, {"precision": "signs", "layers": 0}, {"precision": "signs", "layers": full},
+        {"precision": "exact"}, {"layers": [("base", 0), ("values", None), *rest, ("values", None)]},
+        {"layers": [*grid_plan(n, full, 0), ("offsets", 11)]},
+        {"layers": [*grid_plan(n, full, None), ("offsets", 3), ("offsets", 15)]},
+        {"layers": "crossing", "precision": 0.2},
+    ]))
+    isovalues = data.draw(st.sampled_from([0.5, (0.5, 20.5)]))
+    files = [isocodec.encode(field, isovalues, profile=profile, **options) for profile in ("baseline", "main")]
+    found = drawn(files[1], data.draw(st.sampled_from([None, 1, 7])))
+    baseline, main = (isocodec.open(file).contours() for file in files)
+    assert found == [x.tobytes() for c in main for x in (c.points, c.cells)]
+    # Which layers a further isovalue has depends on its bytes, and the order of points on the layers.
+    plans = [[(x.kind, x.level, x.plane, x.isovalue) for x in isocodec.open(file).info.layers] for file in files]
+    if plans[0] == plans[1]:
+        assert found == drawn(files[0])
+    assert [pieces(c) for c in main] == [pieces(c) for c in baseline]
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_main_is_the_default_and_smaller(n):
+    """On smooth fields by a tenth at least, headers included."""
+    field = smooth((90, 80) if n == 2 else (26, 24, 28), 4)
+    for options in ({"precision": "signs"}, {"precision": 0.05}):
+        small = isocodec.encode(field, 0.1, **options)
+        assert isocodec.open(small).info.profile == "main"
+        assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
+
+
+def _diamond(state, w):
+    """The diamond around a middle, and what is known of it."""
+    r = np.int64(state.counters.level % dimension(state.grid.tables))
+    diamond = diamond_at(state.grid, np.int64(state.counters.edge), r, *(np.int64(x) for x in (*w, 0)[:3]))
+    return diamond, look(state, diamond)
+
+
+def _around(state, cd, w):
+    """List the rows; the sign that they are relative to. Of the diamond's corners the board has what the store has."""
+    clear(cd)
+    diamond, seen = _diamond(state, w)
+    assert corners_around(state, diamond, seen.corners) == (seen.known, seen.above)
+    here = anchored(state, diamond, seen)
+    see_around(state, cd, diamond, here)
+    return here
+
+
+@looped("shape", [(70, 81), (34, 3), (19, 17, 21), (2, 9, 12)])
+@looped("back", [1, 2, 3, 5])
+def test_rows_of_known_vertices_around(shape, back):
+    """In the middle of the box and at its border, on pages of the board and across them: those known, by signs."""
+    n, full = len(shape), len(shape) * cube_exponent(shape)
+    encoder = encoder_of(smooth(shape, 5), 0.1, layers=[("base", 0), ("refine", full - back)])
+    assert b"".join(encoder)
+    tube = encoder.frame.strands[0].tube
+    tube._grow()
+    state = tube.state
+    while not survey(state):
+        tube._grow()
+        state = tube.state
+    level, g = full - back, int(state.counters.edge) // 2
+    odd = n - level % n
+    known = {tuple(map(int, v[:n])): int(v[3]) for v in state.vertex[: state.counters.vertices]}
+    around = nearest_vertices(n, level % n)
+    cd = coder(ENCODE, n)
+    rng = np.random.default_rng(back)
+    seen = 0
+    for _ in range(400):
+        w = np.array([int(rng.integers(0, (size - 1) // g + 3)) for size in shape])
+        if (w % 2).sum() != odd or _diamond(state, w)[1].members == 0:
+            continue
+        front = [a for a in range(n) if w[a] % 2] + [a for a in range(n) if not w[a] % 2]
+        step = {a: (-1 if w[a] % 4 == 3 else 1) for a in range(n)}
+        end = tuple(min(int(w[a] - step[a] * (w[a] % 2)) * g, shape[a] - 1) for a in range(n))
+        if end not in known:
+            continue
+        rows = set()
+        for i, d in enumerate(around):
+            at = [0] * n
+            for place, a in enumerate(front):
+                at[a] = min(max(int(w[a] + step[a] * d[place]) * g, 0), shape[a] - 1)
+            if tuple(at) in known:
+                rows.add(2 * i + (known[tuple(at)] == known[end]))
+        assert _around(state, cd, w) == known[end]
+        found = members(n)[cd.blend.row[1 : cd.blend.row[0] + 1]]
+        assert sorted(found[found >= 0] - SIGN_ROW[n][level % n]) == sorted(rows)
+        seen += len(rows)
+    assert seen > 0
+
+
+def _three(position):
+    """A position along three axes, as kernels take it."""
+    return [np.int64(x) for x in (*position, 0)[:3]]
+
+
+@looped("shape", [(150, 141), (34, 3), (19, 17, 140), (2, 9, 12)])
+@looped("back", [1, 4])
+def test_copied_part_of_the_board_keeps_up_with_it(shape, back):
+    """Around all middles of a block that follow one another, with vertices that become known, images beyond the box."""
+    n, full = len(shape), len(shape) * cube_exponent(shape)
+    encoder = encoder_of(smooth(shape, 5), 0.1, layers=[("base", 0), ("refine", full - back)])
+    assert b"".join(encoder)
+    tube = encoder.frame.strands[0].tube
+    rng = np.random.default_rng(back)
+    g, far = int(tube.state.counters.edge) // 2, {2: 7, 3: 4}[n]
+    last = (np.array(shape) - 1) // g + 1
+    middles = [w for w in rng.integers(0, last + 1, (3000, n)) if w[0] % 2]
+    middles = np.array(middles)[in_order(np.array(middles))]
+    active = np.zeros((len(middles), 5), np.int32)
+    active[:, :n] = middles
+    tube.state = tube.state._replace(active=active)
+    tube.state.counters.active = len(active)
+    copies = 0
+    for number in rng.choice(len(middles), 60):
+        tube.state.counters.coded = number
+        new = np.minimum(rng.integers(0, last + 1, (4, n)) * g, np.array(shape) - 1)
+        new[0] = np.minimum(middles[number] * g, np.array(shape) - 1)
+        tube._grow()
+        for x in new:
+            position = _three(x)
+            if not get(tube.state.known, *position):
+                learn(tube.state, *position, np.int64(rng.integers(2)))
+        while not survey(tube.state):
+            tube._grow()
+        state, w = tube.state, _three(middles[number])
+        before = state.window.copy()
+        at = look_around(state, *w)
+        copies += not np.array_equal(state.window, before)
+        for step in [np.zeros(n, int), *rng.integers(-far, far + 1, (20, n))]:
+            p = [int(a + b) + 32 for a, b in zip(w, step, strict=False)]
+            there = step @ {2: [80, 1], 3: [1280, 80, 1]}[n]
+            assert state.near[at + there] == get(state.board, *_three(p))
+    assert copies > 0
+
+
+@pytest.mark.parametrize("shape", [(24, 31), (9, 7, 8), (17, 3)])
+def test_crowd_counts_the_cells_of_every_size(shape):
+    """Vertices and new components in every cell, and nothing in the cells around the box."""
+    rng = np.random.default_rng(3)
+    # on the full grid there are no further rounds, and no counts
+    rounds = len(shape) * cube_exponent(shape) - 1
+    encoder = encoder_of(rng.integers(0, 2, shape), 0.5, layers=[("base", 0), ("refine", rounds)])
+    assert b"".join(encoder)
+    tube = encoder.frame.strands[0].tube
+    counters, crowd = tube.state.counters, tube.state.crowd
+    counted = tube.state.vertex[: counters.counted, :3].astype(np.int64)
+    assert counters.births > 0
+    for size in range(tube.k + 1):
+        # the encoder has counted for the sizes that it looked at
+        assert count_cells(tube.state, size) == DONE
+        cells = (1 << tube.k - size) + 1
+        births = 0
+        for cell in product(*(range(cells + 1) if axis < tube.n else [0] for axis in range(3))):
+            x, y, z = map(np.int64, cell)
+            stored = get(crowd, x + (4 << tube.k - size), y, z)
+            assert stored & (BIRTH - 1) == (counted >> size == cell).all(axis=1).sum()
+            births += stored >> 20
+        assert births == counters.births

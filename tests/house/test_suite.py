@@ -1,0 +1,84 @@
+"""The suite itself: what its modules load, what it leaves out of tables, files that it keeps."""
+
+from __future__ import annotations
+
+import ast
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+
+import isocodec
+from encoded import encoded
+from home import ROOT
+from libraries import Late
+from tables import covering, looped
+
+HEADS = {
+    "PIL", "SimpleITK", "aiohttp", "antimeridian", "cfgrib", "contourpy", "dask", "distributed", "ezdxf", "fsspec",
+    "geopandas", "h5py", "highdicom", "imagecodecs", "imageio", "laspy", "lxml", "mapbox_vector_tile", "matplotlib",
+    "meshio", "netCDF4", "networkx", "nibabel", "numba", "pandas", "pmtiles", "pyarrow", "pydicom", "pyogrio", "pyproj",
+    "pyvista", "rasterio", "rioxarray", "scipy", "shapely", "skimage", "tifffile", "trimesh", "vtk", "xarray", "zarr",
+}
+"""Libraries that take a tenth of a second and more to load, in every process that collects tests."""
+STILL = {
+    "dicom_files", "foreign", "inputs", "test_alpha", "test_bare_dicom", "test_contour_map", "test_cuts", "test_dicom",
+    "test_foreign_files", "test_formats_page", "test_globe", "test_grib_rows", "test_labelled_files", "test_maps",
+    "test_mesh_files", "test_nrrd_axes", "test_other_files", "test_panels", "test_place", "test_places", "test_pmtiles",
+    "test_point_files", "test_rasters", "test_read", "test_readers", "test_sources", "test_tiff_compressions",
+    "test_view", "test_volume_frames", "test_vtk_files", "test_write", "test_writers",
+}
+"""Modules that do so as long as they read and write other programs' files by today's code."""
+
+
+def test_no_library_is_loaded_by_a_head() -> None:
+    """`Late` stands in for it until it is used."""
+    found = []
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        if path.stem in STILL:
+            continue
+        for node in ast.parse(path.read_text()).body:
+            names = [each.name for each in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            found += [f"{path.name}: {name}" for name in names if name.partition(".")[0] in HEADS]
+    assert found == []
+
+
+def test_late_libraries_are_what_they_stand_for() -> None:
+    late = Late("numpy.ndarray")
+    assert isinstance(np.zeros(3), late) and not isinstance(3, late)
+    assert Late("numpy.linalg").norm([3, 4]) == Late("numpy.hypot")(3, 4) == 5
+
+
+@looped("strength", [1, 2])
+def test_rows_that_cover_a_table(strength: int) -> None:
+    """All that columns have together anywhere, in far fewer rows, also of tables that lack some."""
+    rows = [row for row in product(range(4), range(3), range(5), range(2)) if sum(row) % 7]
+    some = [rows[number] for number in covering(rows, strength)]
+
+    def together(of: list[tuple[int, ...]]) -> set[object]:
+        return {each for row in of for each in combinations(enumerate(row), strength)}
+
+    assert together(some) == together(rows) and len(some) < 30 < len(rows)
+
+
+def test_rows_in_one_test_name_the_case_that_fails() -> None:
+    seen = []
+
+    @looped("a, b", [(1, 2), pytest.param(3, 4, marks=pytest.mark.heavy, id="x"), (5, 6)])
+    def table(more: str, a: int, b: int) -> None:
+        seen.append((more, a, b))
+        assert a < 5
+
+    with pytest.raises(AssertionError) as caught:
+        table(more="c")
+    assert caught.value.__notes__ == ["in the case of {'a': 5, 'b': 6}"]
+    assert seen[0] == ("c", 1, 2) and seen[-1] == ("c", 5, 6)
+
+
+def test_files_are_encoded_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    field = np.hypot(*np.mgrid[:9, :11])
+    data = encoded(field, 4.5, precision="signs")
+    assert data == isocodec.encode(field, 4.5, precision="signs")
+    monkeypatch.setattr(isocodec, "encode", None, raising=False)
+    assert encoded(field, 4.5, precision="signs") == data

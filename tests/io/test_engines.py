@@ -1,0 +1,319 @@
+"""Zarr, NetCDF of the classic kind, GRIB, DICOM and VTK image data: written with the libraries of their users."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import fails, ok
+from inputs import read_field, read_place
+from isocodec.errors import InputError, LimitError, OptionError
+from libraries import Late
+from places import matrix
+
+pytestmark = pytest.mark.heavy
+
+h5py = Late("h5py")
+pydicom = Late("pydicom")
+FileDataset = Late("pydicom.dataset.FileDataset")
+FileMetaDataset = Late("pydicom.dataset.FileMetaDataset")
+CTImageStorage = Late("pydicom.uid.CTImageStorage")
+ExplicitVRLittleEndian = Late("pydicom.uid.ExplicitVRLittleEndian")
+generate_uid = Late("pydicom.uid.generate_uid")
+SimpleITK = Late("SimpleITK")
+vtk = Late("vtk")
+numpy_to_vtk = Late("vtk.util.numpy_support.numpy_to_vtk")
+xarray = Late("xarray")
+zarr = Late("zarr")
+
+HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
+BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
+
+
+def grid() -> xarray.DataArray:
+    field = np.stack([HILL, HILL + 1]).astype(np.float32)
+    field[:, 2, 3] = np.nan
+    return xarray.DataArray(
+        field, dims=("time", "lat", "lon"), name="tas", attrs={"units": "K"},
+        coords={"time": np.array(["2020-01-01", "2020-01-02"], "datetime64[ns]"),
+                "lat": ("lat", 60 - 0.5 * np.arange(20), {"units": "degrees_north"}),
+                "lon": ("lon", 5 + 0.25 * np.arange(30), {"units": "degrees_east"})},
+    )
+
+
+@pytest.mark.parametrize("name", ["a.zarr", "a.nc"])
+def test_labelled_files(tmp_path: Path, name: str) -> None:
+    """Values, holes, coordinates and the time of a frame, by read and by the command line."""
+    path = tmp_path / name
+    if name == "a.zarr":
+        grid().to_dataset().to_zarr(path)
+    else:
+        grid().to_dataset().to_netcdf(path, engine="scipy")
+        assert path.read_bytes().startswith(b"CDF")
+    field = isocodec.read(path, frame=1)
+    assert np.array_equal(field.values, grid().values[1], equal_nan=True)
+    assert field.placement is not None and field.placement.matrix.tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
+    assert (field.name, field.unit, field.crs) == ("tas", "K", "EPSG:4326")
+    assert field.notes["time"].startswith("2020-01-02")
+    ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
+    file = isocodec.open(tmp_path / "a.iso")
+    assert np.array_equal(file.placement.matrix, field.placement.matrix)
+    assert file.crs == "EPSG:4326" and not file.valid()[2, 3] and file.valid().sum() == 599
+    assert read_field(path, key="tas", frame=0).shape == (20, 30)
+    with pytest.warns(UserWarning, match="time"):
+        assert isocodec.read(path).shape == (2, 20, 30)
+
+
+def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
+    """As zarr.open makes them: without names and coordinates."""
+    path, values = tmp_path / "a.zarr", np.nan_to_num(grid().values, nan=60.0)
+    stored = zarr.open(str(path), mode="w", shape=values.shape, chunks=(1, 10, 10), dtype=values.dtype)
+    stored[:] = values
+    assert np.array_equal(isocodec.read(path).values, values)
+    assert np.array_equal(read_field(path, frame=1), values[1])
+    with pytest.raises(OptionError, match="no frame 2"):
+        read_field(path, frame=2)
+    with pytest.raises(LimitError, match="1,200 samples"):
+        read_field(path, samples=1199)
+    ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
+    assert np.array_equal(isocodec.open(tmp_path / "a.iso").above(), values[1] > 70)
+    ok("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 70, "--tile", 128)
+
+
+@pytest.mark.parametrize("kind", [2, 3, "nc", "classic"])
+def test_tiles_of_packed_samples(tmp_path: Path, kind: int | str) -> None:
+    """Attributes say what stored numbers mean, to ``tile`` as to ``encode``: those that stand for none are holes."""
+    y, x = np.mgrid[:70, :80]
+    field = np.rint(40 * np.sin(x / 9) * np.cos(y / 7)) * 0.25 + 100
+    field[20:26, 30:39] = np.nan
+    array = xarray.DataArray(field, dims=("y", "x"), name="a")
+    packing = {"dtype": "int16", "scale_factor": 0.25, "add_offset": 60.0, "_FillValue": -999}
+    if kind == "nc":
+        path = tmp_path / "a.nc"
+        with h5py.File(path, "w") as file:
+            stored = file.create_dataset("a", data=np.nan_to_num((field - 60) * 4, nan=-999).astype(np.int16))
+            stored.attrs.update({name: packing[name] for name in ("scale_factor", "add_offset", "_FillValue")})
+    elif kind == "classic":
+        path = tmp_path / "a.nc"
+        array.to_dataset().to_netcdf(path, engine="scipy", encoding={"a": packing})
+    else:
+        path = tmp_path / "a.zarr"
+        array.to_dataset().to_zarr(path, encoding={"a": packing}, zarr_format=kind)
+    tiled, whole = tmp_path / "tiles.iso", tmp_path / "whole.iso"
+    for isovalue in (100.1, 95.3):
+        ok("encode", path, "-o", tiled, "--isovalue", isovalue, "--tile", "32", "--precision", "signs")
+        ok("encode", path, "-o", whole, "--isovalue", isovalue, "--precision", "signs")
+        mine, other = isocodec.decode(tiled), isocodec.decode(whole)
+        assert len(other.points) > 100
+        assert set(map(tuple, mine.points)) == set(map(tuple, other.points))
+
+
+def test_tiles_of_hdf5(tmp_path: Path) -> None:
+    """The array that ``encode`` takes, without axes of one sample; samples in other files are left there."""
+    field = np.rint(BALL[5] * 3).astype(np.int16)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("deep/values", data=field[None])
+        file.create_dataset("bounds", data=np.zeros((13, 2)))
+    ok("encode", tmp_path / "a.h5", "-o", tmp_path / "a.iso", "--isovalue", 200.5, "--precision", "exact",
+       "--key", "deep/values", "--tile", 128)
+    made, whole = isocodec.decode(tmp_path / "a.iso"), isocodec.decode(isocodec.encode(field, 200.5, precision="exact"))
+    assert len(made.points) > 4 and set(map(tuple, made.points)) == set(map(tuple, whole.points))
+    said = fails(3, "encode", tmp_path / "a.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5, "--tile", 128)
+    assert "deep/values" in said
+    with h5py.File(tmp_path / "out.h5", "w") as file:
+        (tmp_path / "elsewhere").write_bytes(field.tobytes())
+        file.create_dataset("a", field.shape, field.dtype, external=[(str(tmp_path / "elsewhere"), 0, field.nbytes)])
+    said = fails(3, "encode", tmp_path / "out.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5, "--tile", 128)
+    assert "elsewhere" in said and not (tmp_path / "b.iso").exists()
+
+
+def test_tiles_of_damaged_zarr(tmp_path: Path) -> None:
+    field = np.random.default_rng(1).integers(0, 9, (40, 40))
+    stored = zarr.open(str(tmp_path / "a.zarr"), mode="w", shape=field.shape, chunks=(20, 20), dtype=field.dtype)
+    stored[:] = field
+    chunk = next(p for p in sorted((tmp_path / "a.zarr").rglob("*")) if p.is_file() and p.name != "zarr.json")
+    chunk.write_bytes(b"nothing")
+    fails(3, "encode", tmp_path / "a.zarr", "-o", tmp_path / "b.iso", "--isovalue", 4.5, "--tile", 128)
+
+
+def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:
+    """Coordinates are read without the samples: here more than the limit, of which no chunk is there."""
+    path = tmp_path / "a.zarr"
+    group = zarr.open_group(str(path), mode="w")
+    size = 40_000
+    group.create_array("z", shape=(size, size), chunks=(1000, 1000), dtype="float32", dimension_names=("y", "x"))
+    for name, start, step in [("y", 9e6, -30.0), ("x", 4e5, 30.0)]:
+        group.create_array(name, data=start + step * np.arange(size), dimension_names=(name,))
+    place = read_place(path, 2)
+    assert place.matrix is not None and place.matrix.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
+    with pytest.raises(LimitError):
+        read_field(path)
+
+
+def test_labelled_files_that_leave_a_choice(tmp_path: Path) -> None:
+    xarray.Dataset({"a": grid()[0], "b": grid()[1].drop_vars("time")}).to_netcdf(tmp_path / "two.nc", engine="scipy")
+    with pytest.raises(InputError, match=r"a \(20, 30\), b \(20, 30\): choose one with --key"):
+        read_field(tmp_path / "two.nc")
+    assert np.array_equal(read_field(tmp_path / "two.nc", key="b"), grid().values[1], equal_nan=True)
+    with pytest.raises(LimitError, match="600 samples"):
+        read_field(tmp_path / "two.nc", key="b", samples=599)
+    with pytest.raises(OptionError, match="no frame 2"):
+        grid().to_dataset().to_netcdf(tmp_path / "series.nc", engine="scipy")
+        read_field(tmp_path / "series.nc", frame=2)
+    data = (tmp_path / "two.nc").read_bytes()
+    (tmp_path / "cut.nc").write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError):
+        read_field(tmp_path / "cut.nc", key="b")
+    (tmp_path / "none.zarr").mkdir()
+    with pytest.raises(InputError):
+        read_field(tmp_path / "none.zarr")
+
+
+def test_grib(tmp_path: Path) -> None:
+    """Written with eccodes, without an index left beside it; left out without the extra ``grib``."""
+    eccodes = pytest.importorskip("eccodes")
+    message = eccodes.codes_grib_new_from_samples("regular_ll_sfc_grib2")
+    for key, value in {"Ni": 30, "Nj": 20, "latitudeOfFirstGridPointInDegrees": 60.0,
+                       "jDirectionIncrementInDegrees": 0.5, "latitudeOfLastGridPointInDegrees": 50.5,
+                       "longitudeOfFirstGridPointInDegrees": 5.0,
+                       "longitudeOfLastGridPointInDegrees": 12.25, "iDirectionIncrementInDegrees": 0.25,
+                       "bitsPerValue": 24}.items():
+        eccodes.codes_set(message, key, value)
+    eccodes.codes_set_values(message, HILL.ravel())
+    with (tmp_path / "a.grib2").open("wb") as file:
+        eccodes.codes_write(message, file)
+    eccodes.codes_release(message)
+    field = isocodec.read(tmp_path / "a.grib2")
+    assert np.abs(field.values - HILL).max() < 1e-4
+    assert field.placement is not None and np.allclose(field.placement.matrix, [[0, 0.25, 5], [-0.5, 0, 60]])
+    assert field.crs == "EPSG:4326"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.grib2"]
+    (tmp_path / "b.grib").write_bytes(b"whatever")
+    with pytest.raises(InputError):
+        read_field(tmp_path / "b.grib")
+
+
+# ---- DICOM ----------------------------------------------------------------------------------------------------------
+
+TILT = np.array([[1, 0, 0], [0, np.cos(0.3), -np.sin(0.3)], [0, np.sin(0.3), np.cos(0.3)]])
+
+
+def slices(folder: Path, count: int = 5, series: str = "1.2.3") -> np.ndarray:
+    """A series of CT slices as pydicom writes it, names in no order; values in Hounsfield units, axes i, j, k."""
+    folder.mkdir(exist_ok=True)
+    volume = np.rint(BALL[:, :, :count] * 10).astype(np.int16)
+    for k in range(count):
+        meta = FileMetaDataset()
+        meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = CTImageStorage, generate_uid()
+        meta.TransferSyntaxUID = ExplicitVRLittleEndian
+        one = FileDataset("", {}, file_meta=meta, preamble=bytes(128))
+        one.SOPClassUID, one.SOPInstanceUID = CTImageStorage, meta.MediaStorageSOPInstanceUID
+        one.SeriesInstanceUID, one.StudyInstanceUID, one.Modality = series, "1.2", "CT"
+        one.Columns, one.Rows = volume.shape[:2]
+        one.PixelSpacing, one.SliceThickness = [2.0, 1.5], 3.0
+        one.ImageOrientationPatient = [*TILT[:, 0], *TILT[:, 1]]
+        one.ImagePositionPatient = [*(np.array([-90.0, 12.5, 7.0]) + 3.0 * k * TILT[:, 2])]
+        one.InstanceNumber, one.SamplesPerPixel, one.PhotometricInterpretation = k + 1, 1, "MONOCHROME2"
+        one.BitsAllocated, one.BitsStored, one.HighBit, one.PixelRepresentation = 16, 16, 15, 1
+        one.RescaleSlope, one.RescaleIntercept = 1, -1024
+        one.PixelData = (volume[:, :, k].T + 1024).astype(np.int16).tobytes()
+        one.save_as(folder / f"{(k * 7) % count:03}-{series}.dcm", enforce_file_format=True)
+    return volume
+
+
+def test_dicom_series(tmp_path: Path) -> None:
+    """Sorted by position, rescaled, and where pydicom says that the samples lie."""
+    volume = slices(tmp_path / "ct")
+    field = isocodec.read(tmp_path / "ct")
+    assert np.array_equal(field.values, volume)
+    first = pydicom.dcmread(next(p for p in (tmp_path / "ct").iterdir() if pydicom.dcmread(p).InstanceNumber == 1))
+    corner = np.array([float(x) for x in first.ImagePositionPatient])
+    expected = np.column_stack([TILT[:, 0] * 1.5, TILT[:, 1] * 2.0, TILT[:, 2] * 3.0, corner])
+    assert np.allclose(matrix(field), np.diag([-1.0, -1, 1]) @ expected, atol=1e-6)
+    names = SimpleITK.ImageSeriesReader.GetGDCMSeriesFileNames(str(tmp_path / "ct"))
+    assert np.allclose(matrix(isocodec.read(SimpleITK.ReadImage(names))), matrix(field), atol=1e-6)
+    ok("encode", tmp_path / "ct", "-o", tmp_path / "ct.iso", "--isovalue", 650.5, "--precision", "exact")
+    assert np.array_equal(isocodec.open(tmp_path / "ct.iso").above(), volume > 650.5)
+    one = read_field(tmp_path / "ct" / "000-1.2.3.dcm")
+    assert np.array_equal(one, volume[:, :, 0])
+    assert read_place(tmp_path / "ct" / "000-1.2.3.dcm", 2).in_space
+
+
+def test_dicom_that_leaves_a_choice_or_is_damaged(tmp_path: Path) -> None:
+    slices(tmp_path / "two", 3)
+    volume = slices(tmp_path / "two", 4, "1.2.4")
+    listed = r"\(CT, 3 slices, 1\.2\.3\); \(CT, 4 slices, 1\.2\.4\)"
+    with pytest.raises(InputError, match=f"2 series: {listed}: choose one with --key"):
+        read_field(tmp_path / "two")
+    assert np.array_equal(read_field(tmp_path / "two", key="1.2.4"), volume)
+    with pytest.raises(InputError, match="no series 'x'"):
+        read_field(tmp_path / "two", key="x")
+    slices(tmp_path / "gap")
+    next(p for p in (tmp_path / "gap").iterdir() if pydicom.dcmread(p).InstanceNumber == 3).unlink()
+    with pytest.raises(InputError, match="a gap: 6 mm between slices 1 and 2"):
+        read_field(tmp_path / "gap")
+    with pytest.raises(LimitError):
+        read_field(tmp_path / "two", key="1.2.4", samples=100)
+    (tmp_path / "a.dcm").write_bytes(bytes(128) + b"DICM" + b"\0" * 50)
+    with pytest.raises(InputError):
+        read_field(tmp_path / "a.dcm")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(IsADirectoryError):
+        read_field(tmp_path / "empty")
+
+
+# ---- VTK ------------------------------------------------------------------------------------------------------------
+
+
+def image(path: Path, field: np.ndarray, *names: str, mode: str = "appended") -> None:
+    made = vtk.vtkImageData()
+    shape = (*field.shape, 1)[:3]
+    made.SetExtent(2, shape[0] + 1, 0, shape[1] - 1, 0, shape[2] - 1)
+    made.SetSpacing(0.5, 2, 3)
+    made.SetOrigin(10, 20, 30)
+    made.SetDirectionMatrix(0, -1, 0, 1, 0, 0, 0, 0, 1)
+    for name in names:
+        array = numpy_to_vtk(np.ascontiguousarray(field.T).ravel(), deep=True)
+        array.SetName(name)
+        made.GetPointData().AddArray(array)
+    writer = vtk.vtkXMLImageDataWriter()
+    writer.SetFileName(str(path))
+    writer.SetInputData(made)
+    writer.SetDataMode(["ascii", "binary", "appended"].index(mode))
+    writer.Write()
+
+
+@pytest.mark.parametrize("mode", ["appended", "ascii", "binary"])
+def test_vti(tmp_path: Path, mode: str) -> None:
+    image(tmp_path / "a.vti", BALL, "density", mode=mode)
+    field = isocodec.read(tmp_path / "a.vti")
+    assert np.allclose(field.values, BALL, rtol=1e-5)
+    assert field.placement is not None
+    # the first point is number 2 along x
+    assert np.allclose(field.placement.matrix, [[0, -2, 0, 10], [0.5, 0, 0, 21], [0, 0, 3, 30]])
+    ok("encode", tmp_path / "a.vti", "-o", tmp_path / "a.iso", "--isovalue", 50)
+    with (tmp_path / "a.vti").open("rb") as file:
+        assert isocodec.read(file).shape == BALL.shape
+
+
+def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    image(tmp_path / "two.vti", HILL, "a", "b")
+    with pytest.raises(InputError, match="holds 2 arrays: a; b: choose one with --key"):
+        read_field(tmp_path / "two.vti")
+    assert np.array_equal(read_field(tmp_path / "two.vti", key="b"), HILL)
+    placement = read_place(tmp_path / "two.vti", 2, "b").matrix
+    assert placement is not None and np.allclose(placement[:2], [[0, -2, 10], [0.5, 0, 21]])
+    with pytest.raises(LimitError):
+        read_field(tmp_path / "two.vti", key="a", samples=100)
+    image(tmp_path / "none.vti", HILL)
+    with pytest.raises(InputError, match="no values at its points"):
+        read_field(tmp_path / "none.vti")
+    data = (tmp_path / "two.vti").read_bytes()
+    (tmp_path / "cut.vti").write_bytes(data[: len(data) // 3])
+    with pytest.raises(InputError):
+        read_field(tmp_path / "cut.vti", key="a")
+    (tmp_path / "other.vti").write_bytes(b"whatever")
+    assert "not a file of VTK" in fails(3, "encode", tmp_path / "other.vti", "-o", tmp_path / "a.iso", "--isovalue", 1)

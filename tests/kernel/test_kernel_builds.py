@@ -1,0 +1,173 @@
+"""What is kept of builds of the kernels: whose folder it is, what is found again, and what goes."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from home import ROOT
+
+sys.path.insert(0, str(ROOT / "tools" / "kernels"))
+
+import build
+import cache
+from targets import TARGETS
+
+pytestmark = [
+    pytest.mark.heavy, pytest.mark.skipif(os.name != "posix", reason="permissions and locks as POSIX has them"),
+]
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where builds are kept in this test; it is not there yet."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "isocodec" / "kernels"
+
+
+def make(key: str, content: str = "built") -> bool:
+    """Build something, if it is not there; whether it was."""
+    with cache.entry(key) as (place, kept):
+        if not kept:
+            (place / "kernels").write_text(content)
+        assert (place / "kernels").read_text() == content
+    return kept
+
+
+def names(home: Path) -> set[str]:
+    return {path.name for path in home.iterdir()}
+
+
+def test_what_was_built_is_found_again(home: Path) -> None:
+    assert cache.hit("one") is None
+    assert [make("one"), make("one"), make("two"), make("one")] == [False, True, False, True]
+    assert cache.hit("one") == home / "one"
+    assert names(home) == {"one", "one.lock", "two", "two.lock"}
+
+
+def test_the_folder_is_its_owners_alone(home: Path) -> None:
+    mask = os.umask(0)
+    try:
+        make("one")
+    finally:
+        os.umask(mask)
+    assert home.stat().st_mode & 0o777 == (home / "one").stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o702, 0o710, 0o704])
+def test_a_folder_that_others_may_use_is_none(home: Path, mode: int, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither is what lies there taken, nor is anything put there; the build goes on, and says so."""
+    make("one", "not to be trusted")
+    home.chmod(mode)
+    assert cache.hit("one") is None
+    assert not make("one") and not make("one")
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2 and f"kernels: this build cannot be kept: {home}: others may read or write it" in said[0]
+    assert (home / "one" / "kernels").read_text() == "not to be trusted"
+    home.chmod(0o700)
+    assert cache.hit("one")
+
+
+def test_nor_is_one_of_somebody_else(
+    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make("one")
+    other = os.getuid() + 1
+    monkeypatch.setattr(os, "getuid", lambda: other)
+    assert cache.hit("one") is None and not make("one")
+    assert "not a folder of your own" in capsys.readouterr().err
+
+
+def test_nor_is_a_link(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    home.parent.mkdir(parents=True)
+    home.symlink_to(tmp_path / "elsewhere")
+    assert not make("one")
+    assert "not a folder of your own" in capsys.readouterr().err
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_where_nothing_can_be_written(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "cache").write_text("a file")
+    assert not make("one") and not make("one")
+    assert capsys.readouterr().err.count("kernels: this build cannot be kept: ") == 2
+
+
+def test_where_the_folder_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A path that is not absolute does not count, as the specification of these folders has it."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    for named in ("", "relative"):
+        monkeypatch.setenv("XDG_CACHE_HOME", named)
+        assert cache.folder() == tmp_path / ".cache" / "isocodec" / "kernels"
+
+
+def test_a_build_that_fails_leaves_nothing(home: Path) -> None:
+    with pytest.raises(ZeroDivisionError), cache.entry("one") as (place, _):
+        (place / "kernels").write_text("half")
+        raise ZeroDivisionError
+    assert cache.hit("one") is None and names(home) == {"one.lock"}
+    assert not make("one")
+
+
+def test_two_at_once(home: Path) -> None:
+    """The second one waits, and finds what the first one built; another build does not."""
+    found: list[bool] = []
+    second = threading.Thread(target=lambda: found.append(make("one")))
+    with cache.entry("one") as (place, kept):
+        second.start()
+        assert not kept and not make("two")
+        second.join(0.3)
+        assert second.is_alive() and not found
+        (place / "kernels").write_text("built")
+    second.join(10)
+    assert found == [True]
+
+
+def test_what_has_not_been_used_for_longest_goes(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Using a build counts; one that is not finished stays."""
+    monkeypatch.setattr(cache, "KEPT", 3)
+    for age, key in enumerate(("a", "b", "c"), 1):
+        make(key)
+        os.utime(home / key, (1000 * age, 1000 * age))
+    assert make("a")
+    (home / "unfinished-other").mkdir()
+    make("d")
+    assert names(home) == {"a", "a.lock", "c", "c.lock", "d", "d.lock", "unfinished-other"}
+
+
+def test_a_checkout_gets_its_library_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files are replaced, not written into: a process may have the old one loaded. The sources are noted."""
+    monkeypatch.setattr(build, "BUILT", tmp_path / "built")
+    place = tmp_path / "place"
+    place.mkdir()
+    monkeypatch.setattr(build, "sources", lambda: {"files": ["a.py"], "sha256": "0"})
+    for content in ("old", "new"):
+        (place / "kernels.so").write_text(content)
+        (place / "kernels.json").write_text(json.dumps({"file": "kernels.so", "sources": None}))
+        for checked in (False, True):
+            build.put_into_checkout(place, checked)
+        if content == "old":
+            loaded = (tmp_path / "built" / "kernels.so").open()
+    assert loaded.read() == "old"
+    loaded.close()
+    for folder in (tmp_path / "built", tmp_path / "built" / "checked"):
+        assert (folder / "kernels.so").read_text() == "new"
+        assert json.loads((folder / "kernels.json").read_text())["sources"] == {"files": ["a.py"], "sha256": "0"}
+        assert {path.name for path in folder.iterdir()} - {"checked"} == {"kernels.so", "kernels.json"}
+
+
+def test_keys_name_what_a_build_depends_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sources, platform, checks, and what it is built with."""
+    linux, windows = (TARGETS[name] for name in ("linux-x86_64", "windows-x86_64"))
+    keys = {build.key(target, checked) for target in (None, linux, windows) for checked in (False, True)}
+    assert len(keys) == 6 and build.key(linux, False) in keys
+    for change in ("sources", "requirements"):
+        with monkeypatch.context() as patch:
+            patch.setattr(build, change, lambda: {"sha256": "another"} if change == "sources" else ["numba==0"])  # noqa: B023
+            assert build.key(linux, False) not in keys and build.key(None, False) not in keys

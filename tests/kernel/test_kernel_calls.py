@@ -1,0 +1,259 @@
+"""Kernels as they are called: types, how values lie in memory, arguments and results."""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+from collections.abc import Callable
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from commands import HILLS
+from isocodec.errors import KernelError
+from isocodec.grid.lattice.store import new_flags
+from isocodec.grid.tube.ranks import enter_numbers_at
+from isocodec.kernel import record
+from isocodec.kernel.call import FINE, Kernel
+from isocodec.kernel.types import (
+    BOOL,
+    FLOAT,
+    INT,
+    Array,
+    FloatMatrix,
+    IntVector,
+    Member,
+    Record,
+    Signature,
+    UInt8Vector,
+    kind_of,
+)
+from isocodec.stream.encoder import encoder_of
+from tables import looped
+
+
+@record
+class Inner(NamedTuple):
+    flags: UInt8Vector
+
+
+@record
+class Outer(NamedTuple):
+    numbers: IntVector
+    inner: Inner
+    places: FloatMatrix
+
+
+def slots(*values: int) -> bytes:
+    return struct.pack(f"<{len(values)}q", *values)
+
+
+# --- values in slots ------------------------------------------------------------------------------------------------
+
+
+@looped(
+    ("kind", "value", "expected"),
+    [
+        (INT, 258, b"\x02\x01" + bytes(6)), (INT, -2, b"\xfe" + b"\xff" * 7), (INT, np.uint8(7), slots(7)),
+        (INT, np.int64(-(1 << 63)), bytes(7) + b"\x80"), (FLOAT, -2.0, bytes(7) + b"\xc0"),
+        (FLOAT, np.float32(0.5), bytes(6) + b"\xe0\x3f"), (FLOAT, np.nan, bytes(6) + b"\xf8\x7f"),
+        (BOOL, True, slots(1)), (BOOL, np.False_, slots(0)),
+    ],
+)
+def test_numbers(kind, value, expected):
+    assert kind.pack(value) == expected
+
+
+@looped(
+    ("kind", "value"),
+    [(INT, 1.0), (INT, True), (INT, np.True_), (INT, None), (INT, "1"), (INT, np.array(1)), (FLOAT, 1), (FLOAT, True),
+     (FLOAT, np.int64(1)), (BOOL, 1), (BOOL, 0.0), (BOOL, None)],
+)
+def test_what_is_no_such_number(kind, value):
+    with pytest.raises(TypeError, match=f"{type(value).__name__} instead of {kind}"):
+        kind.pack(value)
+
+
+@pytest.mark.parametrize("value", [1 << 63, -(1 << 63) - 1, np.uint64((1 << 64) - 1)])
+def test_integers_of_more_than_64_bits(value):
+    with pytest.raises(OverflowError):
+        INT.pack(value)
+
+
+def test_arrays():
+    """Address, size, shape and strides."""
+    values = np.arange(6, dtype=np.int16).reshape(2, 3)
+    assert Array("int16", 2).pack(values) == slots(values.ctypes.data, 6, 2, 3, 6, 2)
+    assert Array("int16", 1).pack(values[1]) == slots(values.ctypes.data + 6, 3, 3, 2)
+    assert Array("uint8", 1).pack(np.frombuffer(b"abc", np.uint8))[8:] == slots(3, 3, 1)
+
+
+def test_arrays_that_are_not_to_be_written():
+    """Kernels that only read take them, from where they are."""
+    values = np.arange(4.0)
+    values.flags.writeable = False
+    assert Array("float64", 1).pack(values) == slots(values.ctypes.data, 4, 4, 8)
+
+
+def test_empty_arrays():
+    for shape in ((0,), (0, 4), (3, 0)):
+        empty = np.zeros(shape, np.int32)
+        assert Array("int32", len(shape)).pack(empty) == slots(0, 0, *shape, *empty.strides)
+
+
+@looped(
+    ("value", "found"),
+    [
+        (np.zeros(3, np.int32), "int32, 1d"), (np.zeros((3, 1), np.int64), "int64, 2d"), ([1, 2], "list"),
+        (np.zeros(3, ">i8"), ">i8, 1d"), (np.zeros(6, np.int64)[::2], "an array with gaps"),
+        (np.zeros(3, np.int64)[::-1], "an array with gaps"), (None, "NoneType"), (np.int64(3), "int64"),
+        (np.ma.zeros(3, np.int64), "int64, 1d"),
+    ],
+)
+def test_what_is_no_such_array(value, found):
+    with pytest.raises(TypeError, match=f"{found} instead of int64\\[1d\\]"):
+        Array("int64", 1).pack(value)
+
+
+def outer() -> Outer:
+    return Outer(np.arange(3), Inner(np.arange(2, dtype=np.uint8)), np.zeros((2, 2)))
+
+
+def test_records():
+    """What their members take, one after the other."""
+    kind, value = kind_of(Outer), outer()
+    assert isinstance(kind, Record) and kind.slots == 4 + 4 + 6 and str(kind) == "Outer"
+    numbers, (flags,), places = value
+    assert kind.pack(value) == (
+        slots(numbers.ctypes.data, 3, 3, 8) + slots(flags.ctypes.data, 2, 2, 1)
+        + slots(places.ctypes.data, 4, 2, 2, 16, 8)
+    )
+
+
+def test_records_with_another_type_of_a_member():
+    kind = kind_of(Annotated[Inner, Member("flags", IntVector)])
+    assert str(kind) == "Inner<flags: int64[1d]>" != str(kind_of(Inner))
+    value = Inner(np.arange(2))  # type: ignore[arg-type]
+    assert kind.pack(value) == slots(value.flags.ctypes.data, 2, 2, 8)
+    with pytest.raises(TypeError, match="flags: int64, 1d instead of uint8"):
+        kind_of(Inner).pack(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "match"),
+    [
+        ((1, 2), "tuple instead of Outer"), (None, "NoneType instead of Outer"),
+        (outer()._replace(numbers=[1]), "numbers: list"),
+        (outer()._replace(inner=Inner(np.zeros(2))), "inner: flags: float64, 1d"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_is_no_such_record(value, match):
+    with pytest.raises(TypeError, match=match):
+        kind_of(Outer).pack(value)
+
+
+def test_changed_records_are_noted_anew():
+    """Whichever member changes, before or after the first call; the one that it was made from stays."""
+    kind = kind_of(Outer)
+
+    def plain(value: Outer) -> bytes:
+        return kind.pack(Outer(value.numbers, Inner(value.inner.flags), value.places))
+
+    value = outer()
+    early = value._replace(numbers=np.arange(7))
+    first = kind.pack(value)
+    changed = [
+        value._replace(numbers=np.arange(5)), value._replace(inner=Inner(np.zeros(9, np.uint8))),
+        value._replace(places=np.zeros((3, 1)), numbers=np.arange(6)), value._replace(), early,
+    ]
+    again = [each._replace(places=np.ones((1, 1))) for each in changed]
+    for each in (*changed, *again):
+        assert kind.pack(each) == plain(each) == kind.pack(each)
+    assert len({kind.pack(each) for each in (value, *changed)}) == len(changed)  # one is the same
+    assert kind.pack(value) == first == plain(value)
+
+
+def test_a_kernel_reads_the_array_that_took_the_place_of_another():
+    encoder = encoder_of(HILLS, 80.5, precision="signs")
+    assert b"".join(encoder)
+    tube = encoder.frame.strands[0].tube
+    state, numbers = tube.state, tube.numbers
+    position = state.vertex[:5, :3].astype(np.int64)
+    out = np.zeros(5, np.int64)
+    for known, expected in ((state.known, [*range(5)]), (new_flags(2), [-1] * 5), (state.known, [*range(5)])):
+        enter_numbers_at(numbers._replace(known=known), position, out)
+        assert out.tolist() == expected
+    enter_numbers_at(numbers, position, out)
+    assert out.tolist() == [*range(5)]
+
+
+# --- calls ----------------------------------------------------------------------------------------------------------
+
+
+def returning(function: Callable[..., Any], content: bytes, status: int = FINE[0]) -> Kernel:
+    """A kernel whose entry writes some bytes where the results go."""
+
+    def entry(results: Any, fault: Any, frame: bytes) -> int:
+        ctypes.memmove(results, content, len(content))
+        return status
+
+    return Kernel(function, lambda _: entry)
+
+
+def whole() -> int: ...
+def fraction() -> float: ...
+def truth() -> bool: ...
+def nothing() -> None: ...
+def several() -> tuple[int, int, int]: ...
+
+
+@looped(
+    ("function", "content", "expected"),
+    [
+        (whole, slots(-3), -3), (fraction, struct.pack("<d", 0.1), 0.1), (truth, slots(1), True),
+        # of a truth value one bit is stated
+        (truth, slots(0x7E), False), (nothing, slots(5), None), (several, slots(1, -2, 3, 4), (1, -2, 3)),
+    ],
+)
+def test_results(function, content, expected):
+    found = returning(function, content)()
+    assert found == expected and type(found) is type(expected)
+
+
+def test_a_status_of_a_fault_is_an_index_error():
+    for status in (1, -1, 7):
+        with pytest.raises(IndexError, match=r"kernel .*nothing: an index out of bounds"):
+            returning(nothing, b"", status)()
+    assert returning(nothing, b"", FINE[1])() is None
+
+
+def weighed(values: IntVector, weight: float, turned: bool) -> float: ...
+
+
+@looped(
+    ("arguments", "match"),
+    [
+        ((np.zeros(2), 1.0, True), r"weighed, argument values: float64, 1d instead of int64\[1d\]"),
+        ((np.zeros(4, np.int64)[::2], 1.0, True), "weighed, argument values: an array with gaps"),
+        ((np.zeros(2, np.int64), 1, True), "weighed, argument weight: int instead of float64"),
+        ((np.zeros(2, np.int64), 1.0, 1), "weighed, argument turned: int instead of bool"),
+        ((np.zeros(2, np.int64), 1.0), r"weighed\(values: int64\[1d\], .*\) -> float64 called with 2 arguments"),
+        ((np.zeros(2, np.int64), 1.0, True, 0), "called with 4 arguments"),
+    ],
+)
+def test_arguments_of_other_types(arguments, match):
+    """Never is anything else compiled, or run as plain Python instead."""
+    with pytest.raises(KernelError, match=match) as caught:
+        returning(weighed, slots(0))(*arguments)
+    assert caught.value.code == "kernel-signature" and caught.value.exit_code == 8
+
+
+def test_signatures():
+    assert str(Signature.of(weighed)) == "(values: int64[1d], weight: float64, turned: bool) -> float64"
+    assert str(Signature.of(several)) == "() -> (int64, int64, int64)"
+
+    def wrong(values: list) -> None: ...
+
+    with pytest.raises(KernelError, match="no type of a kernel"):
+        Signature.of(wrong)

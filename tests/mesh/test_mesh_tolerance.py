@@ -1,0 +1,243 @@
+"""Distances and topology that files on known meshes keep, measured by VTK (spec annex G.6)."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_hierarchy import surface
+
+import isocodec
+from brute import HEAVY, INTERPRETED
+from explicit_meshes import Mesh, components, euler, plane, space, torus
+from isocodec import Mesh as Valued
+from isocodec.errors import OptionError
+from isocodec.search.mesh_cuts import MeshContour
+from libraries import Late
+from tables import looped
+
+pyvista = Late("pyvista")
+pytestmark = pytest.mark.skipif(INTERPRETED, reason="slow in Python, and the same")
+
+
+def dented(seed: int) -> Mesh:
+    """A torus with dents, of which some triangles are missing."""
+    points, cells = torus(80, 40)
+    rng = np.random.default_rng(seed)
+    return points + rng.normal(size=points.shape) * 0.01, cells[rng.random(len(cells)) < 0.98]
+
+
+MESHES = {
+    "plane": lambda seed: plane(seed, 3000, 0.995), "surface": dented, "space": lambda seed: space(seed, 2500, 0.995),
+}
+VALUE = -0.5
+EDGES = (0.3, 1.0, 4.0)
+"""Distances in median edges."""
+
+
+def hills(points: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+    """Smooth values, with detail of the size of a few cells."""
+    rng = np.random.default_rng(seed)
+    size = np.ptp(points, axis=0).max()
+    ways = rng.normal(size=(8, points.shape[1])) * np.repeat([2, 4, 8, 16], 2)[:, None] / size
+    return (np.cos(points @ ways.T + rng.random(8) * 6) / np.repeat([1, 2, 4, 8], 2)).sum(axis=1)
+
+
+def edge_of(mesh: Mesh) -> float:
+    side = mesh[0][mesh[1][:, 1]] - mesh[0][mesh[1][:, 0]]
+    return float(np.median(np.sqrt((side**2).sum(axis=1))))
+
+
+def drawn(contour: isocodec.Contour) -> pyvista.PolyData:
+    points = np.zeros((len(contour.points), 3))
+    points[:, : contour.points.shape[1]] = contour.points
+    cells = np.insert(contour.cells, 0, contour.cells.shape[1], axis=1).ravel()
+    return pyvista.PolyData(points, lines=cells) if contour.cells.shape[1] == 2 else pyvista.PolyData(points, cells)
+
+
+def sampled(contour: isocodec.Contour, parts: int = 4) -> NDArray[np.float64]:
+    """Points all over the pieces."""
+    corners = contour.cells.shape[1]
+    weights = [w for w in np.ndindex(*(parts + 1,) * corners) if sum(w) == parts]
+    points = np.einsum("wc,mcd->wmd", np.array(weights) / parts, contour.points[contour.cells])
+    out = np.zeros((points.shape[0] * points.shape[1], 3))
+    out[:, : contour.points.shape[1]] = points.reshape(-1, contour.points.shape[1])
+    return out
+
+
+def farthest(one: isocodec.Contour, other: isocodec.Contour) -> float:
+    """Largest distance of points of one contour from another."""
+    points = sampled(one)
+    closest = drawn(other).find_closest_cell(points, return_closest_point=True)[1]
+    return float(np.sqrt(((closest - points) ** 2).sum(axis=1)).max())
+
+
+def whole_of(mesh: Mesh, values: NDArray[np.float64], isovalue: float) -> isocodec.Contour:
+    """The contour of the whole mesh, very exactly."""
+    data = isocodec.encode(Valued(*mesh, values, progressive=False), isovalue, precision=edge_of(mesh) / 1e6)
+    return isocodec.open(data, mesh=mesh).contour()
+
+
+@pytest.mark.parametrize("kind", MESHES)
+def test_small_distances_are_kept_without_a_search(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Below a tenth of the median edge, alone and in steps; above, the search reports what it tries."""
+    mesh = MESHES[kind](3)
+    values, edge = hills(mesh[0], 3), edge_of(mesh)
+    unit = 1000 / edge  # steps of less than 0.1 units are refused
+    mesh, edge = (mesh[0] * unit, mesh[1]), 1000.0
+    whole, tried = whole_of(mesh, values, VALUE), list[tuple[int, int]]()
+
+    def encoded(precision: float | str) -> isocodec.IsoFile:
+        data = isocodec.encode(Valued(*mesh, values), VALUE, precision=precision,
+                               progress=lambda *done: tried.append(done))
+        return isocodec.open(data, mesh=mesh)
+
+    encoded(0.3 * edge)
+    assert tried and all(total == 0 for _, total in tried)
+    tried.clear()
+    monkeypatch.setattr(MeshContour, "cut", None)
+    for distance in (0.099 * edge, 1e-3 * edge, 1e-5 * edge):
+        contour = encoded(distance).contour()
+        assert max(farthest(contour, whole), farthest(whole, contour)) <= distance + 2e-6 * edge
+    file = encoded("90,20,2")
+    ends = [number for number, layer in enumerate(file.info.layers, 1) if layer.kind == "offsets"]
+    for distance, layers in zip((90, 20, 2), ends, strict=True):
+        contour = file.contour(layers=layers)
+        assert max(farthest(contour, whole), farthest(whole, contour)) <= distance + 2e-6 * edge
+    assert not tried and [layer.within for layer in file.info.layers] == [None] * (len(file.info.layers) - 1) + [2.0]
+
+
+@looped("edges", EDGES)
+@looped("kind", MESHES)
+def test_distances_are_kept(kind: str, edges: float) -> None:
+    """Both ways; a file of signs and offsets of the whole mesh takes no fewer bytes."""
+    smaller = 0
+    for seed in range(3):
+        mesh = MESHES[kind](seed)
+        values, distance = hills(mesh[0], seed), edges * edge_of(mesh)
+        data = isocodec.encode(Valued(*mesh, values), VALUE, precision=distance)
+        contour, original = isocodec.open(data, mesh=mesh).contour(), whole_of(mesh, values, VALUE)
+        assert farthest(contour, original) <= distance * (1 + 1e-6)
+        assert farthest(original, contour) <= distance * (1 + 1e-6)
+        (found,) = isocodec.open(data, mesh=mesh).verify(Valued(*mesh, values))
+        assert found.kept and found.wrong in (None, 0)
+        whole = isocodec.encode(Valued(*mesh, values, progressive=False), VALUE, precision=distance)
+        assert len(data) <= len(whole) + 8
+        smaller += len(data) < len(whole)
+    assert smaller == 3 or edges < 4
+
+
+@pytest.mark.parametrize("kind", MESHES)
+def test_steps(kind: str) -> None:
+    """Each layer keeps its distance; text with a unit means the same."""
+    mesh = MESHES[kind](5)
+    values, edge = hills(mesh[0], 5), edge_of(mesh)
+    steps = (8 * edge, 3 * edge, 0.5 * edge)
+    data = isocodec.encode(Valued(*mesh, values), VALUE, precision=steps)
+    original, file = whole_of(mesh, values, VALUE), isocodec.open(data, mesh=mesh)
+    # each cut, with its offsets if it has any, ends where the chunk of the next one begins
+    chunks = [chunk for chunk in file.info.chunks if chunk.type == "layers"]
+    kinds = [layer.kind for layer in file.info.layers]
+    begins = [chunk.offset for chunk, kind in zip(chunks, kinds, strict=True) if kind == "cut"]
+    assert len(begins) == 3
+    for step, end in zip(steps, [*begins[1:], len(data)], strict=True):
+        contour = isocodec.open(data[:end], mesh=mesh).contour(partial=True)
+        assert max(farthest(contour, original), farthest(original, contour)) <= step * (1 + 1e-6)
+
+
+@looped("topology", [False, True])
+@looped("kind", MESHES)
+def test_steps_that_end_in_exact_values(kind: str, topology: bool) -> None:
+    """Layers before the last keep their distance; then points are bit for bit those of exact values alone."""
+    mesh = MESHES[kind](5)
+    values, edge = np.rint(1000 * hills(mesh[0], 5)).astype(np.int32), edge_of(mesh)
+    isovalues, steps = [1000 * VALUE + 0.5, 1000 * VALUE + 40.5], (8 * edge, 3 * edge)
+    given = Valued(*mesh, values)
+    data = isocodec.encode(given, isovalues, precision=[*steps, "exact"], keep_topology=topology)
+    file = isocodec.open(data, mesh=mesh)
+    exact = isocodec.open(isocodec.encode(given, isovalues, precision="exact"), mesh=mesh)
+    for found, wanted in zip(file.contours(), exact.contours(), strict=True):
+        assert len(found.cells) and found.cells.shape == wanted.cells.shape
+        assert np.array_equal(np.unique(found.points, axis=0), np.unique(wanted.points, axis=0))
+    assert file.promise is not None and file.promise.endswith("all values exactly")
+    for one in file.verify(given):
+        assert one.kept and one.promised == 0
+    chunks = [chunk for chunk in file.info.chunks if chunk.type == "layers"]
+    kinds = [layer.kind for layer in file.info.layers]
+    begins = [chunk.offset for chunk, layer in zip(chunks, kinds, strict=True) if layer == "cut"]
+    assert kinds.count("cut") == 6 and kinds.count("values") == 2
+    original = whole_of(mesh, values, isovalues[0])
+    for step, end in zip(steps, begins[1:3], strict=True):
+        contour = isocodec.open(data[:end], mesh=mesh).contour(partial=True)
+        assert max(farthest(contour, original), farthest(original, contour)) <= step * (1 + 1e-6)
+    with pytest.raises(OptionError, match="holds floats"):
+        isocodec.encode(Valued(*mesh, hills(mesh[0], 5)), VALUE, precision=[*steps, "exact"])
+
+
+def shape_of(contour: isocodec.Contour) -> tuple[int, int, int]:
+    """Components, Euler characteristic, and ends or edges at the border."""
+    cells = contour.cells
+    sides = np.sort(np.concatenate([np.delete(cells, i, axis=1) for i in range(cells.shape[1])]), axis=1)
+    _, count = np.unique(sides, axis=0, return_counts=True)
+    return components(len(contour.points), cells), euler(len(contour.points), cells), int((count == 1).sum() > 0)
+
+
+@looped("precision", ["signs", "distance", "steps"])
+@looped("kind", ["plane", "surface", "space"])
+def test_topology_is_kept(kind: str, precision: str) -> None:
+    """In every layer, on meshes with borders and noise of the size of a cell."""
+    makers = {"plane": lambda s: plane(s, 120, 0.93), "surface": surface, "space": lambda s: space(s, 80, 0.95)}
+    for seed in range(300 if HEAVY else 20):
+        mesh = makers[kind](seed)
+        rng = np.random.default_rng(seed)
+        values = hills(mesh[0], seed) + rng.normal(size=len(mesh[0])) * (0.5 if seed % 3 else 3)
+        edge = edge_of(mesh)
+        asked = {"signs": "signs", "distance": 2 * edge, "steps": (5 * edge, 2 * edge)}[precision]
+        data = isocodec.encode(Valued(*mesh, values), VALUE, precision=asked, keep_topology=True)
+        wanted = shape_of(whole_of(mesh, values, VALUE))
+        chunks = [chunk for chunk in isocodec.open(data, mesh=mesh).info.chunks if chunk.type == "layers"]
+        for chunk in chunks:
+            contour = isocodec.open(data[: chunk.offset + chunk.bytes], mesh=mesh).contour(partial=True)
+            assert shape_of(contour) == wanted
+
+
+def test_curves_of_a_map_do_not_cross() -> None:
+    mesh = plane(2, 3000, 0.99)
+    values = hills(mesh[0], 2)
+    isovalues = np.quantile(values, np.linspace(0.1, 0.9, 9)).tolist()
+    data = isocodec.encode(Valued(*mesh, values), isovalues, precision=2 * edge_of(mesh))
+    curves = [one.points[one.cells] for one in isocodec.open(data, mesh=mesh).contours()]
+    assert not any(cross(one, other) for one, other in combinations(curves, 2))
+
+
+def cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Whether segments (M, 2, 2) and others cross; to touch is not to cross."""
+
+    def side(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0]
+
+    a, b, c, d = one[:, None, 0], one[:, None, 1], other[None, :, 0], other[None, :, 1]
+    small = -1e-9
+    return bool(((side(a, b, c) * side(a, b, d) < small) & (side(c, d, a) * side(c, d, b) < small)).any())
+
+
+REFUSED = {
+    "coded mesh, steps": ({"stored": "coded"}, {"precision": (4.0, 1.0)}, "both sides"),
+    "coded mesh, topology": ({"stored": "coded"}, {"keep_topology": True}, "both sides"),
+    "whole mesh, topology": ({"stored": "whole"}, {"keep_topology": True}, "both sides"),
+    "along the curve, steps": ({"progressive": False}, {"precision": (4.0, 1.0)}, "progressive"),
+    "along the curve, topology": ({"progressive": False}, {"keep_topology": True}, "progressive"),
+    "coded mesh, exact at last": ({"stored": "coded"}, {"precision": (4.0, "exact")}, "both sides"),
+    "growing steps": ({}, {"precision": (1.0, 4.0)}, "decrease"),
+}
+
+
+@looped("name", REFUSED)
+def test_refused(name: str) -> None:
+    how, options, wanted = REFUSED[name]
+    mesh = plane(1, 200)
+    with pytest.raises(OptionError, match=wanted) as error:
+        isocodec.encode(Valued(*mesh, np.rint(100 * hills(mesh[0], 1)).astype(int), **how), 10.5, **options)
+    assert error.value.remedy

@@ -1,0 +1,178 @@
+"""Scattered points: their Delaunay triangulation as the domain, in the file by its points alone (spec clause 10.11)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import isocodec
+from brute import examples
+from commands import fails, ok
+from explicit_meshes import crossings
+from isocodec.errors import FormatError, InputError, IsoError, OptionError
+from isocodec.io.readers.input_formats import read_mesh
+from libraries import Late
+from tables import looped
+
+Delaunay = Late("scipy.spatial.Delaunay")
+
+
+def scattered(seed, count=80, side=1000):
+    """Points of a fine grid without four on a circle, mostly, and values."""
+    rng = np.random.default_rng(seed)
+    points = np.unique(rng.integers(0, side, (count, 2)), axis=0)
+    return rng.permutation(points).astype(np.float64), rng.integers(0, 60, len(points))
+
+
+def sets(cells):
+    return {frozenset(cell) for cell in np.asarray(cells).tolist()}
+
+
+@examples(30)
+@given(seed=st.integers(0, 999), isovalues=st.sampled_from([[20.5], [20.5, 40.5]]), signs_only=st.booleans())
+def test_the_curve_of_another_library(seed, isovalues, signs_only):
+    """On points that are kept exactly the triangles are those of Qhull, and crossings lie on their sides."""
+    points, values = scattered(seed)
+    precision = "signs" if signs_only else "exact"
+    mesh = isocodec.Mesh(points, None, values, stored="whole", error=0.71)
+    data = isocodec.encode(mesh, isovalues, precision=precision)
+    decoder = isocodec.Decoder()
+    decoder.feed(data)
+    decoder.close()
+    mesh = decoder.on_mesh.domain.mesh
+    unit = decoder.on_mesh.domain.unit
+    assert unit == 1
+    triangles = Delaunay(points)
+    if not len(triangles.coplanar):
+        origin = np.array(decoder.on_mesh.head.origin)
+        place = {tuple(p): i for i, p in enumerate(points.astype(int).tolist())}
+        number = np.array([place[tuple(p)] for p in (mesh.position + origin).tolist()])
+        assert sets(number[mesh.cell]) == sets(triangles.simplices)
+    for number, isovalue in enumerate(isovalues):
+        contour = isocodec.decode(data, isovalue=isovalue)
+        found = crossings((points, triangles.simplices), values, isovalue)
+        assert len(contour.points) == len(found)
+        if not signs_only and found:
+            wanted = np.array(list(found.values()))
+            far = np.abs(contour.points[:, None] - wanted[None]).sum(axis=2).min(axis=1)
+            assert far.max() < 2.5
+        assert np.array_equal(decoder.contour(number).points, contour.points)
+
+
+def test_grids_and_duplicates():
+    """Four points on a circle everywhere; points that coincide become one with the mean of their values."""
+    x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
+    points, values = np.column_stack([x.ravel(), y.ravel()]), (x + 10 * y).ravel()
+    data = isocodec.encode(isocodec.Mesh(points, None, values, stored="whole"), 33.3)
+    assert isocodec.open(data).info.domain.cells == 2 * 8 * 6
+    again = np.concatenate([points, points[:5]]), np.concatenate([values, values[:5] + 2])
+    found = isocodec.decode(isocodec.encode(isocodec.Mesh(again[0], None, again[1]), 1.5))
+    merged = values.copy()
+    merged[:5] += 1
+    assert np.array_equal(
+        found.points, isocodec.decode(isocodec.encode(isocodec.Mesh(points, None, merged), 1.5)).points,
+    )
+    with pytest.raises(InputError, match="coincide"):
+        isocodec.encode(isocodec.Mesh(again[0], None, again[1].astype(int)), 1.5)
+    frames = np.array([values, values + 1])
+    assert isocodec.open(isocodec.encode(isocodec.Mesh(points, None, frames), 33.3)).info.interval == 0
+
+
+def test_connectivity_costs_nothing():
+    """Of a triangulation that is Delaunay's, the file has the points, and these are cheaper than with cells.
+
+    Some bits more for each of them keep the triangles the same.
+    """
+    points, _ = scattered(1, 2000, 1 << 20)
+    values = points[:, 0] + points[:, 1]
+    cells = Delaunay(points).simplices
+    mesh = isocodec.Mesh(points, None, values, stored="whole", error=500.0)
+    alone = isocodec.encode(mesh, 1e6, precision="signs")
+    whole = isocodec.encode(isocodec.Mesh(points, cells, values, stored="whole", error=500.0), 1e6, precision="signs")
+    assert len(alone) < 0.95 * len(whole)
+
+
+@looped(
+    ("points", "cells", "options", "error"),
+    [
+        (np.zeros((5, 3)), None, {}, InputError),
+        ([[0, 0], [1, 1], [2, 2]], None, {}, InputError),
+        ([[0, 0], [1, 1], [2, np.nan]], None, {}, InputError),
+        ([[0, 0], [1, 0]], None, {}, InputError),
+        ([[0, 0], [1, 0], [0, 1]], None, {"stored": "known"}, OptionError),
+        ([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], {"stored": "delaunay"}, OptionError),
+    ],
+)
+def test_what_is_no_triangulation(points, cells, options, error):
+    with pytest.raises(error):
+        isocodec.encode(isocodec.Mesh(points, cells, np.arange(len(points)), **options), 0.5)
+
+
+def test_hostile_points():
+    """Every flipped byte is found, by a checksum or, with that mended, by what it says or by the drawing's end."""
+    import zlib
+
+    points, values = scattered(3, 60)
+    data = isocodec.encode(isocodec.Mesh(points, None, values), 20.5)
+    domain = isocodec.open(data).info.chunks[0]
+    for at in range(domain.offset + 2, domain.offset + domain.bytes):
+        bad = bytearray(data)
+        bad[at] ^= 0x40
+        head = bytes(bad[domain.offset : domain.offset + domain.bytes - 4])
+        bad[domain.offset + domain.bytes - 4 : domain.offset + domain.bytes] = zlib.crc32(head).to_bytes(4, "big")
+        bad[-4:] = zlib.crc32(bytes(bad[:-4])).to_bytes(4, "big")
+        try:
+            isocodec.decode(bytes(bad))
+        except IsoError as error:
+            assert isinstance(error, FormatError) and error.clause
+
+
+def test_tables(tmp_path):
+    points, values = scattered(4)
+    rows = np.column_stack([values, points[:, 1], points[:, 0]])
+    np.savetxt(tmp_path / "named.csv", rows, delimiter=";", header="depth; Lat; lon", comments="")
+    np.savetxt(tmp_path / "bare.xyz", np.column_stack([points, values]))
+    for name, key in (("named.csv", "depth"), ("bare.xyz", "z")):
+        found = read_mesh(tmp_path / name)
+        assert np.array_equal(found.points, points) and np.array_equal(found.values_named(key), values)
+    (tmp_path / "short.csv").write_text("x,y\n1,2\n")
+    (tmp_path / "words.csv").write_text("x,y,z\n1,2,high\n")
+    (tmp_path / "none.csv").write_text("")
+    for name in ("short.csv", "words.csv", "none.csv"):
+        with pytest.raises(InputError):
+            read_mesh(tmp_path / name)
+    with pytest.raises(OptionError, match="depth"):
+        read_mesh(tmp_path / "named.csv").values_named("z")
+
+
+def test_clouds_and_layers(tmp_path):
+    """What other libraries wrote."""
+    points, values = scattered(5)
+    laspy, geopandas = pytest.importorskip("laspy"), pytest.importorskip("geopandas")
+    header = laspy.LasHeader(point_format=3, version="1.2")
+    header.scales = [1, 1, 1]
+    cloud = laspy.LasData(header)
+    cloud.x, cloud.y, cloud.z, cloud.intensity = points[:, 0], points[:, 1], values, values + 7
+    cloud.write(tmp_path / "cloud.las")
+    found = read_mesh(tmp_path / "cloud.las")
+    assert np.array_equal(found.points, points) and np.array_equal(found.values_named("z"), values)
+    assert np.array_equal(found.values_named("intensity"), values + 7)
+    table = geopandas.GeoDataFrame({"depth": values}, geometry=geopandas.points_from_xy(*points.T), crs="EPSG:32633")
+    table.to_file(tmp_path / "layer.gpkg")
+    assert np.array_equal(read_mesh(tmp_path / "layer.gpkg").values_named("depth"), values)
+    table.buffer(1).to_file(tmp_path / "areas.gpkg")
+    with pytest.raises(InputError, match="Polygon"):
+        read_mesh(tmp_path / "areas.gpkg")
+
+
+def test_commands(tmp_path):
+    points, values = scattered(6)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([points, values]), delimiter=",", header="x,y,depth", comments="")
+    ok("encode", tmp_path / "a.csv", "-o", tmp_path / "a.iso", "--values", "depth", "--isovalue", 20.5)
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson")
+    ok("thin", tmp_path / "a.csv", "-o", tmp_path / "b.npz", "--points", 20, "--key", "depth")
+    assert len(np.load(tmp_path / "b.npz")["points"]) == 20
+    line = fails(2, "encode", tmp_path / "a.csv", "-o", tmp_path / "x.iso", "--values", "z", "--isovalue", 20.5)
+    assert "depth" in line and not (tmp_path / "x.iso").exists()

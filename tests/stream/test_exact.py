@@ -1,0 +1,491 @@
+"""What comes out against what other extractors find, on generated fields; and what must not go in."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import isocodec
+from brute import crossing_edges, crossing_points, examples, mixed, smooth
+from isocodec.drawing.snapshot import state_of
+from isocodec.errors import InputError, OptionError
+from isocodec.stream.options import SEARCHED
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+measure = Late("skimage.measure")
+
+
+def integers(shape, seed, span=100.0, noise=0.0):
+    """A smooth field of integers with noise, in units of ``span``."""
+    rng = np.random.default_rng(seed)
+    return np.rint(span * (smooth(shape, seed) + noise * rng.normal(size=shape))).astype(np.int64)
+
+
+def matched(a, b, tolerance):
+    """The same set of points: as many, and each within ``tolerance`` of its partner, both ways."""
+    assert len(a) == len(b)
+    if len(a):
+        assert cKDTree(a).query(b)[0].max() <= tolerance
+        assert cKDTree(b).query(a)[0].max() <= tolerance
+
+
+def round_trip(field, isovalue, **options):
+    """Encoded and decoded, whole."""
+    contour = isocodec.decode(isocodec.encode(field, isovalue, **options))
+    assert contour.complete and contour.isovalue == isovalue and contour.shape == np.shape(field)
+    return contour
+
+
+def on_grid_edges(points):
+    """Points of which all coordinates but one are whole; in a surface the others are inside cells."""
+    return points[np.count_nonzero(points != np.rint(points), axis=1) <= 1]
+
+
+# --- exact ----------------------------------------------------------------------------------------------------------
+
+
+@looped("noise", [0.0, 0.05, 0.5])
+@looped("shape, seed", [((64, 64), 1), ((33, 90), 2), ((100, 7), 3), ((2, 50), 4)])
+def test_points_are_those_of_find_contours(shape, seed, noise):
+    """Exact integers between two samples' values: every point of scikit-image's polylines, and no other."""
+    field = integers(shape, seed, noise=noise)
+    isovalue = int(np.median(field)) + 0.5
+    contour = round_trip(field, isovalue, precision="exact")
+    lines = measure.find_contours(field, isovalue)
+    expected = np.unique(np.round(np.concatenate([np.zeros((0, 2)), *lines]), 9), axis=0)
+    assert len(expected) > 0
+    matched(contour.points, expected, 1e-9)
+
+
+def edges_of(cells):
+    """How many triangles each edge has."""
+    return Counter(tuple(sorted(e)) for t in cells.tolist() for e in itertools.combinations(t, 2))
+
+
+@looped("noise", [0.0, 0.05, 0.5])
+@looped("shape, seed", [((16, 16, 16), 1), ((9, 20, 12), 2), ((3, 30, 5), 3), ((2, 2, 9), 4)])
+def test_vertices_are_those_of_marching_cubes(shape, seed, noise):
+    """Exact integers in three dimensions: the grid-edge vertices of marching cubes; edges have two triangles."""
+    field = integers(shape, seed, noise=noise)
+    isovalue = int(np.median(field)) + 0.5
+    contour = round_trip(field, isovalue, precision="exact")
+    vertices = measure.marching_cubes(field.astype(float), isovalue, method="lorensen")[0]
+    expected = np.unique(np.round(vertices.astype(float), 4), axis=0)  # single precision
+    grid = on_grid_edges(contour.points)
+    matched(grid, crossing_points(field, isovalue), 1e-9)
+    assert cKDTree(expected).query(grid)[0].max() <= 1e-4
+    assert cKDTree(grid).query(expected)[0].max() <= 1e-4
+    # Edge-manifold: two triangles at an edge, one if the edge lies in the border of the box.
+    last = np.array(shape) - 1
+    for (a, b), count in edges_of(contour.cells).items():
+        p, q = contour.points[a], contour.points[b]
+        border = np.any((p == q) & ((p == 0) | (p == last)))
+        assert count == (1 if border else 2)
+
+
+@examples(120)
+@given(st.integers(2, 3), st.integers(0, 1 << 32), st.integers(1, 6), st.integers(-3, 3))
+def test_ties(n, seed, span, isovalue):
+    """Samples equal to the isovalue are below it: points by brute force, some next to samples, none together."""
+    rng = np.random.default_rng(seed)
+    field = rng.integers(-span, span + 1, rng.integers(2, 15 if n == 2 else 7, n))
+    contour = round_trip(field, isovalue, precision="exact")
+    expected = crossing_points(field, isovalue)
+    grid = on_grid_edges(contour.points)
+    assert len(np.unique(contour.points, axis=0)) == len(contour.points) and len(grid) >= len(expected)
+    assert not len(expected) or cKDTree(grid).query(expected)[0].max() < 1e-6
+    if n == 2:
+        assert len(contour.points) == len(expected)
+    signs = isocodec.decode(isocodec.encode(field, isovalue, precision="signs"))
+    low, axis = crossing_edges(field > isovalue)
+    middle = low.astype(float)
+    middle[np.arange(len(low)), axis] += 0.5
+    matched(on_grid_edges(signs.points), middle, 1e-12)
+
+
+def test_ties_by_hand():
+    """Samples 0 1 2 along an axis at isovalue 1: only 2 is above, and the point is next to the sample that is 1."""
+    contour = round_trip(np.array([[0, 1, 2], [0, 1, 2]]), 1, precision="exact")
+    assert sorted(map(tuple, contour.points.tolist())) == [(0.0, 1.0 + 2**-21), (1.0, 1.0 + 2**-21)]
+    contour = round_trip(np.array([[0, 1, 2], [0, 1, 2]]), 0.5, precision="exact")
+    assert sorted(map(tuple, contour.points.tolist())) == [(0.0, 0.5), (1.0, 0.5)]
+
+
+# --- tolerance ------------------------------------------------------------------------------------------------------
+
+
+def extracted_segments(field, isovalue):
+    """Marching squares with saddles joined along the mesh's diagonal, as segments (M, 2, 2).
+
+    Each crossed triangle of the full grid gives a segment between points on its edges; a point on a diagonal lies
+    on the straight line of the cell's other points, so diagonal points are dropped by joining the two pieces.
+    """
+    above = field > isovalue
+    level = field.ndim * max(max(field.shape) - 2, 0).bit_length()
+
+    def point(a, b):
+        fa, fb = float(field[a]), float(field[b])
+        return np.array(a) + (isovalue - fa) / (fb - fa) * (np.array(b, float) - np.array(a))
+
+    pieces, through = [], {}
+    for triangle in mixed(above, level).tolist():
+        a, b, c = map(tuple, triangle)
+        ends = []
+        for p, q in ((a, b), (b, c)):
+            if above[p] != above[q]:
+                ends.append(point(p, q))
+        if len(ends) == 2:
+            pieces.append(ends)
+        else:  # the diagonal is crossed: two triangles of the cell share it
+            through.setdefault(frozenset((a, c)), []).append(ends[0])
+    assert all(len(ends) == 2 for ends in through.values())
+    return np.array(pieces + list(through.values())).reshape(-1, 2, 2)
+
+
+def distances(points, segments):
+    """Distance of each point to the nearest segment."""
+    a, d = segments[:, 0], segments[:, 1] - segments[:, 0]
+    length = np.maximum((d**2).sum(axis=1), 1e-30)
+    best = np.full(len(points), np.inf)
+    for first in range(0, len(points), 2000):
+        p = points[first : first + 2000, None] - a
+        t = np.clip((p * d).sum(axis=2) / length, 0, 1)
+        best[first : first + 2000] = np.sqrt(((p - t[..., None] * d) ** 2).sum(axis=2)).min(axis=1)
+    return best
+
+
+def along(segments, count=9):
+    """Points on each segment, its ends among them."""
+    t = np.linspace(0, 1, count)[None, :, None]
+    return (segments[:, :1] * (1 - t) + segments[:, 1:] * t).reshape(-1, 2)
+
+
+@looped("tolerance", [0.3, 0.05, 0.004])
+@looped("kind", ["smooth", "noisy", "integers"])
+def test_tolerance_bounds_the_distance(kind, tolerance):
+    """Hausdorff distance to the extracted curve, both ways, no more than was asked; a smaller one costs more."""
+    rng = np.random.default_rng(7)
+    field = smooth((29, 36), 11) + (0.5 * rng.normal(size=(29, 36)) if kind == "noisy" else 0)
+    if kind == "integers":
+        field = np.rint(20 * field).astype(np.int32)
+    isovalue = 0.1 if kind != "integers" else 2.5
+    data = isocodec.encode(field, isovalue, precision=tolerance)
+    contour = isocodec.decode(data)
+    decoded = contour.points[contour.cells]
+    expected = extracted_segments(field, isovalue)
+    assert len(decoded) > 50
+    if tolerance < SEARCHED:
+        assert len(decoded) == len(expected)
+    # but for the rounding of this measurement
+    assert distances(along(decoded), expected).max() <= tolerance + 1e-12
+    assert distances(along(expected), decoded).max() <= tolerance + 1e-12
+    assert len(isocodec.encode(field, isovalue, precision=tolerance / 8)) > len(data)
+
+
+@pytest.mark.parametrize("tolerance", [0.3, 0.05, 0.004])
+def test_tolerance_in_three_dimensions(tolerance):
+    """Points on grid edges move along them only: within the tolerance of linear interpolation's."""
+    field = smooth((12, 9, 14), 3)
+    contour = round_trip(field, 0.05, precision=tolerance)
+    matched(on_grid_edges(contour.points), crossing_points(field, 0.05), tolerance)
+
+
+def test_default_is_a_tolerance():
+    """Without options: within a twentieth of a cell."""
+    field = smooth((40, 40), 5)
+    default, asked = (isocodec.open(isocodec.encode(field, 0.1, **given)) for given in ({}, {"precision": 0.05}))
+    assert np.array_equal(default.contour().points, asked.contour().points)
+    assert (default.promise, asked.promise) == (None, "within 0.05 cells")
+
+
+# --- step -----------------------------------------------------------------------------------------------------------
+
+
+@examples(80)
+@given(st.integers(2, 3), st.integers(0, 1 << 32), st.sampled_from([1.0, 0.25, 0.01, 1e-3]), st.floats(-0.4, 0.4))
+def test_step(n, seed, step, isovalue):
+    """Float data: signs as ``field > isovalue``, values of all ends of crossed grid edges within half a step."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(2, 20 if n == 2 else 8, n))
+    field = smooth(shape, seed) + 0.05 * rng.normal(size=shape)
+    if seed % 3 == 0:
+        field[rng.random(shape) < 0.2] = isovalue  # ties
+    decoder = isocodec.Decoder()
+    decoder.feed(isocodec.encode(field, isovalue, precision=f"step={step}"))
+    decoder.close()
+    tube = decoder.grid._tube
+    known = state_of(tube)
+    assert np.array_equal(known.above, field[tuple(known.position.T)] > isovalue)
+    low, axis = crossing_edges(field > isovalue)
+    high = low.copy()
+    high[np.arange(len(low)), axis] += 1
+    ends = np.unique(np.concatenate([low, high]), axis=0)
+    if not len(ends):
+        return
+    place = {tuple(p): i for i, p in enumerate(known.position.tolist())}
+    index = [place[tuple(p)] for p in ends.tolist()]
+    above, number, missing = known.above[index], known.number[index], known.missing[index]
+    assert (missing == 0).all()
+    # clause 2.3: the isovalue and half a step more for each number, on the sign's side
+    value = np.where(above, isovalue + step * (number + 0.5), isovalue - step * (number + 0.5))
+    assert np.abs(value - field[tuple(ends.T)]).max() <= step / 2 * (1 + 1e-9)
+
+
+# --- what must not go in --------------------------------------------------------------------------------------------
+
+GOOD = np.arange(12.0).reshape(3, 4)
+
+
+@looped(
+    "field, code",
+    [
+        (np.array([["a", "b"], ["c", "d"]]), "dtype"),
+        (GOOD.astype(complex), "dtype"),
+        (GOOD.astype(object), "dtype"),
+        (GOOD.astype("datetime64[s]"), "dtype"),
+        (np.zeros((3, 4), [("a", float)]), "dtype"),
+        (np.zeros(5), "axes"),
+        (3.0, "axes"),
+        (np.zeros((3, 3, 3, 3)), "axes"),
+        (np.zeros((1, 9)), "shape"),
+        (np.zeros((9, 1)), "shape"),
+        (np.zeros((4, 4, 1)), "shape"),
+        (np.zeros((0, 4)), "shape"),
+        (np.zeros((0, 0)), "shape"),
+        (np.broadcast_to(np.int8(0), (2, (1 << 24) + 1)), "shape"),
+        (np.broadcast_to(np.int8(0), (2, 2, (1 << 20) + 1)), "shape"),
+    ],
+)
+def test_fields_refused(field, code):
+    """Types, numbers of axes and lengths that are no sampled field."""
+    with pytest.raises(InputError) as caught:
+        isocodec.encode(field, 0.5)
+    assert caught.value.code == code and caught.value.remedy
+
+
+def test_numbers_of_numpy_are_numbers():
+    field = np.rint(40 * smooth((20, 24), 3)).astype(np.int64)
+    for plain, numpys in (
+        ({"layers": 2}, {"layers": np.int64(2)}),
+        ({"precision": 0.5}, {"precision": np.float32(0.5)}),
+        ({"precision": [4, 1]}, {"precision": np.array([4, 1])}),
+        ({"precision": [2.0, "exact"]}, {"precision": (np.float64(2), "exact")}),
+        ({"layers": "curvature=1"}, {"layers": f"curvature={np.uint8(1)}"}),
+    ):
+        assert isocodec.encode(field, np.float32(0.5), **numpys) == isocodec.encode(field, 0.5, **plain)
+
+
+@looped(
+    "options",
+    [
+        {"layers": 2.5}, {"layers": "two"}, {"precision": "one"}, {"precision": "step=a"}, {"precision": {4: 1}},
+        {"precision": "4,a"}, {"precision": ["a"]}, {"profile": None}, {"layers": []},
+    ],
+)
+def test_options_of_the_wrong_kind(options):
+    with pytest.raises(OptionError):
+        isocodec.encode(GOOD, 5.5, **options)
+
+
+def test_ragged_fields_refused():
+    """Nested lists of unequal length: numpy's own error, which is a ValueError too."""
+    with pytest.raises(ValueError, match="inhomogeneous"):
+        isocodec.encode([[1, 2], [3]], 0.5)
+
+
+@looped("isovalue", [math.inf, -math.inf, math.nan, [[1, 2]], 1j, 10**400])
+def test_isovalues_refused(isovalue):
+    """An isovalue is one finite number."""
+    with pytest.raises(InputError) as caught:
+        isocodec.encode(GOOD, isovalue)
+    assert caught.value.code == "isovalue"
+
+
+def test_texts_that_are_no_isovalues():
+    with pytest.raises(OptionError, match='every 20 from 5') as caught:
+        isocodec.encode(GOOD, "high")
+    assert caught.value.code == "isovalue"
+
+
+@looped(
+    "field, options, code",
+    [
+        (GOOD, {"precision": "exact"}, "exact"),
+        (GOOD.astype(int), {"precision": "step=0.5"}, "step"),
+        (GOOD, {"precision": "step=0.0"}, "step"),
+        (GOOD, {"precision": f"step={-1.0}"}, "step"),
+        (GOOD, {"precision": f"step={math.nan}"}, "step"),
+        (GOOD, {"precision": f"step={math.inf}"}, "step"),
+        (GOOD, {"precision": 0.0}, "tolerance"),
+        (GOOD, {"precision": -0.1}, "tolerance"),
+        (GOOD, {"precision": math.nan}, "tolerance"),
+        (GOOD, {"precision": 1e-10}, "tolerance"),  # more than 2**24 parts of a cell
+        (GOOD, {"precision": [2, "exact"], "layers": 1}, "options"),
+        (GOOD, {"layers": "base", "precision": "signs"}, "options"),
+        (GOOD, {"layers": "base", "keep_topology": True}, "options"),
+        (GOOD, {"precision": "step=a"}, "options"),
+        (GOOD, {"layers": -1}, "base-level"),
+        (GOOD, {"layers": 5}, "base-level"),  # 3 x 4 samples: k = 2, level 4
+        (GOOD, {"profile": "best"}, "profile"),
+    ],
+)
+def test_options_refused(field, options, code):
+    """Options out of range, and those that contradict one another or the data."""
+    with pytest.raises(OptionError) as caught:
+        isocodec.encode(field, 0.5, **options)
+    assert caught.value.code == code
+
+
+@pytest.mark.parametrize("options", [{"layers": 0}, {"layers": -1}, {"max_bytes": 0}])
+def test_decode_options_refused(options):
+    """No layers, no bytes."""
+    with pytest.raises(OptionError):
+        isocodec.decode(isocodec.encode(GOOD, 0.5), **options)
+
+
+# --- what goes in ---------------------------------------------------------------------------------------------------
+
+
+@looped("shape", [(2, 2), (9, 14), (5, 3, 4)])
+@looped("options", [{}, {"precision": "exact"}, {"precision": "signs"}, {"layers": 0}])
+def test_no_contour(shape, options):
+    """A constant field, and an isovalue outside the data: a short file with nothing in it."""
+    ramp = np.arange(math.prod(shape)).reshape(shape)
+    flat = np.full(shape, 7)
+    for field, isovalue in ((flat, 7), (flat, 6.5), (ramp, -1), (ramp, 1e9), (ramp, ramp.max())):
+        data = isocodec.encode(field, isovalue, **options)
+        contour = isocodec.decode(data)
+        n = len(shape)
+        assert contour.points.shape == (0, n) and contour.cells.shape == (0, n) and contour.complete
+        assert len(data) <= 32
+
+
+def test_one_crossing():
+    """The smallest fields: one sample of four, or of eight, is above."""
+    contour = round_trip(np.array([[0, 0], [0, 4]]), 1, precision="exact")
+    matched(contour.points, np.array([[0.25, 1.0], [1.0, 0.25]]), 1e-12)
+    assert len(contour.lines) == 1
+    corner = np.zeros((2, 2, 2), int)
+    corner[1, 1, 1] = 4
+    contour = round_trip(corner, 1, precision="exact")
+    matched(contour.points, np.array([[0.25, 1, 1], [1, 0.25, 1], [1, 1, 0.25]]), 1e-12)
+    assert len(contour.cells) == 1
+
+
+@looped(
+    "dtype", ["bool", "u1", "i1", "<i2", ">i2", "<u4", ">i4", "<i8", ">u8", "f2", "<f4", ">f4", "<f8", ">f8"]
+)
+def test_types(dtype):
+    """Types and byte orders give the contour of the same numbers in int64 or float64."""
+    field = integers((13, 17), 9, span=2.0)
+    field -= field.min()
+    field = np.minimum(field, 1) if dtype == "bool" else field
+    plain = field.astype(float if "f" in dtype else int)
+    for options in (
+        {"precision": 0.01}, {"precision": "step=0.5"} if "f" in dtype else {"precision": "exact"},
+        {"precision": "signs"},
+    ):
+        assert isocodec.encode(field.astype(dtype), 0.75, **options) == isocodec.encode(plain, 0.75, **options)
+    assert len(isocodec.decode(isocodec.encode(field.astype(dtype), 0.75)).points) > 0
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_layouts(n):
+    """Fortran order, strides, negative strides, read-only memory, lists: the values count, and stay as they were."""
+    field = integers((12, 10, 8)[:n], 4)
+    data = isocodec.encode(field, 3, precision="exact")
+    spaced = np.zeros([2 * s for s in field.shape], np.int64)
+    spaced[(slice(None, None, 2),) * n] = field
+    backwards = np.ascontiguousarray(field[::-1])[::-1]
+    frozen = field.copy()
+    frozen.setflags(write=False)
+    for same in (np.asfortranarray(field), spaced[(slice(None, None, 2),) * n], backwards, frozen, field.tolist()):
+        assert isocodec.encode(same, 3, precision="exact") == data
+    assert np.array_equal(frozen, field)
+
+
+@pytest.mark.parametrize(
+    "dtype, isovalue", [("i8", 1 << 62), ("i8", -(1 << 62)), ("i8", (1 << 63) - 1024), ("u8", (1 << 64) - 2048)]
+)
+def test_integers_that_no_float_holds(dtype, isovalue):
+    """Near 2**62 floats are 512 or more apart: signs and numbers come from the integers all the same."""
+    field = np.array([[isovalue + int(v) for v in row] for row in integers((9, 11), 6)], dtype)
+    exact = [[int(v) > isovalue for v in row] for row in field.tolist()]
+    assert 10 < sum(map(sum, exact)) < 89
+    decoder = isocodec.Decoder()
+    decoder.feed(isocodec.encode(field, float(isovalue), precision="exact", layers=0))
+    decoder.close()
+    known = state_of(decoder.grid._tube)
+    assert known.above.tolist() == [exact[i][j] for i, j in known.position.tolist()]
+    ends = 0
+    for p, above, missing, number in zip(known.position, known.above, known.missing, known.number, strict=True):
+        if _crossing(exact, p):
+            ends += 1
+            assert missing == 0
+            assert int(field[tuple(p)]) == (isovalue + 1 + int(number) if above else isovalue - int(number))
+    assert ends > 10
+
+
+def _crossing(exact, p):
+    """Whether a neighbour of a sample along an axis has the other sign."""
+    i, j = map(int, p)
+    around = [(i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)]
+    return any(
+        0 <= a < len(exact) and 0 <= b < len(exact[0]) and exact[a][b] != exact[i][j] for a, b in around
+    )
+
+
+def test_values_too_far_from_the_isovalue():
+    """More than 52 bits of steps cannot be sent exactly; a tolerance can."""
+    field = np.array([[0, 0], [0, 1 << 60]])
+    with pytest.raises(InputError) as caught:
+        isocodec.encode(field, 5, precision="exact")
+    assert caught.value.code == "range"
+    assert len(isocodec.decode(isocodec.encode(field, 5)).points) == 2
+
+
+def test_infinite_samples():
+    """Infinite samples have signs; next to the curve they have no number of steps."""
+    field = smooth((12, 12), 2)
+    field[0, :4] = math.inf
+    field[5, 5] = -math.inf
+    contour = round_trip(field, 0.0)
+    assert np.isfinite(contour.points).all()
+    assert len(contour.points) == len(crossing_edges(field > 0)[0])
+    with pytest.raises(InputError) as caught:
+        isocodec.encode(field, 0.0, precision="step=0.1")
+    assert caught.value.code == "infinite"
+
+
+def test_float_isovalue_is_not_rounded_to_the_samples_type():
+    """float16 and float32 samples are compared with the isovalue as it is: 0.1 is below float32(0.1)."""
+    field = np.full((4, 4), np.float32(0.1))
+    field[1, 1] = 0
+    assert float(np.float32(0.1)) > 0.1
+    assert len(isocodec.decode(isocodec.encode(field, 0.1)).points) == 4
+    assert len(isocodec.decode(isocodec.encode(field, float(np.float32(0.1)))).points) == 0
+
+
+@looped("isovalue", [1e39, -3.5e38, 5e-324, 2.0**60, 1e300])
+def test_extreme_isovalues(isovalue):
+    """Isovalues beyond single precision, or far beyond the halves that are written as numbers."""
+    field = np.array([[0.0, 0.0], [0.0, 2 * isovalue]])
+    contour = isocodec.decode(isocodec.encode(field, isovalue, precision=0.01))
+    assert contour.isovalue == isovalue
+    assert len(contour.points) == 2
+
+
+@pytest.mark.parametrize("isovalue", [2**53 + 9, np.int64(2**60 + 100), -(2**53) - 1])
+def test_whole_isovalues_that_double_precision_lacks(isovalue):
+    field = 2**53 + np.add(*np.mgrid[:30, :30])
+    with pytest.raises(isocodec.errors.InputError, match="nearest one is"):
+        isocodec.encode(field, isovalue, precision="exact")
+    assert isocodec.open(isocodec.encode(field, 2**53 + 8, precision="exact")).info.isovalue == 2**53 + 8

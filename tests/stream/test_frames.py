@@ -1,0 +1,417 @@
+"""Series of frames: each decodes to its own curve, alone or in turn, from any part of a file (spec 3.5.7, 5.11)."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import isocodec
+from isocodec import Contour, Decoder, Encoder, Frames, Limits, encode
+from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
+from isocodec.format.chunks import write_chunk
+from isocodec.format.events import FrameRead, IsovalueRead, PromisesRead
+from isospec.container import ChunkType
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+
+ISOVALUE = 40
+
+
+def moving(count: int = 6, size: int = 40) -> NDArray[np.int16]:
+    """A disc with a bump that moves and grows."""
+    y, x = np.mgrid[:size, : size + 4]
+    frames = []
+    for t in range(count):
+        field = np.hypot(y - 17.3 - 0.6 * t, x - 18.1 - 0.4 * t) * 4 - 3 * np.cos(0.7 * x + 0.2 * t)
+        frames.append(np.round(field - t).astype(np.int16))
+    return np.array(frames)
+
+
+def solid(count: int = 4, size: int = 14) -> NDArray[np.int16]:
+    """A ball that moves."""
+    z, y, x = np.mgrid[:size, :size, :size]
+    return np.array([
+        np.round(10 * np.sqrt((z - 6.2) ** 2 + (y - 6.1 - 0.3 * t) ** 2 + (x - 5.5 - 0.5 * t) ** 2)).astype(np.int16)
+        for t in range(count)
+    ])
+
+
+def points(contour: Contour) -> list[tuple[float, ...]]:
+    return sorted(map(tuple, contour.points.tolist()))
+
+
+def with_checksum(data: bytes) -> bytes:
+    return data[:-4] + zlib.crc32(data[:-4]).to_bytes(4, "big")
+
+
+def assert_same(frames: Sequence[NDArray[Any]], data: bytes, isovalues: Sequence[float], **options: Any) -> None:
+    """Each frame, taken alone and in turn, is what it is in a file of its own."""
+    turn = list(isocodec.open(data).each_frame())
+    assert len(turn) == len(frames)
+    for number, frame in enumerate(frames):
+        for i, isovalue in enumerate(isovalues):
+            alone = isocodec.decode(isocodec.encode(frame, isovalue, **options))
+            single = isocodec.decode(data, frame=number, isovalue=isovalue)
+            assert points(single) == points(turn[number][i])
+            assert single.complete and turn[number][i].complete
+            assert len(single.cells) == len(alone.cells)
+            if options.get("precision") in ("signs", "exact"):
+                assert points(single) == points(alone)
+            else:
+                # crossings are told to within 0.05 cells, in either file to another part of them
+                apart = cKDTree(alone.points).query(single.points)[0]
+                assert apart.max() < 0.1 + 1e-9
+
+
+@pytest.mark.cover(2)
+@pytest.mark.parametrize("profile", ["main", "baseline"])
+@pytest.mark.parametrize("interval", [0, 1, 4])
+@pytest.mark.parametrize(
+    "options", [{"precision": "signs"}, {"precision": "exact"}, {}], ids=["signs", "exact", "default"],
+)
+def test_each_frame_is_its_own_curve(options: dict[str, Any], interval: int, profile: str):
+    frames = moving()
+    data = encode(Frames(frames), ISOVALUE, interval=interval, profile=profile, **options)
+    assert_same(frames, data, [ISOVALUE], profile=profile, **options)
+
+
+@pytest.mark.parametrize("options", [{"precision": "signs"}, {"precision": "exact"}], ids=["signs", "exact"])
+def test_surfaces(options: dict[str, Any]):
+    frames = solid()
+    assert_same(frames, encode(Frames(frames), 45, **options), [45], **options)
+
+
+@pytest.mark.parametrize("interval", [0, 3])
+def test_several_isovalues(interval: int):
+    frames = moving()
+    data = encode(Frames(frames), [40, 25, 55], interval=interval, precision="exact")
+    assert_same(frames, data, [40, 25, 55], precision="exact")
+    info = isocodec.open(data).info
+    assert [frame.key for frame in info.frames] == [t % interval == 0 if interval else t == 0 for t in range(6)]
+    # in key frames isovalues lean on one another, in others on the frame before
+    assert all(any(lean is not None for lean in frame.leans) == frame.key for frame in info.frames)
+
+
+@looped(
+    "options", [{"precision": 0.5}, {"precision": [1, 0.2]}, {"layers": "topology"}, {"keep_topology": True},
+                {"layers": 4}, {"order": "independent"}, {"layers": [("base", 3), ("refine", 2), ("offsets", 5, 1)]}],
+    ids=lambda options: next(iter(options)),
+)
+def test_any_layers(options: dict[str, Any]):
+    frames = moving(3, 24)
+    data = encode(Frames(frames), ISOVALUE, **options)
+    for number, curves in enumerate(isocodec.open(data).each_frame()):
+        assert curves[0].complete and len(curves[0].points)
+        assert points(isocodec.decode(data, frame=number)) == points(curves[0])
+
+
+def test_as_find_contours():
+    measure = pytest.importorskip("skimage.measure")
+    frames = moving()
+    data = encode(Frames(frames), ISOVALUE + 0.5, precision="exact")
+    for number, frame in enumerate(frames):
+        lines = measure.find_contours(frame.astype(float), ISOVALUE + 0.5)
+        wanted = np.unique(np.round(np.concatenate(lines), 6), axis=0)
+        found = np.unique(np.round(isocodec.decode(data, frame=number).points, 6), axis=0)
+        assert found.shape == wanted.shape and np.abs(found - wanted).max() < 1e-5
+
+
+@pytest.mark.parametrize("piece", [1, 7, 1000])
+def test_bytes_may_come_in_any_pieces(piece: int):
+    data = encode(Frames(moving(4, 24)), [ISOVALUE, 25], interval=3)
+    whole, parts = Decoder(), Decoder()
+    whole.feed(data)
+    events = list(whole)
+    found = []
+    for i in range(0, len(data), piece):
+        parts.feed(data[i : i + piece])
+        found += list(parts)
+    assert found == events
+    frames = [(e.frame, e.number, e.before) for e in events if isinstance(e, FrameRead)]
+    assert frames == [(1, 0, True), (1, 1, True), (2, 0, True), (2, 1, True), (3, 0, False), (3, 1, False)]
+
+
+def test_a_frame_needs_none_before_its_interval():
+    frames = moving(7)
+    data = encode(Frames(frames), ISOVALUE, interval=3, precision="signs")
+    info = isocodec.open(data).info
+    damaged = bytearray(data)
+    for chunk in info.chunks:
+        # all layers but those of frames 3 to 5
+        inside = info.frames[3].offset <= chunk.offset < info.frames[6].offset
+        if chunk.type == "layers" and not inside:
+            damaged[chunk.offset + 2 : chunk.offset + chunk.bytes] = b"\xff" * (chunk.bytes - 2)
+    damaged[-4:] = data[-4:]
+    whole = with_checksum(bytes(damaged))
+    for number in (3, 4, 5):
+        assert points(isocodec.decode(whole, frame=number)) == points(isocodec.decode(data, frame=number))
+    with pytest.raises(FormatError):
+        isocodec.decode(whole, frame=0)
+
+
+def test_frames_that_are_not_wanted_take_no_memory():
+    frames = moving(8)
+    data = encode(Frames(frames), ISOVALUE, interval=4, precision="signs")
+    held = {}
+    for number in (0, 3, 4, 7):
+        decoder = Decoder(frame=number)
+        decoder.feed(data)
+        decoder.close()
+        held[number] = sum(decoder.symbols.values())
+    assert held[0] < held[3] and held[4] < held[7]
+    assert held[4] < 1.5 * held[0]
+
+
+def test_memory_is_that_of_two_frames():
+    few, many = moving(3), np.concatenate([moving(3)] * 8)
+    most = []
+    for frames in (few, many):
+        decoder = Decoder()
+        decoder.feed(encode(Frames(frames), ISOVALUE, precision="signs"))
+        decoder.close()
+        most.append(decoder.memory)
+        assert len(decoder.grid.layers) < 20 and len(decoder.grid.runs) == 1
+    assert most[1] < 1.2 * most[0]
+
+
+def test_memory_of_encoding_is_that_of_two_frames():
+    series = Encoder(ISOVALUE, precision="signs")
+    for frame in moving(6):
+        series.add(frame)
+    assert series._frames.grid is not None
+    strands = series._frames.grid._before
+    assert strands and all(strand.tube.lean is None for strand in strands)
+
+
+def test_prefixes_give_the_frames_they_hold():
+    frames = moving(4, 24)
+    data = encode(Frames(frames), ISOVALUE, precision="signs")
+    ends = [frame.offset for frame in isocodec.open(data).info.frames[1:]]
+    for length in range(len(data)):
+        taken = []
+        with pytest.raises(TruncatedError):
+            for curves in isocodec.open(data[:length]).each_frame():
+                taken.append(curves)
+        # a frame is over as soon as the chunk that begins the next one is there
+        assert len(taken) == sum(length >= end + 2 for end in ends)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_truncated_files_are_files(share: float):
+    frames = moving(5)
+    data = encode(Frames(frames), ISOVALUE)
+    short = isocodec.open(data).edited(size=int(share * len(data)))
+    assert len(short) <= share * len(data)
+    count = len(isocodec.open(short).info.frames)
+    assert 1 <= count <= 5
+    for number in range(count - 1):
+        assert points(isocodec.decode(short, frame=number)) == points(isocodec.decode(data, frame=number))
+    layers = sum(layer.frame < 2 for layer in isocodec.open(data).info.layers)
+    first = isocodec.open(data).edited(layers=layers)
+    assert len(isocodec.open(first).info.frames) == 2
+    assert points(isocodec.decode(first, frame=1)) == points(isocodec.decode(data, frame=1))
+
+
+def test_holes_are_those_of_all_frames():
+    frames = moving().astype(np.float32)
+    frames[:, 5:9, 12:20] = np.nan
+    data = encode(Frames(frames), ISOVALUE, precision="signs")
+    for number, frame in enumerate(frames):
+        alone = isocodec.decode(isocodec.encode(frame, ISOVALUE, precision="signs"))
+        assert points(isocodec.decode(data, frame=number)) == points(alone)
+    frames[3, 20, 20] = np.nan
+    with pytest.raises(InputError, match="missing"):
+        encode(Frames(frames), ISOVALUE, precision="signs")
+
+
+def test_masks_of_frames():
+    frames = moving()
+    data = encode(Frames(frames), ISOVALUE, interval=2, precision="signs")
+    for number, frame in enumerate(frames):
+        assert (isocodec.open(data).above(frame=number) == (frame > ISOVALUE)).all()
+
+
+def test_a_moving_curve_takes_little():
+    frames = moving(10, 64)
+    alone = sum(len(isocodec.encode(frame, ISOVALUE, precision="signs")) for frame in frames)
+    assert len(encode(Frames(frames), ISOVALUE, precision="signs")) < 0.6 * alone
+    # frames that are all alike next to nothing
+    still = [frames[0]] * 10
+    assert len(encode(Frames(still), ISOVALUE, precision="signs")) < 3.5 * alone / 10
+
+
+def test_piece_by_piece_and_at_once():
+    frames = moving()
+    series = Encoder(ISOVALUE, interval=2)
+    pieces = [series.add(frame) for frame in frames]
+    assert series.frames == 6
+    together = encode(Frames(frames), ISOVALUE, interval=2)
+    end = write_chunk(ChunkType.FRAME_END, b"", ancillary=True)
+    assert all(piece.endswith(end) for piece in pieces)
+    # but for the bit that marks the last chunk, and the checksum
+    places = [(frame.offset, frame.offset + frame.bytes) for frame in isocodec.open(together).info.frames]
+    assert [piece[: -len(end)] for piece in pieces[:-1]] == [together[start:stop] for start, stop in places[:-1]]
+    assert len(b"".join(pieces) + series.finish()) == len(together) + len(end) * 7
+    with pytest.raises(OptionError, match="finished"):
+        series.add(frames[0])
+    with pytest.raises(OptionError, match="finished"):
+        series.finish()
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        ([], "without frames"),
+        ([np.zeros((4, 5)), np.zeros((5, 4))], "frame 1 has the shape 5 x 4, but earlier frames have 4 x 5"),
+        ([np.zeros((4, 5), np.int16), np.zeros((4, 5), np.int32)], "int32"),
+        ([np.zeros((4, 5)), np.zeros((4, 5, 6))], "shape"),
+    ],
+)
+def test_frames_that_are_not_alike(frames: list[NDArray[Any]], message: str):
+    with pytest.raises(InputError, match=message):
+        encode(Frames(frames), 0.5)
+
+
+@pytest.mark.parametrize("interval", [-1, 1.5, 1 << 40])
+def test_intervals_out_of_range(interval: Any):
+    with pytest.raises(OptionError, match="interval"):
+        encode(Frames(moving(2)), ISOVALUE, interval=interval)
+
+
+@pytest.mark.parametrize("frame", [-1, 1.5, True])
+def test_frames_that_are_no_number(frame: Any):
+    with pytest.raises(OptionError, match="frame"):
+        isocodec.decode(encode(Frames(moving(2)), ISOVALUE), frame=frame)
+
+
+def test_frames_that_are_not_there():
+    data = encode(Frames(moving(3)), ISOVALUE)
+    with pytest.raises(OptionError, match="no frame 3"):
+        isocodec.decode(data, frame=3)
+    with pytest.raises(TruncatedError, match="before frame 2"):
+        isocodec.decode(data, frame=2, max_bytes=len(data) // 2)
+    single = isocodec.encode(moving(1)[0], ISOVALUE)
+    assert points(isocodec.decode(single, frame=0)) == points(isocodec.decode(single))
+    with pytest.raises(OptionError, match="no frame 1"):
+        isocodec.decode(single, frame=1)
+
+
+def test_a_frame_is_written_as_its_type_says():
+    data = encode(Frames(moving(3, 8)), [ISOVALUE, 20], interval=2, precision="signs")
+    info = isocodec.open(data).info
+    kinds = [chunk.type for chunk in info.chunks]
+    # the second isovalue of a key frame leans on the first
+    assert kinds == ["series", "layers", "isovalue", "layers", *["frame", "layers"] * 4]
+    first, second, last = (info.chunks[number].offset for number in (0, 4, 10))
+    assert data[first : first + 3] == bytes([13, 1, 2])
+    assert data[second : second + 2] == bytes([9, 0])
+    assert [frame.offset for frame in info.frames[1:]] == [second, info.chunks[8].offset]
+    assert data[last : last + 3] == bytes([9, 1, 1])
+    assert [frame.leans for frame in info.frames] == [[None, 0], [None, None], [None, 0]]
+
+
+def test_frames_begin_with_a_chunk_of_their_own():
+    data = encode(Frames(moving(3, 8)), ISOVALUE, precision="signs")
+    frame = isocodec.open(data).info.chunks[2]
+    bad = with_checksum(data[: frame.offset] + data[frame.offset + frame.bytes :])
+    for read in (isocodec.decode, lambda data: isocodec.open(data).info):
+        with pytest.raises(FormatError, match="second base") as caught:
+            read(bad)
+        assert caught.value.clause == "3.6"
+
+
+@cache
+def promised(t: int, isovalue: float, precision: float | tuple[float, ...]) -> list[float]:
+    """What a file of a frame alone promises."""
+    info = isocodec.open(encode(moving(3, 16)[t], isovalue, precision=precision)).info
+    return [layer.within for layer in info.layers if layer.within]
+
+
+@pytest.mark.cover(2)
+@pytest.mark.parametrize("interval", [0, 1, 2])
+@pytest.mark.parametrize("isovalues", [[ISOVALUE], [ISOVALUE, 25]], ids=["one", "two"])
+@pytest.mark.parametrize("precision", [0.05, 0.5, (1, 0.2)], ids=["grid", "searched", "steps"])
+def test_promises_of_each_frame_are_kept(precision: Any, isovalues: list[float], interval: int):
+    data = encode(Frames(moving(3, 16)), isovalues, precision=precision, interval=interval)
+    wanted = {(t, i): promised(t, isovalue, precision) for t in range(3) for i, isovalue in enumerate(isovalues)}
+    found: dict[tuple[int, int], list[float]] = {place: [] for place in wanted}
+    for layer in isocodec.open(data).info.layers:
+        if layer.within:
+            found[layer.frame, layer.isovalue].append(layer.within)
+    assert found == wanted and all(found.values())
+    place, events = (0, 0), []
+    decoder = Decoder()
+    for at in range(len(data)):
+        decoder.feed(data[at : at + 1])
+        for event in decoder:
+            if isinstance(event, IsovalueRead):
+                place = 0, event.number
+            elif isinstance(event, FrameRead):
+                place = event.frame, event.number
+            elif isinstance(event, PromisesRead):
+                events.append((place, list(event.promises.within.values())))
+    assert dict(events) == wanted and len(events) == len(wanted)
+
+
+@looped(
+    ("number", "chunk"),
+    [
+        (0, b"\x0d\x00"), (0, b"\x0d\x02\x05\x05"), (0, b"\x0d\x02\x80\x05"), (0, b"\x0d\x01\x05\x0d\x01\x05"),
+        (0, b"\x8d\x01\x05"), (0, b"\x09\x00"), (0, b"\x09\x01\x05"), (2, b"\x09\x01\x01"), (2, b"\x09\x02\x00\x00"),
+        (2, b"\x09\x00\x05\x02\x00\x01"), (2, b"\x09\x00\x07\x01\x00"), (2, b"\x09\x00\x0d\x01\x05"),
+        (2, b"\x0d\x01\x05"), (2, b"\x89\x00"), (2, b"\x8d\x00"),
+    ],
+)
+def test_malformed_chunks(number: int, chunk: bytes):
+    data = encode(Frames(moving(2, 8)), ISOVALUE, interval=5, precision="signs")
+    place = isocodec.open(data).info.chunks[number]
+    end = place.offset + (place.bytes if number == 0 else 0)
+    bad = with_checksum(data[: place.offset] + chunk + data[end:])
+    with pytest.raises(FormatError) as caught:
+        isocodec.decode(bad)
+    assert caught.value.clause in ("3.5.7", "3.5.2")
+    with pytest.raises(FormatError):
+        _ = isocodec.open(bad).info
+
+
+def test_frames_behind_layers():
+    data = isocodec.encode(moving(1, 8)[0], ISOVALUE, precision="signs")
+    at = isocodec.open(data).info.chunks[0].offset
+    bad = with_checksum(data[:at] + bytes([data[at] & ~0x20]) + data[at + 1 : -4] + b"\x2d\x01\x00" + b"\0" * 4)
+    with pytest.raises(FormatError) as caught:
+        isocodec.decode(bad)
+    assert caught.value.clause == "3.5.7"
+
+
+def test_damaged_bytes_never_crash():
+    data = encode(Frames(moving(3, 12)), [ISOVALUE, 20], interval=2)
+    rng = np.random.default_rng(30)
+    for _ in range(200):
+        bad = bytearray(data)
+        for at in rng.integers(8, len(data) - 4, rng.integers(1, 4)):
+            bad[at] = rng.integers(256)
+        try:
+            for _curves in isocodec.open(with_checksum(bytes(bad)), limits=Limits.tier(0)).each_frame():
+                pass
+        except IsoError:
+            pass
+
+
+def test_limits_count_two_frames():
+    frames = moving(6)
+    data = encode(Frames(frames), ISOVALUE, precision="signs")
+    decoder = Decoder()
+    decoder.feed(data)
+    decoder.close()
+    small = Decoder(Limits(vertices=40))
+    small.feed(data)
+    with pytest.raises(isocodec.errors.LimitError):
+        list(small)

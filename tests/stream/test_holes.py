@@ -1,0 +1,334 @@
+"""Missing samples: curves and surfaces end at unit cells with a missing corner; the mask is a strand of its own."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import isocodec
+from commands import HILLS, fails, ok
+from isocodec.errors import FormatError, InputError
+from isocodec.format.chunks import write_chunk
+from isocodec.stream.inspect import inspect
+from isospec.container import ChunkType
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+find_contours = Late("skimage.measure.find_contours")
+
+FLOATS = HILLS.astype(np.float64) + 0.3 * np.sin(np.arange(HILLS.size)).reshape(HILLS.shape)
+HOLE = np.zeros(HILLS.shape, np.bool_)
+HOLE[8:14, 10:20] = HOLE[0, 0] = HOLE[30:, 38:] = HOLE[20, 5] = True
+
+
+def close(ours: np.ndarray, theirs: np.ndarray, within: float) -> bool:
+    """Whether two sets of points are the same."""
+    if not len(ours) or not len(theirs):
+        return len(ours) == len(theirs)
+    there, back = cKDTree(theirs).query(ours)[0].max(), cKDTree(ours).query(theirs)[0].max()
+    return bool(max(there, back) <= within)
+
+
+def crossings_of_whole_cells(field: np.ndarray, gone: np.ndarray, isovalue: float) -> np.ndarray:
+    """Points on all grid edges that some unit cell without missing corners has, by brute force."""
+    n = field.ndim
+    missing = np.zeros([s - 1 for s in field.shape], bool)
+    for corner in product((0, 1), repeat=n):
+        missing |= gone[tuple(slice(c, c + s - 1) for c, s in zip(corner, field.shape, strict=True))]
+    points = []
+    for axis in range(n):
+        for low in np.argwhere(np.ones([s - (a == axis) for a, s in enumerate(field.shape)])):
+            high = low + (np.arange(n) == axis)
+            beside = [low - np.array(step) for step in product((0, 1), repeat=n) if step[axis] == 0]
+            inside = [c for c in beside if (c >= 0).all() and (c < missing.shape).all()]
+            if all(missing[tuple(c)] for c in inside):
+                continue
+            a, b = field[tuple(low)], field[tuple(high)]
+            if (a > isovalue) != (b > isovalue):
+                points.append(low + (isovalue - a) / (b - a) * (high - low))
+    return np.array(points).reshape(-1, n)
+
+
+def blobs(shape: tuple[int, ...], seed: int, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """A rough field, and some of its samples."""
+    rng = np.random.default_rng(seed)
+    waves = [np.sin(rng.uniform(0.2, 1.5) * g + rng.uniform(0, 6)) for g in np.indices(shape)]
+    field = sum(waves) + rng.normal(0, 0.3, shape)
+    return field, rng.random(shape) < share
+
+
+@pytest.mark.parametrize("profile", ["baseline", "main"])
+@pytest.mark.parametrize("isovalue", [80.5, 120.25])
+def test_curves_are_those_of_find_contours(profile: str, isovalue: float) -> None:
+    field = np.where(HOLE, np.nan, FLOATS)
+    contour = isocodec.decode(isocodec.encode(field, isovalue, precision="step=1e-6", profile=profile))
+    assert close(contour.points, np.concatenate(find_contours(field, isovalue)), 1e-5)
+    contour = isocodec.decode(isocodec.encode(field, isovalue, profile=profile))
+    assert close(contour.points, np.concatenate(find_contours(field, isovalue)), 0.05)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.tuples(st.integers(2, 20), st.integers(2, 20)),
+    st.integers(0, 1000),
+    st.sampled_from([0.02, 0.2, 0.6]),
+    st.sampled_from([None, 0, 2, 3]),
+)
+def test_random_masks_in_the_plane(shape: tuple[int, int], seed: int, share: float, base: int | None) -> None:
+    field, gone = blobs(shape, seed, share)
+    if gone.all():
+        return
+    field[gone] = np.nan
+    base = None if base is None else min(base, 2 * (max(shape) - 2).bit_length())
+    data = isocodec.encode(field, 0.1, precision="step=1e-7", layers=base, profile="baseline")
+    theirs = find_contours(field, 0.1)
+    assert close(isocodec.decode(data).points, np.concatenate(theirs) if theirs else np.zeros((0, 2)), 1e-5)
+    assert np.array_equal(isocodec.open(data).valid(), ~gone)
+    assert np.array_equal(isocodec.open(data).above()[~gone], field[~gone] > 0.1)
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.tuples(*[st.integers(2, 8)] * 3),
+    st.integers(0, 1000),
+    st.sampled_from([0.02, 0.1, 0.4]),
+    st.sampled_from(["baseline", "main"]),
+)
+def test_random_masks_in_space(shape: tuple[int, int, int], seed: int, share: float, profile: str) -> None:
+    field, gone = blobs(shape, seed, share)
+    if gone.all():
+        return
+    data = isocodec.encode(isocodec.Field(field, mask=gone), 0.1, precision="step=1e-7", profile=profile)
+    contour = isocodec.decode(data)
+    # without those in the middles of cells
+    on_edges = (np.abs(contour.points - np.rint(contour.points)) > 1e-9).sum(axis=1) <= 1
+    assert close(contour.points[on_edges], crossings_of_whole_cells(field, gone, 0.1), 1e-5)
+    assert np.array_equal(isocodec.open(data).valid(), ~gone)
+
+
+def test_masked_arrays_masks_and_nan_are_the_same() -> None:
+    """A mask counts besides NaN; what lies under it does not matter."""
+    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5)
+    assert isocodec.encode(np.ma.masked_array(FLOATS, HOLE), 80.5) == data
+    assert isocodec.encode(isocodec.Field(np.where(HOLE, 1e30, FLOATS), mask=HOLE), 80.5) == data
+    part = np.where(HOLE & (np.arange(HILLS.shape[1]) < 15), np.nan, FLOATS)
+    assert isocodec.encode(isocodec.Field(part, mask=HOLE), 80.5) == data
+
+
+def test_without_missing_samples_there_is_no_mask() -> None:
+    data = isocodec.encode(HILLS, 80.5)
+    assert isocodec.encode(np.ma.masked_array(HILLS, False), 80.5) == data
+    assert isocodec.encode(isocodec.Field(HILLS, mask=np.zeros_like(HOLE)), 80.5) == data
+    assert isocodec.open(data).info.mask_bytes is None
+    assert isocodec.open(data).valid().all()
+
+
+@pytest.mark.parametrize("mask", [HOLE[1:], HOLE.astype(int), np.zeros((3, 3, 3), bool)])
+def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
+    with pytest.raises(InputError, match="the mask has") as caught:
+        isocodec.encode(isocodec.Field(HILLS, mask=mask), 80.5)
+    assert caught.value.code == "mask"
+
+
+def test_areas_are_not_closed_along_holes() -> None:
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5))
+    with pytest.raises(isocodec.errors.OptionError, match="samples are missing"):
+        contour.areas()
+
+
+@pytest.mark.parametrize("options", [{}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 1.0}])
+def test_areas_closed_along_holes(options: dict[str, object]) -> None:
+    """Both sides together are the whole cells, and valid samples lie in the area of their side."""
+    shapely = pytest.importorskip("shapely")
+    data = isocodec.encode(isocodec.Field(HILLS, mask=HOLE), 80.5, **options)
+    contour, valid = isocodec.decode(data, through_holes=True), isocodec.open(data).valid()
+    sides = [shapely.geometry.shape(contour.areas(above=side, valid=valid)) for side in (True, False)]
+    whole = valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:]
+    assert sides[0].area + sides[1].area == pytest.approx(whole.sum())
+    assert sides[0].intersection(sides[1]).area == pytest.approx(0, abs=1e-9)
+    middles = np.argwhere(~whole) + 0.5
+    for side in sides:
+        assert not shapely.intersects(side, shapely.points(middles[:, 1], middles[:, 0])).any()
+    # a sample on no whole cell lies in neither
+    seen = np.zeros(HILLS.shape, np.bool_)
+    for i, j in np.argwhere(whole):
+        seen[i : i + 2, j : j + 2] = True
+    if options.get("precision") != 1.0:
+        here = np.argwhere(seen)
+        inside = shapely.intersects(sides[0].buffer(1e-9), shapely.points(here[:, 1], here[:, 0]))
+        assert np.array_equal(inside, HILLS[seen] > 80.5)
+
+
+def test_what_areas_along_holes_take() -> None:
+    data = isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5)
+    with pytest.raises(isocodec.errors.OptionError, match="valid has shape"):
+        isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
+
+
+def test_nothing_is_left() -> None:
+    with pytest.raises(InputError, match="all samples are missing"):
+        isocodec.encode(np.full((4, 4), np.nan), 1)
+
+
+@looped("dtype", ["bool", "uint8", "int16", "int64", "uint64", "float16", "float32"])
+def test_types_of_samples(dtype: str) -> None:
+    field = (HILLS > 90) if dtype == "bool" else HILLS.astype(dtype)
+    isovalue = 0.5 if dtype == "bool" else 90.5
+    data = isocodec.encode(isocodec.Field(field, mask=HOLE), isovalue, precision="signs")
+    assert np.array_equal(isocodec.open(data).above()[~HOLE], (field > isovalue)[~HOLE])
+
+
+@looped("options", [
+    {"precision": 0.5}, {"precision": 1.0, "keep_topology": True}, {"precision": (2.0, 0.5)},
+    {"layers": "distortion=0.5"},
+])
+@looped("n", [2, 3])
+def test_promises_hold_for_what_is_left(options: dict[str, object], n: int) -> None:
+    """Distances both ways, between the curves as they end at holes."""
+    field = FLOATS if n == 2 else FLOATS[::4, ::4, None] + 6.0 * np.arange(8)
+    gone = HOLE if n == 2 else np.random.default_rng(3).random(field.shape) < 0.02
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 100.5, **options))  # type: ignore[arg-type]
+    whole = isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 100.5, precision="step=1e-7"))
+    tolerance = 1.0 if options.get("precision") == 1.0 else 0.5
+    assert_within(contour, whole, tolerance + 1e-6)
+    middles = contour.points[contour.cells].mean(axis=1)
+    cell = np.floor(middles).astype(int)
+    for corner in product((0, 1), repeat=n):
+        place = np.minimum(cell + corner, np.array(field.shape) - 1)
+        inner = (middles != cell).all(axis=1)
+        assert not gone[tuple(place[inner].T)].any()
+
+
+def assert_within(one: isocodec.Contour, other: isocodec.Contour, tolerance: float) -> None:
+    from isocodec.search.proof import Target
+
+    for a, b in ((one, other), (other, one)):
+        assert not len(Target(a.points, a.cells, tolerance).exceeded(b.points, b.cells).places)
+
+
+def test_byte_by_byte_and_events() -> None:
+    """Events do not depend on how bytes come in; of a part, as much is drawn as is there."""
+    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), [80.5, 100.5])
+    one, other = isocodec.Decoder(), isocodec.Decoder()
+    one.feed(data)
+    whole = list(one)
+    pieces = []
+    for i in range(len(data)):
+        other.feed(data[i : i + 1])
+        pieces += list(other)
+        other.contour(0)
+    assert [repr(e) for e in whole] == [repr(e) for e in pieces]
+    (mask,) = (e for e in whole if isinstance(e, isocodec.format.events.MaskComplete))
+    assert mask.bytes == isocodec.open(data).info.mask_bytes
+    assert np.array_equal(one.grid.valid(), ~HOLE) and np.array_equal(other.grid.valid(), ~HOLE)
+    assert np.array_equal(one.contour(1).points, other.contour(1).points)
+
+
+def chunks_of(data: bytes) -> list[tuple[str, bytes]]:
+    """Chunks of a file, with their bytes."""
+    return [(c.type, data[c.offset : c.offset + c.bytes]) for c in isocodec.open(data).info.chunks]
+
+
+def joined(data: bytes, parts: list[bytes]) -> bytes:
+    """A file of the header of another and some chunks, with an end that has nothing in it."""
+    import zlib
+
+    body = data[: isocodec.open(data).info.chunks[0].offset] + b"".join(parts)
+    body += write_chunk(ChunkType.METADATA, b"{}", ancillary=True, last=True)
+    return body + zlib.crc32(body).to_bytes(4, "big")
+
+
+def plain(chunk: bytes) -> bytes:
+    """A chunk that is not the last one."""
+    return bytes([chunk[0] & ~0x20]) + (chunk[1:-4] if chunk[0] & 0x20 else chunk[1:])
+
+
+def test_a_mask_may_come_last() -> None:
+    """Then it takes no part in the coding, but in the drawing."""
+    field = np.where(HOLE, np.nan, FLOATS)
+    masked = isocodec.encode(field, 80.5, profile="baseline")
+    from isocodec.field.filling import filled_smoothly
+
+    filled = isocodec.encode(filled_smoothly(FLOATS, HOLE), 80.5, profile="baseline")
+    (mask,) = (chunk for kind, chunk in chunks_of(masked) if kind == "mask")
+    data = joined(filled, [*(plain(chunk) for _, chunk in chunks_of(filled)), mask])
+    ours, theirs = isocodec.decode(data), isocodec.decode(masked)
+    assert close(ours.points, theirs.points, 1e-9) and len(ours.points) == len(theirs.points)
+    assert np.array_equal(isocodec.open(data).valid(), ~HOLE)
+    shorter = isocodec.open(data).edited(layers=len(isocodec.open(data).info.layers))
+    assert np.array_equal(isocodec.open(shorter).valid(), ~HOLE)
+
+
+def test_hostile_masks() -> None:
+    """A second mask, an ancillary one, one that ends too early or goes on too long, one after a cut run."""
+    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5, profile="baseline")
+    chunks = dict(chunks_of(data))
+    mask, layers = chunks["mask"], plain(chunks["layers"])
+    joined(data, [mask, layers])
+    payload = mask[2 if mask[1] < 128 else 3 :]
+    bad = {
+        "3.5.6": [mask, layers, mask],
+        "3.5.2": [bytes([mask[0] | 0x80]) + mask[1:], layers],
+        "6.3": [write_chunk(ChunkType.MASK, payload + b"\0\0\0\0\0\0\0\0"), layers],
+    }
+    for clause, parts in bad.items():
+        for look in (isocodec.decode, inspect) if clause != "6.3" else (isocodec.decode,):
+            with pytest.raises(FormatError) as caught:
+                look(joined(data, parts))  # type: ignore[operator]
+            assert str(caught.value.clause).startswith(clause)
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        junk = write_chunk(ChunkType.MASK, bytes(rng.integers(0, 256, int(rng.integers(0, 60)), np.uint8)))
+        for parts in ([junk, layers], [layers, junk]):
+            with pytest.raises(isocodec.IsoError):
+                isocodec.decode(joined(data, parts), limits=isocodec.Limits.tier(0))
+                raise FormatError("by chance a mask", code="none")
+
+
+def test_truncated_files_keep_their_mask() -> None:
+    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5, layers=0)
+    for kept in (isocodec.open(data).edited(layers=9), isocodec.open(data).edited(size=len(data) - 40)):
+        assert isocodec.open(kept).info.mask_bytes == isocodec.open(data).info.mask_bytes
+        assert np.array_equal(isocodec.open(kept).valid(), ~HOLE)
+
+
+def test_holes_cost_less_than_what_they_replace() -> None:
+    """Than the curve through the nearest samples, and the mask in a file of its own."""
+    y, x = np.mgrid[:200, :200]
+    field = np.sin(x / 9) + np.cos(y / 7 + x / 30)
+    gone = np.hypot(x - 90, y - 110) < 60
+    filled = np.where(gone, 0.0, field)
+    from isocodec.field.missing import filled as replaced
+
+    nearest = isocodec.encode(replaced(filled, gone, "nearest", [0.2]), 0.2)
+    mask = isocodec.encode(~gone, 0.5, precision="signs")
+    assert len(isocodec.encode(isocodec.Field(field, mask=gone), 0.2)) <= 0.85 * (len(nearest) + len(mask))
+
+
+def test_on_the_command_line(tmp_path: Path) -> None:
+    field = np.where(HOLE, np.nan, FLOATS)
+    np.save(tmp_path / "a.npy", field)
+    ok("encode", tmp_path / "a.npy", "-o", tmp_path / "a.iso", "--isovalue", 80.5)
+    assert (tmp_path / "a.iso").read_bytes() == isocodec.encode(field, 80.5)
+    np.save(tmp_path / "b.npy", np.where(HOLE, -9999, FLOATS))
+    for more in ((), ("--missing", "hole")):
+        ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 80.5, "--nodata", -9999, *more)
+        assert (tmp_path / "b.iso").read_bytes() == isocodec.encode(field, 80.5)
+    assert "mask" in ok("info", tmp_path / "a.iso")
+    ok(
+        "decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--what", "areas", "--side", "above",
+        "--along-holes",
+    )
+    fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--what", "areas", "--side", "above")
+    fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--along-holes")
+    ok("decode", "--what", "above", tmp_path / "a.iso", "-o", tmp_path / "valid.npy", "--what", "valid")
+    assert np.array_equal(np.load(tmp_path / "valid.npy"), ~HOLE)
+    np.save(tmp_path / "c.npy", np.full((5, 5), np.nan))
+    empty = fails(3, "encode", tmp_path / "c.npy", "-o", tmp_path / "c.iso", "--isovalue", 1)
+    assert "all samples are missing" in empty

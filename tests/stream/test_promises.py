@@ -1,0 +1,263 @@
+"""Promises in a file: what it says of its layers is so, and what is no promise is passed over (spec clause 3.7.3)."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import isocodec
+from brute import examples, smooth
+from commands import BALL, HILLS, ok
+from isocodec import Decoder
+from isocodec.errors import OptionError
+from isocodec.field.samples import check_field
+from isocodec.format.chunks import Promises, read_promises, write_promises
+from isocodec.format.events import ChunkSkipped, LayerComplete, PromisesRead
+from isocodec.grid.lattice.tables import cube_exponent
+from isocodec.search.original import original
+from isocodec.search.proof import hausdorff
+from isospec.container import ChunkType
+from libraries import Late
+from tables import looped
+
+cKDTree = Late("scipy.spatial.cKDTree")
+
+FINE = 24
+"""Points that a segment is sampled at."""
+
+
+@looped(
+    ("promises", "payload"),
+    [
+        (Promises({}, False), "00"),
+        (Promises({2: 4.0, 4: 1.0, 7: 0.25}, True), "01 02 9f20 02 8768 03 817a"),
+        (Promises({300: 0.1}, False), "00 822c 64"),
+        (Promises({1: 0.0001}, False), "00 01 01"),
+        (Promises({1: 1 / 3}, False), "00 01 824e"),
+    ],
+)
+def test_bytes(promises: Promises, payload: str) -> None:
+    """Distances are rounded up."""
+    data = bytes.fromhex(payload)
+    assert write_promises(promises) == data
+    found = read_promises(data)
+    assert found is not None and found.topology == promises.topology and list(found.within) == list(promises.within)
+    for layer, distance in promises.within.items():
+        assert distance <= found.within[layer] < distance + 0.001
+
+
+@given(st.dictionaries(st.integers(1, 4096), st.integers(1, 10**7)), st.booleans())
+@examples(60)
+def test_thousandths_come_back(parts: dict[int, int], topology: bool) -> None:
+    promises = Promises({layer: d / 1000 for layer, d in parts.items()}, topology)
+    assert read_promises(write_promises(promises)) == promises
+
+
+@looped(
+    "payload", ["", "02", "0001", "000005", "000100", "00018005", "000185", "ffff", "00" + "ff" * 10]
+)
+def test_what_is_no_promise(payload: str) -> None:
+    assert read_promises(bytes.fromhex(payload)) is None
+
+
+def farthest(one: isocodec.Contour, other: isocodec.Contour) -> float:
+    """Largest distance between two curves, of densely sampled points."""
+    weights = np.linspace(0, 1, FINE)[:, None, None]
+    clouds = [
+        (weights * c.points[c.cells[:, 0]] + (1 - weights) * c.points[c.cells[:, 1]]).reshape(-1, 2)
+        for c in (one, other)
+    ]
+    return float(max(cKDTree(a).query(b)[0].max() for a, b in (clouds, clouds[::-1])))
+
+
+@pytest.mark.parametrize("topology", [False, True])
+def test_promised_layers_keep_their_promise(topology: bool) -> None:
+    steps = [5, 1.5, 0.4, "exact"]
+    data = isocodec.encode(HILLS, 80.5, precision=steps, keep_topology=topology)
+    info = isocodec.open(data).info
+    assert info.topology == [topology]
+    promised = {number: layer.within for number, layer in enumerate(info.layers, 1) if layer.within is not None}
+    assert list(promised.values()) == [*steps[:-1], 0] and info.layers[-1].within == 0
+    original = isocodec.decode(data)
+    for layers, within in promised.items():
+        # signs alone, but for the last
+        assert info.layers[layers - 1].kind in ("offsets", "values") or within > 1
+        coarse = isocodec.decode(data, layers=layers)
+        assert farthest(coarse, original) <= within + 2 / FINE
+        if topology:
+            assert len(coarse.lines) == len(original.lines)
+
+
+def test_each_isovalue_has_its_own() -> None:
+    isovalues = [60.5, 100.5]
+    data = isocodec.encode(HILLS, isovalues, precision=[3, 1])
+    info = isocodec.open(data).info
+    for number in (0, 1):
+        kept = [layer.within for layer in info.layers if layer.isovalue == number]
+        assert [within for within in kept if within] == [3, 1] and kept[-1] == 1
+    decoder = Decoder()
+    decoder.feed(data)
+    read = [event.promises for event in decoder if isinstance(event, PromisesRead)]
+    assert [list(promises.within.values()) for promises in read] == [[3, 1], [3, 1]]
+    # an earlier end says the same of the layers that are left
+    short = isocodec.open(isocodec.open(data).edited(layers=2)).info
+    assert [layer.within for layer in short.layers] == [layer.within for layer in info.layers[:2]]
+
+
+@pytest.mark.parametrize("options", [{}, {"keep_topology": True}, {"precision": "exact"}, {"precision": "signs"}])
+def test_only_distances_are_written_down(options: dict[str, object]) -> None:
+    """Layers themselves show that they are exact or all signs; the default is nobody's wish."""
+    file = isocodec.open(isocodec.encode(HILLS, 80.5, **options))
+    info = file.info
+    assert not any(layer.within for layer in info.layers) and info.topology == [False]
+    assert "promises" not in [chunk.type for chunk in info.chunks] and "promise" not in file.metadata
+
+
+def test_one_step_is_a_tolerance() -> None:
+    data, other = (isocodec.encode(BALL, 55.5, **options) for options in ({"precision": [1]}, {"precision": 1}))
+    assert isocodec.open(data).info.layers[-1].within == 1 and data == other
+
+
+def test_others_are_skipped() -> None:
+    data = isocodec.encode(HILLS, 80.5, precision=[2])
+    info = isocodec.open(data).info
+    (chunk,) = (chunk for chunk in info.chunks if chunk.type == "promises")
+    at = chunk.offset + 2
+    broken = data[:at] + b"\x07" + data[at + 1 :]
+    decoder = Decoder()
+    decoder.feed(broken[:-4])
+    events = list(decoder)
+    assert any(isinstance(event, ChunkSkipped) and event.type == ChunkType.PROMISES for event in events)
+    assert not any(isinstance(event, PromisesRead) for event in events)
+    assert np.array_equal(decoder.contour().points, isocodec.decode(data).points)
+
+
+@looped("promise", [(), (0.0,), (float("nan"),), ("1",), (1.0, 2.0), (1e300,)])
+def test_promises_of_a_plan(promise: tuple[object, ...]) -> None:
+    plan = [("base", 2), ("refine", None), ("offsets", 3)]
+    data = isocodec.encode(HILLS, 80.5, layers=[*plan, ("promise", 0.5)])
+    assert isocodec.open(data).info.layers[-1].within == 0.5
+    with pytest.raises(OptionError, match="promise"):
+        isocodec.encode(HILLS, 80.5, layers=[*plan, ("promise", *promise)])
+    with pytest.raises(OptionError, match="promise"):
+        isocodec.encode(HILLS, 80.5, layers=[("promise", 1.0), *plan])
+    with pytest.raises(OptionError, match="promise"):
+        isocodec.encode(HILLS, 80.5, layers=[("base", 2), ("values", None), ("promise", 1.0)])
+
+
+def test_info_and_plot_show_them(tmp_path) -> None:
+    path = tmp_path / "steps.iso"
+    path.write_bytes(isocodec.encode(HILLS, [80.5, 60.5], precision=[2.5, 0.75], keep_topology=True))
+    shown = ok("info", path)
+    assert "within" in shown and "2.5" in shown and "0.75" in shown and "kept in every layer" in shown
+    path.write_bytes(isocodec.encode(HILLS, 80.5))
+    shown = ok("info", path)
+    assert "within" not in shown and "promised" not in shown
+
+
+# -- what is measured on what a decoder draws ------------------------------------------------------------------------
+
+
+def measured(field: np.ndarray, isovalue: float, contour: isocodec.Contour) -> float:
+    whole = original(check_field(field, isovalue))
+    return max(hausdorff(whole.points, whole.cells, contour.points, contour.cells, 0.005))
+
+
+def rough(shape: tuple[int, ...], seed: int) -> np.ndarray:
+    """A smooth field with specks."""
+    noise = np.random.default_rng(seed).normal(size=shape)
+    return smooth(shape, seed) + 0.12 * noise
+
+
+@pytest.mark.parametrize(
+    ("distance", "topology"),
+    [
+        (0.2, False), (1.0, True), (3.0, False), pytest.param(0.2, True, marks=pytest.mark.heavy),
+        pytest.param(1.0, False, marks=pytest.mark.heavy), pytest.param(3.0, True, marks=pytest.mark.heavy),
+    ],
+)
+@pytest.mark.parametrize("shape", [(70, 57), (17, 14, 20)])
+def test_the_criterion_distortion_keeps_its_distance(distance: float, shape: tuple[int, ...], topology: bool) -> None:
+    for seed in range(3):
+        field = rough(shape, seed)
+        options = {"layers": f"distortion={distance}", "keep_topology": topology}
+        data = isocodec.encode(field, 0.0, **options)
+        assert measured(field, 0.0, isocodec.decode(data)) <= distance + 0.006
+        assert len(data) <= len(isocodec.encode(field, 0.0, keep_topology=topology))
+
+
+@pytest.mark.parametrize(
+    "more", [{"precision": 0.3}, {"precision": "step=0.001"}, {"precision": "signs"}, {"precision": 0.05}],
+)
+def test_distortion_with_any_precision(more: dict[str, object]) -> None:
+    field = rough((50, 41), 5)
+    data = isocodec.encode(field, 0.0, layers="distortion=1.5", **more)
+    assert measured(field, 0.0, isocodec.decode(data)) <= 1.506
+
+
+def test_distortion_finer_than_offsets() -> None:
+    field = rough((40, 41), 6)
+    data = isocodec.encode(field, 0.0, layers="distortion=0.02")
+    assert measured(field, 0.0, isocodec.decode(data)) <= 0.026
+    with pytest.raises(OptionError, match="distortion"):
+        isocodec.encode(field, 0.0, layers="distortion=0.02", precision="signs")
+
+
+@pytest.mark.parametrize("topology", [False, True])
+@pytest.mark.parametrize("shape", [(61, 52), (11, 14, 12)])
+def test_the_curve_gets_no_worse_between_steps(shape: tuple[int, ...], topology: bool) -> None:
+    field = rough(shape, 2)
+    data = isocodec.encode(field, 0.0, precision=[4, 1, 0.3], keep_topology=topology)
+    within = [layer.within for layer in isocodec.open(data).info.layers]
+    assert [d for d in within if d] == [4, 1, 0.3]
+    promised = None
+    for number, distance in enumerate(within, 1):
+        promised = distance or promised
+        if promised is not None:
+            assert measured(field, 0.0, isocodec.decode(data, layers=number)) <= 1.05 * promised + 0.006
+
+
+def pieces(contour: isocodec.Contour) -> list[tuple[int, int]]:
+    """Euler characteristic and open ends, or border edges, of each component, sorted: by union of shared points."""
+    up = np.arange(len(contour.points))
+
+    def find(i: int) -> int:
+        while up[i] != i:
+            i = up[i]
+        return int(i)
+
+    n = contour.cells.shape[1]
+    for cell in contour.cells:
+        for other in cell[1:]:
+            up[find(int(other))] = find(int(cell[0]))
+    faces = Counter(tuple(sorted(map(int, np.delete(cell, k)))) for cell in contour.cells for k in range(n))
+    found: dict[int, list[int]] = {}
+    for point in np.unique(contour.cells):
+        found.setdefault(find(int(point)), [0, 0])[0] += 1
+    for face, count in faces.items():
+        one = found[find(face[0])]
+        one[0] -= n == 3
+        one[1] += count == 1
+    for cell in contour.cells:
+        found[find(int(cell[0]))][0] += 1 if n == 3 else -1
+    return sorted((euler, ends if n == 2 else int(ends > 0)) for euler, ends in found.values())
+
+
+@pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.heavy) for part in range(1, 5))])
+def test_uniform_levels_keep_the_topology(part: int) -> None:
+    """The criterion level, and a base of any level, in every layer; 300 fields in all."""
+    for seed in range(60 * part, 60 * part + 60):
+        rng = np.random.default_rng(seed)
+        shape = (7, 6, 8) if seed % 5 == 0 else (19, 16)
+        field = smooth(shape, seed) + 0.3 * rng.normal(size=shape)
+        level = int(rng.integers(0, len(shape) * cube_exponent(shape) + 1))
+        wanted = pieces(original(check_field(field, 0.0)))
+        options = [{"layers": f"level={level}"}, {"layers": level}][seed % 2]
+        decoder = Decoder()
+        decoder.feed(isocodec.encode(field, 0.0, keep_topology=True, **options))
+        drawn = [pieces(decoder.contour()) for event in decoder if isinstance(event, LayerComplete)]
+        assert drawn and all(found == wanted for found in drawn), (seed, level)

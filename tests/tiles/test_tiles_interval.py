@@ -1,0 +1,149 @@
+"""Multiples of an interval as isovalues of a file in tiles: sought in a field that need not be in memory."""
+
+from __future__ import annotations
+
+import json
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import fails, ok, run
+from isocodec.stream.isovalues import multiples
+from isocodec.stream.options import Options
+from isocodec.tiles.writing import sample_range, tiling_of
+from libraries import Late
+from tables import looped
+from tiled import hilly, holed, pieces
+
+rasterio = Late("rasterio")
+
+
+def floats() -> np.ndarray:
+    """With missing samples, one tile of which has nothing else."""
+    field = hilly((100, 130)) / 10
+    field[:33, :33] = np.nan
+    field[50, 60] = np.nan
+    return field
+
+
+@pytest.mark.parametrize(
+    ("field", "options"),
+    [(hilly((70, 100)), (20,)), (hilly((70, 100)), (20, "--offset", 0.5)), (floats(), (2.5,)),
+     (hilly((40, 36))[:, :, None] + np.arange(34, dtype=np.int16), (50,))],
+    ids=["whole", "shifted", "holed", "space"],
+)
+def test_the_isovalues_of_encode(tmp_path: Path, field: np.ndarray, options: tuple[object, ...]) -> None:
+    """As ``encode --interval`` finds them of the whole field; and the curves are those of these isovalues."""
+    np.save(tmp_path / "f.npy", field)
+    told = []
+    for name, more in (
+        ("whole", ("--precision", "signs")), ("tiles", ("--tile", 32, "--precision", "signs")),
+    ):
+        out = tmp_path / f"{name}.iso"
+        ok("encode", tmp_path / "f.npy", "-o", out, "--interval", *options, *more)
+        told.append(isocodec.open(out).isovalues)
+    whole, tiles = told
+    assert whole == tiles and len(tiles) > 2
+    low, high = np.nanmin(field), np.nanmax(field)
+    assert low <= tiles[0] and tiles[-1] < high and tiles[-1] + float(options[0]) >= high  # type: ignore[arg-type]
+    for isovalue in tiles:
+        both = [isocodec.open(tmp_path / f"{name}.iso").contour(isovalue) for name in ("whole", "tiles")]
+        assert pieces(both[0]) == pieces(both[1])
+
+
+def test_what_a_file_says_is_missing_counts_for_nothing(tmp_path: Path) -> None:
+    field = hilly((80, 90))
+    shape = {"height": 80, "width": 90, "count": 1, "dtype": "int16", "transform": rasterio.Affine(10, 0, 5, 0, -10, 5)}
+    field[10:20, 30:50] = -9999
+    with rasterio.open(tmp_path / "f.tif", "w", driver="GTiff", nodata=-9999, **shape) as file:
+        file.write(field, 1)
+    record = json.loads(
+        ok(
+            "encode", tmp_path / "f.tif", "-o", tmp_path / "f.iso", "--interval", 25, "--tile", 32,
+            "--json",
+        )
+    )
+    there = field[field != -9999]
+    wanted = [v for v in range(-9975, 1000, 25) if there.min() <= v < there.max()]
+    assert record["isovalues"] == wanted
+
+
+class Made:
+    """A field whose windows are made when they are asked for."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape, self.dtype = shape, np.dtype(np.float64)
+        self.asked = 0
+
+    def __getitem__(self, window: tuple[slice, slice]) -> np.ndarray:
+        self.asked += 1
+        rows, columns = (np.arange(each.start, each.stop) for each in window)
+        return rows[:, None] + columns / 2.0
+
+
+def test_memory_is_that_of_a_tile() -> None:
+    """A field of 2 GB, whose range is known."""
+    field = Made((16_000, 16_000))
+    grid = tiling_of(field, 0, None, Options()).grid
+    seen: list[tuple[int, int]] = []
+    tracemalloc.start()
+    found = sample_range(field, grid, lambda done, total: seen.append((done, total)))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found == (0.0, 15_999 + 15_999 / 2)
+    assert peak < 5 * 8 * 1025**2
+    assert seen == [(done, grid.total) for done in range(1, grid.total + 1)] and field.asked == grid.total
+
+
+def test_masked_samples() -> None:
+    field = holed(hilly(), 3)
+    found = sample_range(field, tiling_of(field, 0, 32, Options()).grid)
+    assert found == (field.min(), field.max())
+    gone = np.ma.masked_all((50, 50), np.float32)
+    assert sample_range(gone, tiling_of(gone, 0, 32, Options()).grid) is None
+
+
+def test_offsets_of_multiples() -> None:
+    assert multiples(20, -5, 61) == (0, 20, 40, 60)
+    assert multiples(0.1, 0, 0.35, 0.05) == (0.05, 0.15, 0.25)
+
+
+@looped(
+    ("options", "code", "said"),
+    [
+        ([], 2, "give one of --isovalue, --interval or --label"),
+        (["--isovalue", 3, "--interval", 5], 2, "--isovalue and --interval cannot be combined"),
+        (["--isovalue", 3, "--offset", 5], 2, "--offset needs --interval"),
+        (["--interval", -5], 2, "greater than 0"),
+        (["--interval", 5, "--offset", "nan"], 2, "finite"),
+        (["--interval", 1e-9], 3, "choose a larger interval"),
+        (["--interval", 1e9, "--offset", 5e8], 3, "choose a smaller interval"),
+    ],
+)
+def test_what_cannot_be_asked(tmp_path: Path, options: list[Any], code: int, said: str) -> None:
+    np.save(tmp_path / "f.npy", hilly((40, 40)) + 1)
+    assert said in fails(code, "encode", "--tile", 32, tmp_path / "f.npy", "-o", tmp_path / "o.iso", *options)
+    assert not (tmp_path / "o.iso").exists() and not (tmp_path / "o.iso.tiles").exists()
+
+
+@pytest.mark.parametrize(("value", "said"), [(np.nan, "all samples are missing"), (np.inf, "infinite values")])
+def test_fields_without_a_range(tmp_path: Path, value: float, said: str) -> None:
+    np.save(tmp_path / "f.npy", np.full((40, 40), value))
+    assert said in fails(3, "encode", "--tile", 1024, tmp_path / "f.npy", "-o", tmp_path / "o.iso", "--interval", 5)
+
+
+def test_wrong_options_are_found_before_a_sample_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    np.save(tmp_path / "f.npy", floats())
+
+    def read(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("isocodec.tiles.writing.sample_range", read)
+    result = run(
+        "encode", "--tile", 32, tmp_path / "f.npy", "-o", tmp_path / "o.iso", "--interval", 5, "--precision", "exact",
+    )
+    assert result.exit_code != 1 and "exact" in result.stderr

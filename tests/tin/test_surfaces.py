@@ -1,0 +1,331 @@
+"""Surfaces in files: points and values there and back, to an error, a number of points or a size."""
+
+from __future__ import annotations
+
+import json
+import zlib
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import fails, ok, run
+from home import ROOT
+from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
+from isocodec.format.chunks import write_chunk
+from isocodec.format.header import Header, write_header
+from isocodec.format.surface import TinHead, read_tin, write_tin
+from isospec.container import ChunkType, Profile
+from tables import looped
+
+DEMO = ROOT / "demo" / "data"
+Y, X = np.mgrid[:40, :52]
+HILL = np.rint(100 * np.exp(-((Y - 20.0) ** 2 + (X - 30.0) ** 2) / 200)) + (X > 12) * 20
+"""A hill beside a cliff."""
+
+
+def scattered(count: int = 300, seed: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    points = np.random.default_rng(seed).normal(size=(count, 2)) * 1e3 + 5e5
+    return points, np.sin(points[:, 0] / 700) * 30
+
+
+def end(data: bytes) -> bytes:
+    """The file with its checksum made anew."""
+    return data[:-4] + zlib.crc32(data[:-4]).to_bytes(4, "big")
+
+
+@looped("error", [0.0, 0.5, 2.0, 7.5, 500.0])
+def test_error_is_kept(error: float):
+    tin = isocodec.open(isocodec.encode(isocodec.thin(HILL, error=error))).surface()
+    assert np.abs(tin.raster() - HILL).max() <= error + 1e-9
+    assert tin.shape == HILL.shape
+    assert tin.complete
+
+
+def test_error_is_kept_at_scattered_points():
+    from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+    points, values = scattered()
+    tin = isocodec.open(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, values), error=1.5))).surface()
+    surface = LinearTriInterpolator(Triangulation(*tin.points.T, tin.triangles), tin.values)
+    # positions are rounded to a part in 2**24 of the extent: a place of the hull's border may lie outside by that
+    missed = np.ma.masked_invalid(surface(*points.T)) - values
+    assert np.ma.count_masked(missed) < 10
+    assert np.abs(missed).max() <= 1.5 + 1e-3
+    assert tin.shape is None
+    with pytest.raises(OptionError):
+        tin.raster()
+
+
+def test_points_are_samples():
+    """Thinning to a number of points without steps that matter: nearly the same surface as before it was coded."""
+    tin = isocodec.open(isocodec.encode(isocodec.thin(HILL, to=80, step=1 / 64))).surface()
+    assert len(tin.points) == 80
+    assert np.array_equal(tin.points, np.rint(tin.points))
+    plain = isocodec.thin(HILL, criterion="l2", to=80)
+    before = isocodec.Tin(plain.points, plain.values, plain.triangles, HILL.shape).raster()
+    assert ((tin.raster() - HILL) ** 2).mean() <= ((before - HILL) ** 2).mean()
+
+
+@pytest.mark.parametrize("size", [90, 150, 400])
+def test_size_is_kept(size: int):
+    data = isocodec.encode(isocodec.thin(HILL, size=size))
+    assert 0.8 * size < len(data) <= size
+
+
+def test_more_bytes_give_smaller_errors():
+    errors = []
+    for size in (80, 120, 200, 400):
+        missed = isocodec.open(isocodec.encode(isocodec.thin(HILL, size=size))).surface().raster() - HILL
+        errors.append((missed**2).mean())
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_any_prefix_of_a_progressive_file():
+    data = isocodec.encode(isocodec.thin(HILL, error=1.0, layers=4))
+    found = []
+    for size in range(len(data) + 1):
+        try:
+            tin = isocodec.open(data).surface(max_bytes=max(size, 1))
+        except TruncatedError:
+            assert not found
+            continue
+        missed = tin.raster() - HILL
+        assert tin.complete == (size == len(data))
+        found.append(float((missed**2).mean()))
+    assert len(found) > 0.8 * len(data)
+    thirds = [np.mean(part) for part in np.array_split(found, 4)]
+    assert thirds == sorted(thirds, reverse=True)
+    assert np.abs(missed).max() <= 1.0 + 1e-9
+
+
+def test_layers_hold_the_same_points():
+    one, several = (isocodec.open(isocodec.encode(isocodec.thin(HILL, error=2.0, layers=n))).surface() for n in (1, 5))
+    assert np.array_equal(one.points, several.points)
+    assert np.array_equal(one.values, several.values)
+
+
+def test_order_of_points_does_not_matter():
+    points, values = scattered()
+    mixed = np.random.default_rng(3).permutation(len(points))
+    for options in ({"error": 2.0}, {"to": 60}, {"size": 200}):
+        assert isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, values), **options)) == isocodec.encode(
+            isocodec.thin(isocodec.Mesh(points[mixed], None, values[mixed]), **options)
+        )
+
+
+def test_coordinates_come_back():
+    """Those that a grid holds, far from the origin, to the last bit."""
+    points = np.random.default_rng(1).integers(0, 4000, (60, 2)) * 25.5 + np.array([449999.5, -5.25e6])
+    tin = isocodec.open(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, points[:, 0]), error=1e-3))).surface()
+    assert set(map(tuple, tin.points)) <= set(map(tuple, points))
+
+
+def test_head_as_bytes():
+    """Worked out by hand: kind 2; 40 x 52; 5 = 5 * 2**0, 0.75 = 3 * 2**-2; the largest number; a layer of 9."""
+    head = TinHead((40, 52), True, 0, (0, 0), 5.0, 0.75, (), 100, (9,))
+    data = bytes([0x20, 40, 52, 10, 0, 6, 3, 100, 1, 9])
+    assert write_tin(head) == data
+    assert read_tin(data, 0) == (head, len(data))
+    head = TinHead((40, 52), False, -3, (1, -2), 0.0, 4.0, (0, 1, 5), 2, (4, 300))
+    data = bytes([0x23, 40, 52, 5, 2, 3, 0, 2, 4, 2, 1, 4, 2, 4, 0x82, 0x2C])
+    assert write_tin(head) == data
+    assert read_tin(data, 0) == (head, len(data))
+
+
+@looped(
+    "head",
+    ["2428280a000603640109", "20002810000603640109", "200000", "2028280a000003640109", "2028280a000503640109",
+     "2028280a0006036400", "2028280a0006036441", "20282880", "2028280a000603848000010901", "2028280a00060364"],
+)
+def test_heads_that_are_none(head: str):
+    with pytest.raises(FormatError) as caught:
+        read_tin(bytes.fromhex(head), 0)
+    assert caught.value.clause == "10.9.1"
+
+
+def test_damaged_files():
+    """Every damage is found by the checksum; where that is made anew, by a rule, or gives another surface."""
+    data = isocodec.encode(isocodec.thin(HILL, error=2.0))
+    rng = np.random.default_rng(7)
+    kinds = set()
+    for turn in range(150):
+        bad = bytearray(data)
+        for _ in range(rng.integers(1, 4)):
+            bad[rng.integers(6, len(bad) - 4)] = rng.integers(256)
+        if bytes(bad) == data:
+            continue
+        if turn < 20:
+            with pytest.raises((FormatError, OptionError)):
+                isocodec.open(bytes(bad)).surface()
+        try:
+            tin = isocodec.open(end(bytes(bad)), limits=isocodec.Limits(vertices=20_000)).surface()
+            assert len(tin.triangles) > 0
+            kinds.add("fine")
+        except (FormatError, LimitError, OptionError) as error:
+            kinds.add(type(error).__name__)
+    assert {"fine", "FormatError"} <= kinds
+
+
+def test_files_cut_short():
+    data = isocodec.encode(isocodec.thin(HILL, error=2.0))
+    for size in range(len(data)):
+        with pytest.raises(TruncatedError):
+            isocodec.open(data[:size]).surface()
+    with pytest.raises(FormatError):
+        isocodec.open(data + b"x").surface()
+
+
+def test_limits():
+    data = isocodec.encode(isocodec.thin(HILL, error=0.5))
+    for limits in ({"vertices": 20}, {"memory": 4000}, {"bytes": 40}):
+        with pytest.raises(LimitError):
+            isocodec.open(data, limits=isocodec.Limits(**limits)).surface()
+
+
+def test_other_files():
+    contour = isocodec.encode(HILL, 50)
+    with pytest.raises(OptionError):
+        isocodec.open(contour).surface()
+    mesh = isocodec.encode(isocodec.Mesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], [0, 1, 2]), 0.5)
+    with pytest.raises(OptionError):
+        isocodec.open(mesh).surface()
+    with pytest.raises(OptionError) as caught:
+        isocodec.decode(isocodec.encode(isocodec.thin(HILL, to=10)))
+    assert "surface" in str(caught.value)
+
+
+def test_notes():
+    assert isocodec.open(
+        isocodec.encode(isocodec.thin(HILL, to=10, metadata={"unit": "m"}))
+    ).surface().metadata == {"unit": "m"}
+
+
+@looped(
+    "options",
+    [{}, {"error": 1.0, "to": 9}, {"error": -1.0}, {"error": np.nan}, {"to": 2}, {"size": 0}, {"size": 20},
+     {"to": 9, "layers": 0}, {"to": 9, "layers": 65}, {"to": 9, "step": 0.0}, {"error": 1.0, "step": 1.0}],
+)
+def test_options_that_make_no_sense(options: dict):
+    with pytest.raises(OptionError):
+        isocodec.encode(isocodec.thin(HILL, **options))
+
+
+def test_input_that_makes_no_surface():
+    with pytest.raises(InputError):
+        isocodec.encode(isocodec.thin(np.full((4, 4), np.nan), error=1))
+    with pytest.raises(InputError):
+        isocodec.encode(isocodec.thin(np.zeros((1, 9)), error=1))
+
+
+def test_constant_values():
+    assert (
+        isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), error=0))).surface().raster() == 7.25
+    ).all()
+    assert (isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), to=9))).surface().raster() == 7.25).all()
+
+
+def test_command(tmp_path):
+    source, coded = tmp_path / "hill.npy", tmp_path / "hill.iso"
+    np.save(source, HILL)
+    told = json.loads(ok("thin", source, "-o", coded, "--error", 2, "--layers", 3, "--json"))
+    assert told["bytes"] == coded.stat().st_size
+    assert told["error"] <= 2
+    for suffix in (".npy", ".npz", ".ply", ".vtu", ".geojson"):
+        ok("decode", coded, "-o", tmp_path / f"out{suffix}")
+    assert np.abs(np.load(tmp_path / "out.npy") - HILL).max() <= 2
+    ok("decode", coded, "-o", tmp_path / "coarse.ply", "--max-bytes", 100)
+    assert json.loads(ok("thin", source, "-o", coded, "--size", 200, "--json"))["bytes"] <= 200
+    fails(2, "decode", coded, "-o", tmp_path / "out.svg")
+    fails(2, "thin", source, "-o", tmp_path / "out.ply", "--size", 300)
+
+
+def test_samples_that_are_missing_and_points_that_coincide(tmp_path):
+    """A surface spans holes, of which the user is warned, as of points that are merged."""
+    holed, table = HILL.astype(float), tmp_path / "points.npy"
+    holed[3:9, 4:8] = np.nan
+    np.save(tmp_path / "holed.npy", holed)
+    np.save(table, [(0, 0, 1), (9, 0, 2), (0, 9, 3), (9, 9, 4), (4, 4, 5), (4, 4, 7)])
+    for out in ("out.iso", "out.npz"):
+        result = run("thin", tmp_path / "holed.npy", "-o", tmp_path / out, "--error", 2)
+        assert result.exit_code == 0 and "24 missing samples: the triangulation covers them" in result.stderr
+    tin = isocodec.open(tmp_path / "out.iso").surface()
+    there = holed[tuple(tin.points.T.astype(int))]
+    assert tin.shape is None and np.abs(there - tin.values).max() <= 2
+    result = run("thin", table, "-o", tmp_path / "out.ply", "--scattered", "--points", 5, "--json")
+    assert "1 points coincide with others: each group is merged" in result.stderr
+    record = json.loads(result.stdout)
+    assert (record["merged"], record["removed"], record["criterion"]) == (1, 0, "AT1")
+
+
+@pytest.mark.parametrize("values", [(0, 255), (0.0, 0.1, 0.30000001), (-5, 7, 1000)])
+def test_pictures_of_few_values(values: tuple[float, ...]):
+    """A palette: corners of shapes keep their values, and no value lies between."""
+    picture = np.array(values)[(X > 20).astype(int) + ((X - 30) ** 2 + (Y - 20) ** 2 < 90) * (len(values) - 2)]
+    tin = isocodec.open(isocodec.encode(isocodec.thin(picture, size=220))).surface()
+    assert np.abs(tin.values[:, None] - np.array(values)).min(axis=1).max() <= np.ptp(values) / 2**20
+    missed = tin.raster() - picture
+    assert (missed**2).mean() < 0.02 * np.ptp(values) ** 2
+
+
+def test_work_is_bounded():
+    """A few hundred bytes that ask for ever more points in a box of 2**28 a side."""
+    head = TinHead((1 << 28, 1 << 28), True, 0, (0, 0), 0.0, 1.0, (), 255, (1 << 28,))
+    chunk = write_chunk(ChunkType.DOMAIN, write_tin(head) + bytes(300), last=True)
+    data = write_header(Header((), 0.0, None, Profile.MAIN, cells=2)) + chunk + bytes(4)
+    with pytest.raises(LimitError) as caught:
+        isocodec.open(end(data), limits=isocodec.Limits(work=1 << 16)).surface()
+    assert caught.value.code == "limit-work"
+
+
+def psnr(field: np.ndarray, found: np.ndarray) -> float:
+    return float(10 * np.log10(np.ptp(field) ** 2 / ((found - field) ** 2).mean()))
+
+
+@looped("name", ["camera.npz", pytest.param("jacksboro_fault_dem.npz", marks=pytest.mark.heavy)])
+def test_beginnings_of_layers_are_good_surfaces(name: str):
+    """Three tenths, six and nine of a file, against files made for these sizes; and what the whole pays for it."""
+    with np.load(DEMO / name) as read:
+        field = read["values"][40:168, 120:248].astype(float)
+    data = isocodec.encode(isocodec.thin(field, size=1500, layers=8))
+    for share, most in ((0.3, 2.6), (0.6, 2.1), (0.9, 1.7), (1, 1.6)):
+        size = int(share * len(data))
+        alone = isocodec.open(isocodec.encode(isocodec.thin(field, size=size))).surface().raster()
+        begun = isocodec.open(data).surface(max_bytes=size).raster()
+        assert psnr(field, alone) - psnr(field, begun) <= most
+
+
+@looped("layers", [2, 12, *(pytest.param(each, marks=pytest.mark.heavy) for each in (3, 5, 64))])
+def test_layers_add_points(layers: int):
+    """Each to those before; the first have values that suit all of them, where these are free."""
+    points, values = scattered()
+    mesh = isocodec.Mesh(points, None, values)
+    for given, options in ((HILL, {"to": 150}), (HILL, {"error": 1.0}), (mesh, {"to": 80})):
+        tin = isocodec.thin(given, layers=layers, **options)
+        data = isocodec.encode(tin)
+        file = isocodec.open(data)
+        whole = file.surface()
+        assert np.array_equal(whole.points, tin.points) and np.array_equal(whole.values, tin.values)
+        ends = tin.coded[1].ends
+        assert 1 < len(ends) <= layers and ends[-1] == len(whole.points) and sorted(set(ends)) == [*ends]
+        before: set[tuple[float, ...]] = set()
+        # files of many layers at some of them: each is made anew
+        for count in range(1, len(ends) + 1, max(len(ends) // 8, 1)):
+            some = isocodec.open(file.edited(layers=count)).surface()
+            now = set(map(tuple, np.c_[some.points, some.values].tolist()))
+            assert len(some.points) == ends[count - 1] and before < now
+            before = now
+
+
+def test_points_on_the_hull_alone_make_one_layer():
+    angle = np.arange(60) * np.pi / 30
+    points = np.rint(1e6 * np.c_[np.cos(angle), np.sin(angle)])
+    tin = isocodec.thin(isocodec.Mesh(points, None, np.arange(60.0)), to=60, layers=6)
+    assert tin.coded[1].ends == (60,)
+    assert len(isocodec.open(isocodec.encode(tin)).surface().points) == 60
+
+
+@pytest.mark.parametrize("options", [{"to": 9}, {"error": 0.0}, {"size": 90}, {"criterion": "l2", "to": 6}])
+def test_layers_of_constant_values(options: dict):
+    field = np.full((9, 9), 7.25)
+    assert (isocodec.open(isocodec.encode(isocodec.thin(field, layers=5, **options))).surface().raster() == 7.25).all()

@@ -1,0 +1,381 @@
+"""Adaptive thinning: the published example, brute force, and what users see of it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import fails, ok, run
+from isocodec.errors import InputError, OptionError
+from libraries import Late
+from tables import looped
+
+shapely = Late("shapely")
+
+LINE = np.array([(i, 0) for i in range(1, 8)] + [(1, 1)])
+VALUES = np.array([5, -1, 0, -3, 0, -1.1, 2.5, 0])
+EXAMPLE = {
+    "inf": [(3, 2.00), (5, 2.05), (4, 1.95), (6, 3.40)],
+    "AT1": [(3, 2.00), (5, 2.05), (6, 1.77), (2, 3.33)],
+    "AT2": [(3, 2.00), (5, 2.05), (6, 1.77), (2, 3.33)],
+    "AT3": [(3, 2.00), (5, 2.05), (6, 1.77), (2, 3.33)],
+    "l2": [(3, 4.00), (4, 3.56), (5, -1.55), (6, 15.26)],
+}
+"""Points (counted from 1) and anticipated errors: worked out with a triangulation by another library at every step."""
+CRITERIA = [*EXAMPLE, "NAT"]
+
+
+def terrain(count: int = 400, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Scattered points of a smooth surface with a cliff."""
+    rng = np.random.default_rng(seed)
+    points = np.unique(rng.integers(0, 200, (count, 2)), axis=0)
+    x, y = points.T / 40
+    return points, np.rint(100 * (np.sin(x) + np.cos(1.3 * y) + (x > 2.5)))
+
+
+def interpolated(tin: isocodec.Tin, points: np.ndarray) -> np.ndarray:
+    """The surface at points, by another library's barycentric weights on our triangles."""
+    from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+    x, y = tin.points.T
+    return np.asarray(LinearTriInterpolator(Triangulation(x, y, tin.triangles), tin.values)(*points.T))
+
+
+@looped("criterion", EXAMPLE)
+def test_published_example(criterion: str):
+    found = isocodec.thin(isocodec.Mesh(LINE, None, VALUES), criterion=criterion, to=4)
+    assert (found.order[:4] + 1).tolist() == [point for point, _ in EXAMPLE[criterion]]
+    assert found.anticipated[:4].round(2).tolist() == [error for _, error in EXAMPLE[criterion]]
+
+
+@looped("criterion", CRITERIA)
+def test_errors_are_those_of_the_surface(criterion: str):
+    points, values = terrain()
+    found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=40)
+    for count in (40, 100, 250):
+        tin = found.at(count)
+        missed = np.abs(interpolated(tin, points) - values)
+        at = len(points) - count - 1
+        assert found.errors[at] == pytest.approx(missed.max(), abs=1e-9)
+
+
+@pytest.mark.heavy
+def test_keys_are_what_brute_force_finds():
+    """AT1, AT2 and l2 take the vertex with the least of what any removal would lead to, from scratch each time."""
+    points, values = terrain(60)
+    for criterion in ("AT2", "l2"):
+        found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=30)
+        left = np.arange(len(points))
+        before = 0.0
+        for step in range(25):
+            costs = {}
+            for v in left.tolist():
+                some = left[left != v]
+                tin = isocodec.thin(
+                    isocodec.Mesh(points[some], None, values[some]), criterion="AT1", to=len(some),
+                )
+                missed = np.ma.masked_invalid(interpolated(tin, points)) - values
+                if np.ma.is_masked(missed):
+                    continue  # a corner of the hull: without it, not all points are covered
+                costs[v] = abs(missed[v]) if criterion == "AT2" else float((missed**2).sum()) - before
+            best = min(costs.values())
+            assert found.anticipated[step] == pytest.approx(best, abs=1e-6)
+            v = int(found.order[step])
+            assert costs[v] == pytest.approx(best, abs=1e-6)
+            left = left[left != v]
+            tin = isocodec.thin(isocodec.Mesh(points[left], None, values[left]), criterion="AT1", to=len(left))
+            before = float(((interpolated(tin, points) - values) ** 2).sum())
+
+
+@looped("criterion", CRITERIA)
+def test_order_of_points_does_not_matter(criterion: str):
+    points, values = terrain()
+    mixed = np.random.default_rng(3).permutation(len(points))
+    first = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=30)
+    second = isocodec.thin(isocodec.Mesh(points[mixed], None, values[mixed]), criterion=criterion, to=30)
+    assert np.array_equal(first.order, mixed[second.order])
+    assert np.array_equal(first.errors, second.errors)
+    assert np.array_equal(first.points[first.triangles], second.points[second.triangles])
+
+
+@looped("criterion", CRITERIA)
+def test_error_is_kept(criterion: str):
+    points, values = terrain()
+    found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, error=6)
+    missed = np.abs(interpolated(found, points) - values)
+    assert missed.max() <= 6 + 1e-9
+    assert len(found) < len(points)
+
+
+def test_a_field_and_its_samples_are_alike():
+    y, x = np.mgrid[:24, :31]
+    field = np.hypot(y - 10.0, x - 12.0)
+    found = isocodec.thin(field, criterion="l2", to=60)
+    same = isocodec.thin(isocodec.Mesh(np.argwhere(np.ones(field.shape)), None, field.ravel()), criterion="l2", to=60)
+    assert np.array_equal(found.order, same.order)
+    # the border is straight: only its corners have to stay
+    assert np.isin([0, 30, 23 * 31, 24 * 31 - 1], found.kept).all()
+
+
+def test_a_plane_needs_its_corners_only():
+    y, x = np.mgrid[:20, :20]
+    found = isocodec.thin(3 * x - 2 * y + 7, criterion="AT1", error=0)
+    assert found.kept.tolist() == [0, 19, 380, 399]
+
+
+def test_ranking_of_the_criteria():
+    """As published: AT1 before AT3 and AT2, NAT far behind."""
+    points, values = terrain(3000, 4)
+    last = {
+        name: isocodec.thin(isocodec.Mesh(points, None, values), criterion=name, to=150).errors[-1] for name in CRITERIA
+    }
+    assert last["AT1"] < 0.8 * last["AT2"]
+    assert last["AT1"] < last["AT3"]
+    assert last["NAT"] > 2 * last["AT1"]
+
+
+def test_points_that_coincide():
+    points = np.array([(0, 0), (9, 0), (0, 9), (9, 9), (4, 4), (4, 4), (4, 4)])
+    found = isocodec.thin(isocodec.Mesh(points, None, np.array([0, 0, 0, 0, 1.0, 2.0, 6.0])), criterion="AT1", to=5)
+    assert found.merged == 2
+    assert found.kept.tolist() == [0, 1, 2, 3, 4]
+    assert sorted(found.values.tolist()) == [0, 0, 0, 0, 3.0]
+
+
+def test_floating_point_positions():
+    """Those that a fine grid holds stay as they are; others are rounded to a part in 2**24 of the extent."""
+    rng = np.random.default_rng(0)
+    exact = rng.integers(0, 1 << 20, (50, 2)) / 1024 + 500000
+    assert np.isin(
+        isocodec.thin(isocodec.Mesh(exact, None, np.zeros(50)), criterion="AT1", to=50).points, exact,
+    ).all()
+    rough = rng.normal(size=(50, 2)) * 1e-9
+    tin = isocodec.thin(isocodec.Mesh(rough, None, np.zeros(50)), criterion="AT1", to=50)
+    found = tin.points[np.lexsort(tin.points.T)]
+    assert np.abs(found - rough[np.lexsort(rough.T)]).max() < np.ptp(rough) / 2**23
+
+
+@looped(
+    ("points", "values", "code"),
+    [
+        (LINE[:7], VALUES[:7], "collinear"),
+        (LINE[:2], VALUES[:2], "points"),
+        (LINE[:0], VALUES[:0], "points"),
+        (LINE, np.full(8, np.nan), "missing"),
+        (np.full((8, 2), np.inf), VALUES, "missing"),
+        (LINE[:, :1], VALUES, "shape"),
+        (LINE, VALUES[:3], "shape"),
+        (LINE, VALUES.astype(str), "dtype"),
+        (LINE * 2**40, VALUES, "range"),
+        (np.zeros((3, 3, 3)), None, "axes"),
+    ],
+)
+def test_input_that_cannot_be_thinned(points: np.ndarray, values: np.ndarray | None, code: str):
+    with pytest.raises(InputError) as caught, np.errstate(all="ignore"):
+        isocodec.thin(points if values is None else isocodec.Mesh(points, None, values), criterion="AT1", to=3)
+    assert caught.value.code == code
+
+
+@looped(
+    "options", [{}, {"to": 5, "error": 1.0}, {"to": 2}, {"error": -1.0}, {"error": np.nan}, {"to": 4, "criterion": "X"}]
+)
+def test_options_that_make_no_sense(options: dict):
+    with pytest.raises(OptionError):
+        isocodec.thin(isocodec.Mesh(LINE, None, VALUES), **{"criterion": "AT1", **options})
+
+
+def test_surfaces_that_there_are():
+    found = isocodec.thin(isocodec.Mesh(LINE, None, VALUES), criterion="AT1", to=4)
+    assert len(found.at(8).points) == 8
+    for count in (3, 9, 4.5):
+        with pytest.raises(OptionError):
+            found.at(count)  # type: ignore[arg-type]
+
+
+# ---- Command line ---------------------------------------------------------------------------------------------------
+
+
+def test_command(tmp_path):
+    y, x = np.mgrid[:40, :50]
+    source = tmp_path / "hill.npy"
+    np.save(source, np.rint(100 * np.exp(-((y - 20.0) ** 2 + (x - 30.0) ** 2) / 200)))
+    for suffix in (".npz", ".ply", ".vtu", ".geojson"):
+        told = json.loads(ok("thin", source, "-o", tmp_path / f"out{suffix}", "--error", 2, "--json"))
+        assert told["error"] <= 2
+        assert told["points"] + told["removed"] == 2000
+    with np.load(tmp_path / "out.npz") as found:
+        assert found["cells"].max() == len(found["points"]) - 1
+        assert len(found["errors"]) == told["removed"]
+    import meshio
+    import trimesh
+
+    surface = trimesh.load(tmp_path / "out.ply", process=False)
+    assert len(surface.vertices) == told["points"]
+    assert (surface.face_normals[:, 2] > 0).all()
+    assert len(meshio.read(tmp_path / "out.vtu").cells_dict["triangle"]) == told["triangles"]
+    assert len(json.loads((tmp_path / "out.geojson").read_text())["features"]) == told["triangles"]
+
+
+def test_command_with_a_table(tmp_path):
+    points, values = terrain()
+    table = np.column_stack([points, values])
+    source, out = tmp_path / "table.npy", tmp_path / "out.ply"
+    np.save(source, np.concatenate([table, table[:5]]))
+    done = run("thin", source, "-o", out, "--scattered", "--points", 50, "--criterion", "AT3")
+    assert done.exit_code == 0, done.output
+    assert "5 points coincide" in done.stderr
+    assert "50 of" in done.stdout
+    fails(2, "thin", source, "-o", out)
+    fails(2, "thin", source, "-o", tmp_path / "out.stl", "--points", 9)
+
+
+def test_command_with_missing_samples(tmp_path):
+    field = np.add.outer(np.arange(9.0), np.arange(9.0))
+    field[3:5, 3:5] = np.nan
+    np.save(tmp_path / "holes.npy", field)
+    done = run("thin", tmp_path / "holes.npy", "-o", tmp_path / "out.ply", "--error", 0)
+    assert done.exit_code == 0, done.output
+    assert "4 missing samples" in done.stderr
+    assert "4 of 77 points" in done.stdout
+
+
+@pytest.mark.cover(2)
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("told", ["nan", "mask", "masked array"])
+def test_numbers_of_points_are_those_of_samples(criterion: str, told: str):
+    """Whichever are missing, and however that is told."""
+    y, x = np.mgrid[:9, :11]
+    field = np.hypot(y - 3.3, 2 * x - 7.1)
+    gone = (x + 2 * y) % 5 == 0
+    gone[0, 0] = True
+    given = {
+        "nan": np.where(gone, np.nan, field), "mask": isocodec.Field(field, mask=gone),
+        "masked array": np.ma.array(field, mask=gone),
+    }[told]
+    found = isocodec.thin(given, criterion=criterion, to=20)
+    there = np.flatnonzero(~gone)
+    assert sorted([*found.order.tolist(), *found.kept.tolist()]) == there.tolist()
+    assert np.array_equal(found.values, field[tuple(found.points.astype(int).T)])
+    assert np.array_equal(np.sort(np.ravel_multi_index(found.points.astype(int).T, field.shape)), found.kept)
+    alone = isocodec.thin(isocodec.Mesh(np.argwhere(~gone), None, field[~gone]), criterion=criterion, to=20)
+    assert np.array_equal(found.order, there[alone.order]) and np.array_equal(found.errors, alone.errors)
+
+
+@pytest.mark.parametrize("command", ["thin", "decode"])
+def test_archives_of_arrays_are_read_as_they_are_written(tmp_path, command: str):
+    """An .npz file of a surface is a mesh with its values and its place, and has the contour that VTU leads to."""
+    y, x = np.mgrid[:30, :36]
+    np.savez(tmp_path / "dem.npz", values=np.rint(90 * np.exp(-((y - 14.0) ** 2 + (x - 17.0) ** 2) / 90)),
+             placement=np.array([[0.0, 10.0, 500.0], [-10.0, 0.0, 900.0]]), crs=np.asarray("EPSG:32631"))
+    source, found = tmp_path / "dem.npz", {}
+    if command == "decode":
+        source = tmp_path / "dem.iso"
+        ok("encode", tmp_path / "dem.npz", "-o", source, "--surface", "--points", 80)
+    for suffix, name in ((".npz", "values"), (".vtu", "z")):
+        out = tmp_path / f"tin{suffix}"
+        ok(command, source, "-o", out, *(("--points", 80) if command == "thin" else ()))
+        ok("encode", out, "-o", tmp_path / "a.iso", "--values", name, "--isovalue", 40.5, "--stored", "whole",
+           "--mesh-error", 0.001, "--precision", 0.01)
+        curve = isocodec.decode(tmp_path / "a.iso")
+        found[suffix] = shapely.MultiLineString([*curve.points[curve.cells][:, :, :2]])
+    assert found[".npz"].length > 300 and shapely.hausdorff_distance(*found.values(), densify=0.1) < 0.02
+    assert shapely.box(500, 600, 850, 900).contains(found[".npz"])
+    assert isocodec.open(isocodec.encode(isocodec.read(tmp_path / "tin.npz", key="values"), 40.5)).metadata["crs"] == (
+        "EPSG:32631"
+    )
+
+
+@pytest.mark.parametrize("distance", ["1", "10m", "abc"])
+def test_contours_of_points_are_not_kept_by_thinning(tmp_path, distance: str):
+    points, values = terrain()
+    np.savetxt(tmp_path / "points.csv", np.c_[points, values], delimiter=",", header="x,y,z", comments="")
+    for command in ("thin",), ("encode", "--surface"):
+        line = fails(2, *command, tmp_path / "points.csv", "-o", tmp_path / "a.iso", "--isovalue", 50.5,
+                     "--tolerance", distance)
+        assert "of a field only" in line and "--precision" in line
+    line = fails(2, "encode", tmp_path / "points.csv", "-o", tmp_path / "a.iso", "--values", "z", "--isovalue", 50.5,
+                 "--tolerance", distance)
+    assert f"--precision {distance}" in line
+
+
+def triangulated(points: np.ndarray) -> set[tuple[int, ...]]:
+    """The Delaunay triangles of points without ties, by another library."""
+    from scipy.spatial import Delaunay
+
+    return {tuple(sorted(cell)) for cell in Delaunay(points).simplices.tolist()}
+
+
+@pytest.mark.cover(2)
+@pytest.mark.parametrize("way", ["API", "command"])
+@pytest.mark.parametrize("layers", [1, 4])
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_points_of_any_criterion_can_be_coded(tmp_path, criterion: str, layers: int, way: str):
+    """The file has the points that are left and what they had, and another library's triangles of these."""
+    rng = np.random.default_rng(8)
+    points = rng.integers(0, 10**6, (300, 2)).astype(float)
+    values = np.rint(100 * np.sin(points[:, 0] / 2e5) + (points[:, 1] > 4e5) * 50)
+    kept = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70).kept
+    out = tmp_path / "tin.iso"
+    if way == "API":
+        tin = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70, layers=layers)
+        assert np.array_equal(tin.kept, kept) and len(tin.order) == 230
+        out.write_bytes(isocodec.encode(tin))
+    else:
+        np.savetxt(tmp_path / "points.csv", np.c_[points, values], delimiter=",", header="x,y,z", comments="")
+        ok("thin", tmp_path / "points.csv", "-o", out, "--scattered", "--criterion", criterion, "--points", 70,
+           "--layers", layers)
+    ok("decode", out, "-o", tmp_path / "tin.npz")
+    with np.load(tmp_path / "tin.npz") as read:
+        found, heights, cells = read["points"][:, :2], read["values"], read["cells"]
+    wanted = np.c_[points[kept], values[kept]]
+    have = np.c_[found, heights]
+    assert np.array_equal(have[np.lexsort(have.T)], wanted[np.lexsort(wanted.T)])
+    assert {tuple(sorted(cell)) for cell in cells.tolist()} == triangulated(found)
+
+
+@looped("criterion", CRITERIA)
+def test_points_of_any_criterion_in_the_terrain(tmp_path, criterion: str):
+    """Samples of a grid, where many points lie on circles: each of the file's triangles has an empty one."""
+    y, x = np.mgrid[:20, :26]
+    field = np.rint(50 * np.exp(-((y - 9.0) ** 2 + (x - 14.0) ** 2) / 40)) + (x > 8) * 20
+    np.save(tmp_path / "dem.npy", field)
+    ok("thin", tmp_path / "dem.npy", "-o", tmp_path / "dem.iso", "--criterion", criterion, "--error", 4, "--layers", 3)
+    tin = isocodec.open(tmp_path / "dem.iso").surface()
+    wanted = isocodec.thin(field, criterion=criterion, error=4)
+    at = np.ravel_multi_index(tin.points.astype(int).T, field.shape)
+    assert np.array_equal(np.sort(at), wanted.kept) and np.array_equal(tin.values, field.ravel()[at])
+    assert np.abs(tin.raster() - field).max() <= 4 + 1e-9
+    p = tin.points.astype(int)
+    area = 0
+    for a, b, c in tin.triangles.tolist():
+        (ax, ay), (bx, by), (cx, cy) = (p[i] for i in (a, b, c))
+        turn = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        assert turn > 0
+        area += turn
+        u, v, w = ((p[i] - p).astype(object) for i in (a, b, c))
+        lifted = [(q * q).sum(axis=1) for q in (u, v, w)]
+        within = (
+            lifted[0] * (v[:, 0] * w[:, 1] - v[:, 1] * w[:, 0]) + lifted[1] * (w[:, 0] * u[:, 1] - w[:, 1] * u[:, 0])
+            + lifted[2] * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        )
+        assert (within <= 0).all()
+    assert area == 2 * 19 * 25
+
+
+def test_values_in_steps_of_points_of_a_criterion(tmp_path):
+    points, values = terrain()
+    given = isocodec.Mesh(points, None, values + 0.3)
+    tin = isocodec.thin(given, criterion="AT2", to=60, step=0.5)
+    file = isocodec.open(isocodec.encode(tin)).surface()
+    assert np.array_equal(file.values, tin.values)
+    plain = isocodec.thin(given, criterion="AT2", to=60)
+    assert 0 < np.abs(tin.values - plain.values).max() <= 0.25 or np.array_equal(tin.values, plain.values)
+    for options in ({"size": 500}, {"layers": 0}, {"layers": 65}, {"step": 0.0}, {"contours": [3]}):
+        with pytest.raises(OptionError):
+            isocodec.thin(given, criterion="AT2", **({"to": 60} | options))
+    np.save(tmp_path / "f.npy", np.hypot(*np.mgrid[:9, :9]))
+    line = fails(2, "thin", tmp_path / "f.npy", "-o", tmp_path / "a.iso", "--criterion", "l2", "--size", 300)
+    assert "--size does not apply with --criterion" in line
