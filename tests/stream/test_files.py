@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 import isocodec
-from brute import INTERPRETED
+from brute import HEAVY, INTERPRETED
 from files import NAMES, files, picture, same_drawing, whole
 from isocodec import Decoder
 from isocodec.drawing.snapshot import state_of
@@ -27,6 +27,10 @@ from isospec.container import ChunkType
 from tables import looped
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------
+
+
+SOME = [name if name in ("exact", "offsets", "several runs", "empty") else pytest.param(name, marks=pytest.mark.heavy)
+        for name in NAMES]
 
 
 class Feeding(RuleBasedStateMachine):
@@ -79,7 +83,7 @@ class Feeding(RuleBasedStateMachine):
 
 
 TestFeeding = Feeding.TestCase
-TestFeeding.settings = settings(max_examples=5 if INTERPRETED else 150, stateful_step_count=40)
+TestFeeding.settings = settings(max_examples=5 if INTERPRETED else 150 if HEAVY else 25, stateful_step_count=40)
 
 
 @looped("name", NAMES)
@@ -115,7 +119,7 @@ def test_order_of_events(name):
     assert skipped == ([ChunkType.INDEX] if name == "several runs" else [])
 
 
-@looped("name", NAMES)
+@looped("name", SOME)
 def test_prefixes(name):
     """Any prefix: symbols are the first ones of the file's, a drawing works, and only close() complains."""
     data, (_, total, _, _) = files()[name], whole(name)
@@ -179,7 +183,7 @@ def test_errors_are_sticky():
 # --- truncation -----------------------------------------------------------------------------------------------------
 
 
-@looped("name", NAMES)
+@looped("name", SOME)
 def test_truncate_to_layers(name):
     """The first layers alone are a valid file, which draws what the file draws after them."""
     data = files()[name]
@@ -213,7 +217,7 @@ def all_of_prefixes(data: bytes) -> Iterator[bytes]:
             yield isocodec.open(data[:length]).edited(size=len(data) + 100)
 
 
-@looped("name", NAMES)
+@looped("name", SOME)
 def test_truncate_to_bytes(name):
     """As many symbols as fit: a valid file, not too long, which draws what some prefix near that length does."""
     data = files()[name]
