@@ -8,12 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+import isocodec
 from brute import ball, border, noise
 from drawings import check_manifold, check_winding, leaves_of
 from isocodec.drawing.contour import Contour
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
 from isocodec.errors import OptionError
+from isocodec.field.placement import Placement
 from tables import looped
 
 # --- parts, nothing, anything ----------------------------------------------------------------------------------------
@@ -99,3 +101,14 @@ def test_contours_are_immutable():
     contour = Contour(np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), 0.0, (3, 3))
     with pytest.raises(AttributeError):
         contour.isovalue = 1.0  # type: ignore[misc]
+
+
+@looped("matrix", [None, [[0, 2, 1], [2, 0, 3]], [[0, 2, 1], [-2, 0, 3]], [[1, 0.5, 0], [0, -3, 1]]])
+def test_normals_point_to_lower_values_wherever_samples_lie(matrix):
+    rows, columns = np.mgrid[:21, :23]
+    placement = None if matrix is None else Placement(matrix)
+    field = isocodec.Field(9 - np.hypot(rows - 10, columns - 11), placement=placement)
+    contour = isocodec.decode(isocodec.encode(field, 2.2, precision=0.01))
+    outwards = contour.placed - contour.placed.mean(axis=0)
+    assert ((contour.normals * outwards).sum(axis=1) > 0).all()
+    assert ((contour.flip().normals * outwards).sum(axis=1) < 0).all() and contour.flip().origin_above
