@@ -14,6 +14,7 @@ from drawings import check_manifold, check_winding, leaves_of
 from isocodec.drawing.contour import Contour
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
+from isocodec.drawing.window import reaching
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from tables import looped
@@ -112,3 +113,10 @@ def test_normals_point_to_lower_values_wherever_samples_lie(matrix):
     outwards = contour.placed - contour.placed.mean(axis=0)
     assert ((contour.normals * outwards).sum(axis=1) > 0).all()
     assert ((contour.flip().normals * outwards).sum(axis=1) < 0).all() and contour.flip().origin_above
+
+
+def test_cells_that_only_touch_a_window_are_not_in_it():
+    contour = Contour(np.array([[0, 0.5], [1, 0.5], [2, 0.5]]), np.array([[0, 1], [1, 2]]), 0.0, (4, 4))
+    assert reaching(contour, [(1, 3), (0, 1)]).tolist() == [False, True]
+    assert reaching(contour, [(0, 1), (0, 1)]).tolist() == [True, False]
+    assert reaching(contour, [(0.5, 1.5), (0, 1)]).tolist() == [True, True]
