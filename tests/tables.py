@@ -38,6 +38,11 @@ def covering(rows: Sequence[Sequence[object]], strength: int = 2) -> list[int]:
     return sorted(chosen)
 
 
+def heavy(*values: Any) -> list[Any]:
+    """Values of a parameter that only heavy tests have."""
+    return [pytest.param(value, marks=pytest.mark.heavy) for value in values]
+
+
 def looped(
     names: str | Sequence[str], rows: Iterable[Any], ids: object = None
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:

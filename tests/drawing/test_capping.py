@@ -10,7 +10,7 @@ import pytest
 import isocodec
 from isocodec.errors import OptionError, TruncatedError
 from libraries import Late
-from tables import looped
+from tables import heavy, looped
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 
@@ -22,7 +22,7 @@ def noise(seed: int) -> np.ndarray:
     return gaussian_filter(np.random.default_rng(seed).standard_normal(SHAPE), 1.5)
 
 
-@looped("seed", [0, *(pytest.param(each, marks=pytest.mark.heavy) for each in (1, 2, 3))])
+@looped("seed", [0, *heavy(1, 2, 3)])
 @looped("options", [{}, {"precision": "signs"}, {"precision": 0.5}])
 def test_both_parts_make_up_the_box(seed: int, options: dict[str, Any]) -> None:
     contour = isocodec.decode(isocodec.encode(noise(seed), 0.02, **options))

@@ -8,12 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+import isocodec
 from brute import ball, border, noise
 from drawings import check_manifold, check_winding, leaves_of
 from isocodec.drawing.contour import Contour
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
+from isocodec.drawing.window import reaching
 from isocodec.errors import OptionError
+from isocodec.field.placement import Placement
 from tables import looped
 
 # --- parts, nothing, anything ----------------------------------------------------------------------------------------
@@ -99,3 +102,21 @@ def test_contours_are_immutable():
     contour = Contour(np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), 0.0, (3, 3))
     with pytest.raises(AttributeError):
         contour.isovalue = 1.0  # type: ignore[misc]
+
+
+@looped("matrix", [None, [[0, 2, 1], [2, 0, 3]], [[0, 2, 1], [-2, 0, 3]], [[1, 0.5, 0], [0, -3, 1]]])
+def test_normals_point_to_lower_values_wherever_samples_lie(matrix):
+    rows, columns = np.mgrid[:21, :23]
+    placement = None if matrix is None else Placement(matrix)
+    field = isocodec.Field(9 - np.hypot(rows - 10, columns - 11), placement=placement)
+    contour = isocodec.decode(isocodec.encode(field, 2.2, precision=0.01))
+    outwards = contour.placed - contour.placed.mean(axis=0)
+    assert ((contour.normals * outwards).sum(axis=1) > 0).all()
+    assert ((contour.flip().normals * outwards).sum(axis=1) < 0).all() and contour.flip().origin_above
+
+
+def test_cells_that_only_touch_a_window_are_not_in_it():
+    contour = Contour(np.array([[0, 0.5], [1, 0.5], [2, 0.5]]), np.array([[0, 1], [1, 2]]), 0.0, (4, 4))
+    assert reaching(contour, [(1, 3), (0, 1)]).tolist() == [False, True]
+    assert reaching(contour, [(0, 1), (0, 1)]).tolist() == [True, False]
+    assert reaching(contour, [(0.5, 1.5), (0, 1)]).tolist() == [True, True]

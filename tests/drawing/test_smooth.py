@@ -12,6 +12,7 @@ import isocodec
 from brute import ball, noise, smooth
 from commands import ok
 from isocodec.drawing import smoothing
+from isocodec.drawing.smoothing import ROUNDS, SMOOTHING, rounds_of
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.stream.inspect import inspect
@@ -226,6 +227,12 @@ def test_notes_of_other_forms_are_ignored(text):
     field = ROUND[2][0]
     data = isocodec.encode(field, 0, precision="signs", metadata={"smoothing": text})
     assert np.array_equal(isocodec.decode(data).points, isocodec.decode(data, smooth=False).points)
+
+
+def test_notes_state_up_to_64_rounds():
+    assert [rounds_of({SMOOTHING: text}) for text in ("1", "9", "10", "64")] == [1, 9, 10, 64]
+    assert rounds_of({SMOOTHING: "64"}, False) == 0
+    assert rounds_of({}, True) == rounds_of({SMOOTHING: "65"}, True) == ROUNDS
 
 
 REFUSED = {

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 import isocodec
-from brute import INTERPRETED
+from brute import HEAVY, INTERPRETED
 from files import NAMES, files, picture, same_drawing, whole
 from isocodec import Decoder
 from isocodec.drawing.snapshot import state_of
@@ -24,9 +24,12 @@ from isocodec.format.kinds import BASES
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.inspect import inspect
 from isospec.container import ChunkType
-from tables import looped
+from tables import heavy, looped
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------
+
+
+SOME = ["exact", "offsets", "several runs", "empty", *heavy("signs", "step", "single rate", "deep values")]
 
 
 class Feeding(RuleBasedStateMachine):
@@ -79,7 +82,7 @@ class Feeding(RuleBasedStateMachine):
 
 
 TestFeeding = Feeding.TestCase
-TestFeeding.settings = settings(max_examples=5 if INTERPRETED else 150, stateful_step_count=40)
+TestFeeding.settings = settings(max_examples=5 if INTERPRETED else 150 if HEAVY else 25, stateful_step_count=40)
 
 
 @looped("name", NAMES)
@@ -115,7 +118,7 @@ def test_order_of_events(name):
     assert skipped == ([ChunkType.INDEX] if name == "several runs" else [])
 
 
-@looped("name", NAMES)
+@looped("name", SOME)
 def test_prefixes(name):
     """Any prefix: symbols are the first ones of the file's, a drawing works, and only close() complains."""
     data, (_, total, _, _) = files()[name], whole(name)
@@ -179,7 +182,7 @@ def test_errors_are_sticky():
 # --- truncation -----------------------------------------------------------------------------------------------------
 
 
-@looped("name", NAMES)
+@looped("name", SOME)
 def test_truncate_to_layers(name):
     """The first layers alone are a valid file, which draws what the file draws after them."""
     data = files()[name]
@@ -213,7 +216,7 @@ def all_of_prefixes(data: bytes) -> Iterator[bytes]:
             yield isocodec.open(data[:length]).edited(size=len(data) + 100)
 
 
-@looped("name", NAMES)
+@looped("name", SOME)
 def test_truncate_to_bytes(name):
     """As many symbols as fit: a valid file, not too long, which draws what some prefix near that length does."""
     data = files()[name]
@@ -250,7 +253,7 @@ def test_truncate_to_bytes(name):
 def test_truncate_what_was_cut_off():
     """A file that was cut off anywhere can be made whole again, in layers or in bytes."""
     data = files()["exact"]
-    for length in range(len(data)):
+    for length in range(0, len(data), 1 if HEAVY else 3):
         decoder = Decoder()
         decoder.feed(data[:length])
         events = [event for event in decoder if isinstance(event, LayerComplete)]

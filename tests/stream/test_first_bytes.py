@@ -21,7 +21,7 @@ from isocodec.field.meshed import StoredName
 from isocodec.stream.options import ProfileName
 from isoconform.raster import letters
 from libraries import Late
-from tables import looped
+from tables import heavy
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 map_coordinates = Late("scipy.ndimage.map_coordinates")
@@ -143,7 +143,7 @@ def test_grids(kind: str, n: int, data: st.DataObject) -> None:
     check(ENCODERS[kind](field, profile=profile, **options))
 
 
-@pytest.mark.parametrize("precision", [1.0, 0.25, (4, 1, 0.25)])
+@pytest.mark.parametrize("precision", [1.0, *heavy(0.25, (4, 1, 0.25))])
 @pytest.mark.parametrize(("shape", "width"), [
     ((150, 130), 1.0), pytest.param((44, 40, 36), 1.3, marks=pytest.mark.heavy),
 ])
@@ -153,9 +153,10 @@ def test_distances(shape: tuple[int, ...], width: float, precision: Any) -> None
     check(data)
 
 
-@looped("precision", [None, "exact"])
-@looped("profile", get_args(ProfileName))
-@looped(("shape", "tile"), [((260, 260), 128), ((70, 40, 40), 32)])
+@pytest.mark.cover(1)
+@pytest.mark.parametrize("precision", [None, "exact"])
+@pytest.mark.parametrize("profile", get_args(ProfileName))
+@pytest.mark.parametrize(("shape", "tile"), [((260, 260), 128), ((70, 40, 40), 32)])
 def test_tiles(tmp_path: Path, shape: tuple[int, ...], tile: int, profile: ProfileName, precision: Any) -> None:
     path = tmp_path / "tiles.iso"
     isocodec.save(path, smooth(shape, 2.0, 0), LEVELS[:1], tile=tile, profile=profile, precision=precision)

@@ -16,7 +16,7 @@ from isocodec.api.files import frames_of
 from isocodec.errors import FormatError, IsoError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isospec.container import ChunkType
-from tables import looped
+from tables import heavy, looped
 
 COUNT = 3
 LEVELS = (2.5, 3.5)
@@ -60,6 +60,7 @@ SERIES: dict[str, tuple[Callable[[], Any], Any, dict[str, Any]]] = {
     "mesh": (on_mesh, (20.5, 30.5), {}),
     "mesh levels": (on_mesh, 25.5, {"precision": "step=0.1", "interval": 2}),
 }
+SOME = ["plane", "isovalues", "mesh", *heavy("signs", "within", "volume", "labels", "gaps", "mesh levels")]
 
 
 @cache
@@ -135,7 +136,7 @@ def test_what_has_been_added_decodes(name: str):
         check(b"".join(pieces[:count]), name, wanted, count)
 
 
-@looped("name", SERIES)
+@looped("name", SOME)
 def test_cut_at_every_byte(name: str):
     """Frames are whole if all of their bytes are there."""
     pieces, end = grown(name)
@@ -146,7 +147,7 @@ def test_cut_at_every_byte(name: str):
         check(data[:length], name, wanted, int((ends <= length).sum()))
 
 
-@looped("name", SERIES)
+@looped("name", SOME)
 def test_cut_without_marks(name: str):
     """A file of frames that were all given says that a frame is whole by beginning the next one, or by its end."""
     data = together(name)

@@ -19,6 +19,7 @@ from isospec.container import ChunkType
 from libraries import Late
 from tables import looped
 
+shapely = Late("shapely")
 cKDTree = Late("scipy.spatial.cKDTree")
 find_contours = Late("skimage.measure.find_contours")
 
@@ -332,3 +333,18 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     np.save(tmp_path / "c.npy", np.full((5, 5), np.nan))
     empty = fails(3, "encode", tmp_path / "c.npy", "-o", tmp_path / "c.iso", "--isovalue", 1)
     assert "all samples are missing" in empty
+
+
+@pytest.mark.parametrize("seed", [0, 4, 20, 22])
+def test_pieces_that_are_cut_lie_on_the_curve_through_holes(seed: int) -> None:
+    """Of coarse meshes, whose segments lie in many unit cells: parts of one are joined, parts of two are not."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.mgrid[:40, :44]
+    field = np.hypot(rows - 20 - rng.random(), columns - 21 - rng.random())
+    holed = np.ma.masked_array(field, rng.random(field.shape) < 0.02)
+    for distance in (1.0, 3.0):
+        file = isocodec.open(isocodec.encode(holed, 12.2, precision=distance))
+        cut, whole = file.contour(), file.contour(through_holes=True)
+        middles = cut.points[cut.cells].mean(axis=1)
+        curve = shapely.multilinestrings(whole.points[whole.cells])
+        assert shapely.distance(shapely.points(middles), curve).max() < 1e-6

@@ -24,7 +24,7 @@ from isocodec.format.header import Header, write_header
 from isocodec.grid.passes.runner import Tube
 from isoconform.streams import Chunk, File
 from isospec.container import ChunkType, DomainKind, Profile, write_varint
-from tables import looped
+from tables import heavy, looped
 
 # --- limits ---------------------------------------------------------------------------------------------------------
 
@@ -231,7 +231,7 @@ def survive(data, limits=None):
     return outcomes[0]
 
 
-@pytest.mark.parametrize("name", ["offsets", "several runs"])
+@pytest.mark.parametrize("name", ["offsets", *heavy("several runs")])
 def test_every_flipped_bit_is_found(name):
     """No single wrong bit goes unnoticed: the file's checksum covers every byte before it, and one bit says mesh."""
     data = files()[name]

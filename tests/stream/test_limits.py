@@ -151,9 +151,11 @@ def test_the_encoder_warns_of_files_that_default_limits_refuse(monkeypatch):
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
-@pytest.mark.parametrize("n, suffix", [(2, s) for s in (".npz", ".geojson", ".svg", ".png", "areas")]
-                         + [pytest.param(2, ".pmtiles", marks=pytest.mark.heavy)]
-                         + [(3, s) for s in (".npz", ".ply", ".stl", ".obj", ".png")])
+@pytest.mark.parametrize("n, suffix", [
+    *((2, suffix) for suffix in (".npz", ".geojson", ".svg", "areas")), *((3, suffix) for suffix in (".npz", ".ply")),
+    *(pytest.param(n, suffix, marks=pytest.mark.heavy)
+      for n, suffix in ((2, ".pmtiles"), (2, ".png"), (3, ".obj"), (3, ".stl"), (3, ".png"))),
+])
 @pytest.mark.parametrize("rough", [1, pytest.param(0, marks=pytest.mark.heavy)])
 def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     size = (400 if n == 2 else 60) >> rough

@@ -20,7 +20,7 @@ from isocodec.format.header import Header, read_header, read_isovalue, write_hea
 from isocodec.stream.isovalues import multiples
 from isocodec.stream.series import nearest_before
 from isospec.container import LAYER_LIMIT, MAX_ISOVALUES, ChunkType, IsovalueKind
-from tables import looped
+from tables import heavy, looped
 
 ROWS, COLUMNS = np.mgrid[:65, :65]
 BOWL = np.hypot(ROWS - 30.25, COLUMNS - 28.75)
@@ -123,7 +123,7 @@ def test_the_nearest_of_the_earlier_ones() -> None:
 # -- what is decoded --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("count", [64, 65, 130, 450])
+@pytest.mark.parametrize("count", [65, *heavy(64, 130, 450)])
 def test_each_of_many_isovalues_is_right(count: int, tmp_path: Path) -> None:
     """Signs are those of the field, and curves those of a file with one isovalue."""
     values = evenly(count)
@@ -137,7 +137,7 @@ def test_each_of_many_isovalues_is_right(count: int, tmp_path: Path) -> None:
             assert {*map(tuple, found.points.tolist())} == {*map(tuple, alone.points.tolist())}
 
 
-@pytest.mark.parametrize("order", [1, -1, 0])
+@pytest.mark.parametrize("order", [0, *heavy(1, -1)])
 def test_isovalues_in_any_order(order: int) -> None:
     values = evenly(100)
     given = values[::order] if order else np.random.default_rng(3).permutation(values).tolist()

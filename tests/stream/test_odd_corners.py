@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 from unittest import mock
 
@@ -17,6 +18,7 @@ from isocodec import Decoder, Limits
 from isocodec.cli.report import progress_bar
 from isocodec.drawing import rows as masks
 from isocodec.errors import FormatError, InputError, LimitError
+from isocodec.field.cropping import cropped
 from isocodec.field.placement import Placement, matrix_of, write_placement
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
@@ -64,9 +66,17 @@ def test_hidden_samples_count_for_no_isovalue():
 
 def test_coordinates_take_a_share_of_the_least_distance():
     placement = Placement(coordinates=[np.arange(33) * 10.0, np.arange(41) * 10.0], unit="m")
-    for text in ("40m,2m", "2m"):
-        precision = in_cells(Precision.of(text), placement, {}, {}, (33, 41))
-        assert precision.error == pytest.approx(0.05 * 0.2)
+    for given, wanted in ((placement, 0.05 * 0.05), (replace(placement, error=0.02), 0.02)):
+        precision = in_cells(Precision.of("0.5m"), given, {}, {}, (33, 41))
+        assert precision.error == pytest.approx(wanted) and precision.tolerance == pytest.approx(0.05 - wanted)
+
+
+def test_boxes_have_the_samples_on_their_border():
+    values = np.arange(12.0).reshape(3, 4)
+    nodes = [np.arange(3) * 10.0, np.arange(4) * 10.0]
+    for placement in (Placement(coordinates=nodes), Placement([[10, 0, 0], [0, 10, 0]])):
+        part = cropped(isocodec.Field(values, placement=placement), (10, 10, 20, 20))
+        assert np.array_equal(part.values, values[1:3, 1:3]) and np.allclose(part.placement.place(np.zeros((1, 2))), 10)
 
 
 def test_frames_before_one_that_is_cut_are_complete():

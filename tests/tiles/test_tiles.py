@@ -270,3 +270,11 @@ def test_command_line(tmp_path: Path) -> None:
         assert run("decode", tiled, "-o", tmp_path / "x.npz", *options).exit_code == 2
     assert run("encode", field, "-o", tmp_path / "x.iso", "--isovalue", 1, "--tile", 33).exit_code == 2
     fails(3, "encode", "--tile", 1024, tmp_path / "none.npy", "-o", tmp_path / "x.iso", "--isovalue", 1)
+
+
+def test_boxes_need_the_tiles_of_their_cells_alone() -> None:
+    """A box that ends at the row that two tiles share needs the first; one without cells, the tile behind it."""
+    grid = TileGrid((129, 129), 5)
+    for low, high, tiles in ((0, 32, range(1)), (0, 33, range(2)), (32, 32, range(1, 2)), (31, 64, range(2)),
+                             (120, 128, range(3, 4))):
+        assert grid.touching(np.full(2, low), np.full(2, high)) == (tiles, tiles)

@@ -16,7 +16,7 @@ from isocodec.format.chunks import write_chunk
 from isocodec.format.header import Header, write_header
 from isocodec.format.surface import TinHead, read_tin, write_tin
 from isospec.container import ChunkType, Profile
-from tables import looped
+from tables import heavy, looped
 
 DEMO = ROOT / "demo" / "data"
 Y, X = np.mgrid[:40, :52]
@@ -282,7 +282,7 @@ def psnr(field: np.ndarray, found: np.ndarray) -> float:
     return float(10 * np.log10(np.ptp(field) ** 2 / ((found - field) ** 2).mean()))
 
 
-@looped("name", ["camera.npz", pytest.param("jacksboro_fault_dem.npz", marks=pytest.mark.heavy)])
+@looped("name", ["camera.npz", *heavy("jacksboro_fault_dem.npz")])
 def test_beginnings_of_layers_are_good_surfaces(name: str):
     """Three tenths, six and nine of a file, against files made for these sizes; and what the whole pays for it."""
     with np.load(DEMO / name) as read:
@@ -295,7 +295,7 @@ def test_beginnings_of_layers_are_good_surfaces(name: str):
         assert psnr(field, alone) - psnr(field, begun) <= most
 
 
-@looped("layers", [2, 12, *(pytest.param(each, marks=pytest.mark.heavy) for each in (3, 5, 64))])
+@looped("layers", [2, 12, *heavy(3, 5, 64)])
 def test_layers_add_points(layers: int):
     """Each to those before; the first have values that suit all of them, where these are free."""
     points, values = scattered()
