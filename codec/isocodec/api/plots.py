@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,24 @@ from ..field.labelling import noun_of
 from ..field.sampled import Field
 from ..field.samples import missing_of
 from ..plotting.map import map_picture
-from ..plotting.panels import Panel, panels_picture
-from ..plotting.scene import USUAL, drawing
+from ..plotting.panels import Panel, check_picture, panels_picture
+from ..plotting.scene import USUAL, drawing, rotation
 from ..stream.isovalues import isovalues_of, range_of
 from .isofile import IsoFile, open
 from .tracing import Traced
 
 Progress = Callable[[int, int], object]
+
+
+def check_plot(path: Path, view: str = USUAL) -> str:
+    """Check the name of a picture and the view of a surface, before the work begins; returns the suffix.
+
+    Raises
+    ------
+    OptionError, MissingExtraError
+    """
+    rotation(view)
+    return check_picture(path)
 
 
 @dataclass
@@ -94,7 +106,7 @@ def plot_steps(
         how: Any = {"frame": frame, "partial": True}
         found = [part.contour(one, **how) for one in values] if tin else part.contours(**how)
         held = [one for one in found if one.isovalue in values]
-        meshes = [part.mesh(one.isovalue, **how) for one in held] if mesh else []
+        meshes = [part.mesh(one.isovalue, **how) for one in held if mesh and len(one.cells)]
         within = layers[layer - 1].within
         title = f"{part.size:,} bytes" + (f", within {within:g}" if within else "")
         title += f", {len(held)} {noun_of(file.metadata)}{'s' * (len(held) > 1)}" * (len(values) > 1)

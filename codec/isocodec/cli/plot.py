@@ -94,15 +94,12 @@ def plot_command(options: PlotArguments) -> None:
     options.check()
     every = multiples_of(options.map_interval, None)
     from ..api.output import check_output
-    from ..api.plots import plot_map, plot_steps
-    from ..plotting.panels import check_picture
-    from ..plotting.scene import USUAL, rotation
+    from ..api.plots import USUAL, check_plot, plot_map, plot_steps
 
     view = options.seen_from or USUAL
     with concerning(options.output):
         check_output(options.output, options.source)
-        suffix = check_picture(options.output)
-        rotation(view)
+        suffix = check_plot(options.output, view)
     what: Any = options.opened() if options.coded else options.read(options.source)
     with concerning(options.source), one_warning(options.output, "writing"), progress_bar("drawing") as progress:
         if options.map:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -120,7 +121,7 @@ def _degrees(at: float, letters: str) -> str:
 
 
 def _ground(placement: Any, low: Points, high: Points) -> tuple[str, Sequence[str], Any, str]:
-    """Name the reference system, x and y; lengths of their units on the ellipsoid in the middle of the map, and unit."""
+    """Names of the reference system, x and y, lengths of their units on the ellipsoid amid the map, and the unit."""
     if placement is None or not placement.placed:
         return "coordinates in samples", ("column", "row"), np.ones(2), "samples"
     name = short_name(placement.crs or "reference system not stated")
@@ -181,7 +182,7 @@ def index_lines(isovalues: Sequence[float], every: int = 5) -> list[bool]:
     """Find isovalues with index lines: multiples of the interval times ``every``, such as 100, 200 of 20, 40, ...
 
     If the isovalues are evenly spaced but offset from multiples of the interval, the offset is ignored: 100.5, 200.5.
-    If they are not evenly spaced, every ``every``-th one is taken; all if there is none.
+    If they are not evenly spaced, every ``every``-th one is taken. Without any, all are.
     """
     rising, numbers = np.unique(np.asarray(isovalues, np.float64), return_inverse=True)
     step = np.diff(rising).min(initial=np.inf)
@@ -209,10 +210,9 @@ def _draw_lines(axes: Any, contours: Sequence[Any]) -> None:
             line, there = (np.stack([np.interp(even, far, one) for one in lines.T], 1) for lines in (line, there))
             np.add.at(ink, tuple(there.astype(int).T), 1)
             thick.append((there, line, f"{contour.isovalue:.10g}")) if is_index else thin.append(contour.placed[walk])
-    measured = drawing("textpath").TextPath
-    windows = {text: int(measured((0, 0), text, size=_TEXT).get_extents().width) + 5 for text in {one[2] for one in thick}}
+    width_of = cache(lambda text: drawing("textpath").TextPath((0, 0), text, size=_TEXT).get_extents().width)
     for there, line, text in sorted(thick, key=lambda one: -len(one[0])):
-        window, start = windows[text], 0
+        window, start = int(width_of(text)) + 5, 0
         for chunk in range(0, max(len(line) - _EVERY // 2, 1), _EVERY):
             i = chunk + _straightest(ink, there[chunk : chunk + _EVERY], window)
             if i >= chunk:

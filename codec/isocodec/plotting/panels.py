@@ -83,12 +83,12 @@ def contour_picture(contours: Iterable[Any], suffix: str = ".png") -> bytes:
     """
     every = [*contours]
     first, isovalues = every[0], [one.isovalue for one in every]
+    panels = [Panel([one], caption(one.isovalue, one.metadata)) for one in every]
     if first.n == 3:
         columns = math.ceil(math.sqrt(len(every)))
-        panels = [Panel([one], caption(one.isovalue, one.metadata)) for one in every]
         return panels_picture(panels, suffix, columns=columns, side=6 / columns)
     if suffix != ".svg" or not first.shape:
-        return panels_picture([Panel(every)], suffix, isovalues=isovalues, side=6)
+        return panels_picture([Panel(every)] if len(every) > 1 else panels, suffix, isovalues=isovalues, side=6)
     figure = drawing("figure").Figure(np.array(first.shape[::-1]) / 72, dpi=72, frameon=False)
     axes = figure.add_axes((0, 0, 1, 1))
     _draw_curves(axes, every, colours_of(isovalues) if len(every) > 1 else [_INK], max(first.shape) / 600)

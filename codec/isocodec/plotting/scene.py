@@ -94,11 +94,10 @@ def draw_surfaces(axes: Any, contours: Sequence[Any], colours: Sequence[Any], vi
     for a, b in combinations(range(8), 2):
         if a ^ b in (1, 2, 4):
             axes.plot(*box[[a, b], :2].T, color="0.75", linewidth=0.5, zorder=1)
-    order = sorted(range(len(contours)), key=lambda i: len(contours[i].points) and np.ptp(contours[i].points, axis=0).sum())
-    veil = False
-    for contour, colour in ((contours[i], colours[i]) for i in order if len(contours[i].cells)):
-        _paint(axes, contour.points @ turn, contour.cells, colour, edges, veil)
-        veil = True
+    pairs = [(one, colour) for one, colour in zip(contours, colours, strict=True) if len(one.cells)]
+    pairs.sort(key=lambda pair: np.ptp(pair[0].points, axis=0).sum())
+    for number, (contour, colour) in enumerate(pairs):
+        _paint(axes, contour.points @ turn, contour.cells, colour, edges, number > 0)
     axes.set_aspect("equal")
     axes.set_axis_off()
 
