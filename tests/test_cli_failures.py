@@ -176,7 +176,7 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
     assert result.exit_code == 0 and "drawn as far as possible" in result.stderr
     begin = isocodec.open(curve_data).info.layers[0].offset
     cut.write_bytes(curve_data[:begin])
-    fails(5, "plot", cut, "-o", out)
+    assert "drawn as far as possible" in run("plot", cut, "-o", out).stderr
     result = run("info", cut)
     assert result.exit_code == 0 and f"the file ends after {begin} bytes, before it is complete" in result.stderr
 

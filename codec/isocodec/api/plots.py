@@ -19,6 +19,7 @@ from ..plotting.map import map_picture
 from ..plotting.panels import Panel, check_picture, panels_picture
 from ..plotting.scene import USUAL, drawing, rotation
 from ..stream.isovalues import isovalues_of, range_of
+from .export import counted
 from .isofile import IsoFile, open
 from .tracing import Traced
 
@@ -93,12 +94,17 @@ def plot_steps(
     number = None if isovalue is None or tin else file.info.number_of(isovalue)
     values = [*file.isovalues] if isovalue is None else [isovalue]
     values = values or _isovalues(file.surface(max_bytes=file.size).values)
-    layers = file.info.layers
+    layers = [one for one in counted(file).layers if one.bytes is not None]
+    cut = len(layers) < len(file.info.layers) or not file.complete
     own = [k for k, one in enumerate(layers, 1) if one.frame == (frame or 0) and number in (None, one.isovalue)]
     if file.kind == "tiles":
-        own = [*range(1, len(layers) // len(file.isovalues) + 1)]
-    own = own or [len(layers)]
-    whole = own[-1] if frame is None and file.frames == 1 else len(layers)
+        layers = layers[: len(layers) // len(file.isovalues)]
+        own = [*range(1, len(layers) + 1)] if not cut else []
+    within = {k: layers[k - 1].within for k in own if layers[k - 1].within}
+    whole = len(layers)
+    if cut or not own:
+        whole += 1  # a step for what comes after the last layer
+        own.append(whole)
 
     @cache
     def panel(layer: int) -> Panel:
@@ -107,14 +113,12 @@ def plot_steps(
         found = [part.contour(one, **how) for one in values] if tin else part.contours(**how)
         held = [one for one in found if one.isovalue in values]
         meshes = [part.mesh(one.isovalue, **how) for one in held if mesh and len(one.cells)]
-        within = layers[layer - 1].within
-        title = f"{part.size:,} bytes" + (f", within {within:g}" if within else "")
+        title = f"{part.size:,} bytes" + (f", within {within[layer]:g}" if layer in within else "")
         title += f", {len(held)} {noun_of(file.metadata)}{'s' * (len(held) > 1)}" * (len(values) > 1)
         under = [(one.points, one.cells) for one in meshes]
         return Panel(held, f"{title}\n{part.size / file.size:.1%} of the file", under)
 
-    ends = [k for k in own if layers[k - 1].within]
-    ends = [*ends, *own[-1:]] if ends else own
+    ends = sorted({*within, own[-1]}) if within else own
     while len(ends) > 1 and not any(len(one.cells) for one in panel(ends[0]).contours):
         del ends[0]
     chosen = sorted({ends[round(at)] for at in np.linspace(len(ends) - 1, 0, count)})
