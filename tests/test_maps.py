@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -331,12 +330,3 @@ def test_xarray(hills: bytes) -> None:
     assert np.array_equal(made.x, contour.placed[:, 0]) and np.array_equal(made.cells, contour.cells)
     assert made.attrs["isovalue"] == 60.5 and made.attrs["crs"] == "EPSG:32631"
     assert made.to_netcdf(engine="scipy")
-
-
-def test_picture_of_a_notebook(hills: bytes, shells: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    for data in (hills, shells):
-        contour = isocodec.decode(data)
-        assert (contour._repr_png_() or b"").startswith(b"\x89PNG")
-        assert contour._repr_png_() == rendered(replace(contour), ".png")
-    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
-    assert isocodec.decode(hills)._repr_png_() is None

@@ -18,9 +18,6 @@ from PIL import Image
 
 from files import same
 from isocodec.drawing.contour import Contour
-from isocodec.drawing.pictures.picture import Step, contour_picture, steps_picture
-from isocodec.drawing.pictures.shading import Solid, shade
-from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.errors import MissingExtraError, OptionError
 from isocodec.io.writers.things import Thing
 from isocodec.io.writers.write import check, write
@@ -44,7 +41,6 @@ SURFACE = Contour(
     isovalue=0.25,
     shape=(4, 5, 6),
 )
-WORLD = upright(SURFACE).T
 NO_SURFACE = Contour(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), 9.0, (4, 5, 6))
 
 
@@ -72,14 +68,6 @@ def test_geojson_out(tmp_path: Path) -> None:
     # x is axis 1, y is axis 0; the diamond has half diagonals 1 by 1 and 1 by 1.25: 2 * (1 + 1.25) / 2.
     assert ring.bounds == (2.0, 1.0, 4.25, 3.0)
     assert shapely.geometry.Polygon(ring).area == pytest.approx(2.25)
-
-
-def test_svg_out(tmp_path: Path) -> None:
-    write(tmp_path / "c.svg", CURVE)
-    root = ElementTree.parse(tmp_path / "c.svg").getroot()
-    assert root.get("viewBox") == "-0.5 -0.5 7 5"
-    paths = [path.get("d") for path in root.iter("{http://www.w3.org/2000/svg}path")]
-    assert paths == ["M0.5,0 0,0.5", "M3,1 2,2 3,3 4.25,2Z"]
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
@@ -148,68 +136,8 @@ def test_writing_names_the_missing_extra(
 def test_plain_formats_need_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in ("shapely", "trimesh", "matplotlib", "imageio"):
         monkeypatch.setitem(sys.modules, module, None)
-    for suffix in (".npz", ".geojson", ".svg"):
+    for suffix in (".npz", ".geojson"):
         assert rendered(CURVE, suffix)
-
-
-# ---- Pictures -------------------------------------------------------------------------------------------------------
-
-
-def ink(picture: bytes) -> np.ndarray:
-    return np.asarray(Image.open(io.BytesIO(picture)).convert("L")) < 200
-
-
-def test_picture_of_a_curve_has_the_grid_upright() -> None:
-    # Row 1 of 21 is in the upper tenth of a picture of 6 inches at 150 dots.
-    top = Contour(np.array([(1.0, 2.0), (1.0, 8.0)]), np.array([(0, 1)]), 0.0, (21, 21))
-    inked = ink(contour_picture([top]))
-    assert inked.shape == (900, 900)
-    rows = np.flatnonzero(inked[50:800, 300:350].any(axis=1)) + 50  # without title, frame and ticks
-    assert len(rows)
-    assert rows.max() < 130
-
-
-def test_shading_fills_the_silhouette() -> None:
-    # A unit square, facing axis 0, in two triangles; its image is a parallelogram without holes.
-    points = np.array([(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0)])
-    # Off the middle, so that no edge lies just between two columns of pixels.
-    whole = shade([Solid(points @ WORLD, np.array([(0, 1, 2), (0, 2, 3)]))], USUAL, np.array([0.013, 0.007]), 4.0, 100)
-    # Viewed along (-0.42, -0.75, -0.55) / 1.0203 it shrinks to 0.412 of its area: 625 pixels of area 1.
-    assert whole[..., 3].sum() == pytest.approx(625 * 0.412, rel=0.08)
-    opaque = whole[..., 3] > 0
-    for line in (*opaque, *opaque.T):
-        filled = np.flatnonzero(line)
-        assert len(filled) == 0 or len(filled) == filled[-1] - filled[0] + 1
-
-
-def test_shading_hides_what_lies_behind() -> None:
-    front = np.array([(0.5, 0.0, 0.0), (0.5, 1.0, 0.0), (0.5, 0.0, 1.0)])
-    behind = front * 1.0 - np.array([-0.42, -0.75, -0.55])
-    behind[2, 0] += 0.4  # tilted, so that its shade is another
-    both = np.concatenate([front, behind])
-    alone = shade([Solid(front @ WORLD, np.array([(0, 1, 2)]))], USUAL, np.zeros(2), 4.0, 60)
-    for cells in ([(0, 1, 2), (3, 4, 5)], [(3, 4, 5), (0, 1, 2)]):
-        seen = shade([Solid(both @ WORLD, np.array(cells))], USUAL, np.zeros(2), 4.0, 60)
-        inner = alone[..., 3] == 1.0
-        assert inner.any()
-        assert np.array_equal(seen[inner], alone[inner])
-
-
-@pytest.mark.parametrize(("contour", "empty"), [(CURVE, NO_CURVE), (SURFACE, NO_SURFACE)])
-def test_steps_side_by_side(contour: Contour, empty: Contour) -> None:
-    steps = [Step([empty], 10, 100), Step([contour], 50, 100), Step([contour], 100, 100)]
-    one = Image.open(io.BytesIO(steps_picture(steps[:1])))
-    three = Image.open(io.BytesIO(steps_picture(steps)))
-    assert three.width == 3 * one.width
-    assert three.height == one.height
-    nine = Image.open(io.BytesIO(steps_picture(steps * 3)))
-    assert nine.width == 6 * one.width
-    assert nine.height == pytest.approx(2 * one.height, abs=1)
-
-
-@pytest.mark.parametrize(("suffix", "magic"), [(".pdf", b"%PDF"), (".svg", b"<?xml"), (".png", b"\x89PNG")])
-def test_picture_formats(suffix: str, magic: bytes) -> None:
-    assert steps_picture([Step([CURVE], 1, 1)], suffix).startswith(magic)
 
 
 # ---- Whole or not at all --------------------------------------------------------------------------------------------

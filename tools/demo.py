@@ -28,7 +28,7 @@ from scipy.spatial import KDTree
 
 import isocodec
 from isocodec.cli import main as command_line
-from isocodec.drawing.pictures.picture import Step, steps_picture
+from isocodec.plotting.panels import Panel, panels_picture
 from isocodec.stream.inspect import LayerInfo, inspect
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -267,7 +267,7 @@ def leave_docs() -> None:
             image.convert("RGB").quantize(32).save(picture, optimize=True)
     placed = "placement=0 0.000833333 -84.414 -0.000833333 0 36.733"
     notes = [word for note in (placed, "crs=EPSG:4326", "unit=m") for word in ("--metadata", note)]
-    look = ["--interval", "50", "--title", "Jacksboro fault", "--size", "13", "--dpi", "120"]
+    look = ["--interval", "50", "--title", "Jacksboro fault", "--size", "13"]
     run("plot", terrain.path, "-o", DOCS / "map.png", "--map", *look, *notes)
     with Image.open(io.BytesIO((DOCS / "map.png").read_bytes())) as image:
         image.convert("RGB").quantize(48).save(DOCS / "map.png", optimize=True)
@@ -288,8 +288,13 @@ def half_round(item: Item) -> bytes:
     for size in (begin, (begin + end) // 2, end):
         decoder = isocodec.Decoder()
         decoder.feed(data[:size])
-        steps.append(Step([decoder.take().contour()], size, len(data)))
-    return steps_picture(steps)
+        steps.append(Panel([decoder.take().contour()], title(size, len(data))))
+    return panels_picture(steps)
+
+
+def title(size: int, total: int) -> str:
+    """A title as `isocodec plot` writes it."""
+    return f"{size:,} bytes\n{size / total:.1%} of the file"
 
 
 def smoothing(item: Item) -> bytes:
@@ -298,10 +303,10 @@ def smoothing(item: Item) -> bytes:
     layers = inspect(data, symbols=True).layers
     signs = sum(layer.kind != "offsets" for layer in layers)
     steps = [
-        Step([isocodec.open(data).contour(layers=signs, smooth=smooth)], layers[signs].offset or 0, len(data))
+        Panel([isocodec.open(data).contour(layers=signs, smooth=smooth)], title(layers[signs].offset or 0, len(data)))
         for smooth in (False, True)
     ]
-    return steps_picture([*steps, Step([isocodec.decode(data)], len(data), len(data))])
+    return panels_picture([*steps, Panel([isocodec.decode(data)], title(len(data), len(data)))])
 
 
 def main() -> None:

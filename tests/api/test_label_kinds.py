@@ -29,11 +29,11 @@ from isocodec.api.editing import Edit
 from isocodec.api.files import ViewOptions
 from isocodec.cli import main
 from isocodec.cli.option_records import PART
-from isocodec.drawing.pictures import picture
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
 from isocodec.io.writers.registry import OUTPUTS
+from isocodec.plotting import panels
 from libraries import Late
 from tables import looped
 
@@ -587,14 +587,6 @@ def option_plot_frame(case: Case) -> None:
     assert run("plot", case.path, "-o", case.folder / "a.png", "--frame", 2).exit_code == 2
 
 
-def option_plot_partial(case: Case) -> None:
-    if case.n == 3:
-        return
-    short = case.folder / "short.iso"
-    short.write_bytes(case.data[:-1])
-    ok("plot", short, "-o", case.folder / "a.png", "--steps", 1, "--partial")
-
-
 OPTIONS: dict[str, Callable[[Case], None]] = {
     "decode --frame": option_decode_frame, "decode --partial": option_decode_partial,
     "decode --isovalue": option_decode_isovalue,
@@ -605,7 +597,7 @@ OPTIONS: dict[str, Callable[[Case], None]] = {
                                  lambda file, case: holds(file, case, box=(slice(2, 5),) * case.n)),
     "edit --isovalue": option_edit("isovalue", lambda case: case.labels[-1],
                                    lambda file, case: holds(file, case, case.labels[-1:])),
-    "plot --frame": option_plot_frame, "plot --partial": option_plot_partial,
+    "plot --frame": option_plot_frame,
 }
 
 
@@ -674,13 +666,13 @@ def test_files_of_other_programs_say_label(content: str, suffix: str, n: int, tm
 
 def test_pictures_say_label(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     said: list[str] = []
-    before = picture._file
+    before = panels.picture_file
 
     def seen(figure: Any, *more: Any) -> bytes:
         said.extend(text.get_text() for text in figure.findobj(matplotlib.text.Text))
         return before(figure, *more)
 
-    monkeypatch.setattr(picture, "_file", seen)
+    monkeypatch.setattr(panels, "picture_file", seen)
     for n in SHAPES:
         case = Case("several", n, tmp_path)
         ok("decode", case.path, "-o", tmp_path / "decoded.png")

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import io
 import json
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import isocodec
-from commands import BALL, HILLS, fails, ok, run
+from commands import HILLS, fails, ok, run
 from isocodec.errors import OptionError, TruncatedError
 from libraries import Late
 from written import rendered
@@ -91,37 +89,6 @@ def test_areas_of_higher_isovalues_lie_within_those_of_lower_ones(several: Path,
     assert areas[60.5].area > areas[80.5].area > areas[100.5].area > 0
     for low, high in ((60.5, 80.5), (80.5, 100.5)):
         assert shapely.difference(areas[high], areas[low]).area == pytest.approx(0, abs=1e-9)
-
-
-def test_svg_has_a_group_for_each(several: Path, data: bytes, tmp_path: Path) -> None:
-    out = tmp_path / "all.svg"
-    ok("decode", several, "-o", out)
-    groups = list(ElementTree.parse(out).getroot().findall(".//{*}g"))
-    assert [group.findtext("{*}title") for group in groups] == [f"isovalue {v:g}" for v in ISOVALUES]
-    for group, contour in zip(groups, isocodec.open(data).contours(), strict=True):
-        assert len(list(group.findall(".//{*}path"))) == len(contour.lines)
-
-
-@pytest.mark.parametrize("count", [2, 40])
-def test_picture_of_curves_has_a_colour_for_each(count: int) -> None:
-    """The legend, or beyond a dozen the bar, lies beside the picture of a single curve."""
-    isovalues = np.linspace(40.25, 120.25, count)
-    contours = isocodec.open(isocodec.encode(HILLS, isovalues.tolist(), precision="signs")).contours()
-    picture = np.asarray(Image.open(io.BytesIO(rendered(contours, ".png"))).convert("RGB")).astype(int)
-    alone = np.asarray(Image.open(io.BytesIO(rendered(contours[0], ".png"))))
-    assert picture.shape[0] == alone.shape[0] and picture.shape[1] > alone.shape[1]
-    strong = np.abs(picture - picture.mean(axis=2, keepdims=True)).max(axis=2) > 40
-    assert len(np.unique(picture[strong] // 64, axis=0)) >= min(count, 5)
-
-
-def test_pictures_of_surfaces_stand_side_by_side(tmp_path: Path) -> None:
-    path, out = tmp_path / "shells.iso", tmp_path / "shells.png"
-    low, high = np.quantile(BALL, [0.3, 0.6])
-    path.write_bytes(isocodec.encode(BALL, [float(low), float(high)], precision="signs"))
-    ok("decode", path, "-o", out)
-    drawn = np.asarray(Image.open(out).convert("L")) < 250
-    assert drawn.shape == (450, 900)
-    assert drawn[40:, :450].mean() > 0.05 and drawn[40:, 450:].mean() > 0.05
 
 
 @pytest.mark.parametrize("options", [["--layers", 3], []])

@@ -174,10 +174,6 @@ def test_command_line(tmp_path: Path) -> None:
     with np.load(tmp_path / "b.npz") as arrays:
         expected = isocodec.decode((tmp_path / "b.iso").read_bytes(), smooth=True)
         assert np.array_equal(arrays["points"], expected.points)
-    ok("plot", tmp_path / "b.iso", "-o", tmp_path / "b.png", "--smooth")
-    plain = (tmp_path / "b.png").read_bytes()
-    ok("plot", tmp_path / "b.iso", "-o", tmp_path / "b.png")
-    assert plain != (tmp_path / "b.png").read_bytes()
 
 
 def test_nothing_to_smooth():

@@ -17,7 +17,7 @@ import isocodec
 HOME = Path(inspect.getfile(isocodec)).parent
 FLOORS = (
     "errors", "deferred", "limits", "extras", "kernel", "field", "entropy", "format", "storage", "grid", "tin", "mesh",
-    "drawing", "search", "io", "stream", "tiles", "api", "isocodec", "cli", "__main__",
+    "plotting", "drawing", "search", "io", "stream", "tiles", "api", "isocodec", "cli", "__main__",
 )
 """Rooms from the ground up: each imports from those below it only. ``isocodec`` is the root itself."""
 LOOSE = {"__init__", "__main__", "deferred", "errors", "limits", "extras"}

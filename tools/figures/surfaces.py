@@ -7,8 +7,7 @@ from pathlib import Path
 import isocodec
 from figures.apart import surfaces_apart
 from figures.corpus import Y_UP, Z_UP, load, original_of, stages
-from isocodec.drawing.pictures.picture import Step, steps_picture
-from isocodec.drawing.pictures.view import View
+from isocodec.plotting.panels import Panel, panels_picture
 
 COARSE, FINE = 3.0, 0.2
 """Thresholds of the paper's figure 8, in cells of 257 samples a side, each of a mesh with its geometry."""
@@ -24,7 +23,7 @@ With ``crossing`` the finer mesh is the full grid along the surface from the sta
 threshold on these models, since points that are implied are too far away.
 """
 THRESHOLDS = ("", f"{COARSE:g} cells asked, ", "", f"{FINE:g} cells asked, ")
-MODELS = {"horse": (Z_UP, View(60, 12)), "eight": (Y_UP, View(20, 15)), "happy_buddha": (Y_UP, View(15, 5))}
+MODELS = {"horse": (Z_UP, "60,12"), "eight": (Y_UP, "20,15"), "happy_buddha": (Y_UP, "15,5")}
 """Which way up they are stored, and from where they are seen."""
 SAMPLES = 257
 
@@ -40,7 +39,8 @@ def surfaces(folder: Path, out: Path) -> None:
         for number, (stage, asked) in enumerate(zip(stages(data, [1, 2, 3, 4]), THRESHOLDS, strict=True)):
             contour = stage.decoder.contour()
             mesh = stage.decoder.grid.mesh(whole=False)
-            steps.append(Step([contour], stage.bytes, len(data), [(mesh.points, mesh.cells)] if number < 2 else []))
+            title = f"{stage.bytes:,} bytes\n{stage.bytes / len(data):.1%} of the file"
+            steps.append(Panel([contour], title, [(mesh.points, mesh.cells)] if number < 2 else []))
             there, back = surfaces_apart((whole.points, whole.cells), (contour.points, contour.cells))
             print(
                 f"surfaces, {name}, {stage.layer}: {stage.bytes - before:,} bytes, {stage.bytes:,} by then, "
@@ -48,5 +48,5 @@ def surfaces(folder: Path, out: Path) -> None:
                 f"{asked}{max(there, back):.3f} measured ({there:.3f} of the original, {back:.3f} of the decoded)"
             )
             before = stage.bytes
-        (out / f"{name}.png").write_bytes(steps_picture(steps, ".png", view))
-        (out / f"{name}-whole.png").write_bytes(steps_picture([Step([contour], len(data), len(data))], ".png", view))
+        (out / f"{name}.png").write_bytes(panels_picture(steps, ".png", view))
+        (out / f"{name}-whole.png").write_bytes(panels_picture([Panel([contour])], ".png", view))

@@ -88,7 +88,7 @@ class Wanted:
         """Options of writers, with the index contours among some isovalues."""
         if self.index is None or not isovalues:
             return self.options
-        from ..drawing.pictures.map_picture import index_lines
+        from ..plotting.map import index_lines
 
         marked = index_lines(isovalues, self.index)
         return replace(self.options, index=frozenset(v for v, one in zip(isovalues, marked, strict=True) if one))

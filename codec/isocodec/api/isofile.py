@@ -83,7 +83,7 @@ class IsoFile:
 
         The drawing is omitted if it would exceed the limits, or needs a mesh that the file does not store.
         """
-        from ..drawing.pictures.inline import page_of
+        from ..plotting.panels import html_of
 
         info = self.info
         try:
@@ -96,7 +96,7 @@ class IsoFile:
             f"{info.noun}s": ", ".join(f"{value:g}" for value in self.isovalues),
             "promise": self.promise or "", **self.metadata,
         }
-        return page_of(contours, {name: fact for name, fact in facts.items() if fact})
+        return html_of(contours, {name: fact for name, fact in facts.items() if fact})
 
     @property
     def kind(self) -> str:

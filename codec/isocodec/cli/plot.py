@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from ..deferred import dataclass
-from .decode import explained
 from .option_records import (
     COUNT,
     DRAWING,
     INPUT,
     ISOVALUE,
+    PART,
+    WHOLE,
     NumberType,
+    Opening,
     Reading,
-    Viewing,
     Writing,
     argument,
     command,
@@ -25,21 +26,21 @@ from .option_records import (
 )
 from .report import concerning, named, one_warning, progress_bar, timed_result, warn, write_output
 
-if TYPE_CHECKING:
-    from ..api.plots import Plotted
-
-OF_MAPS = ("map_interval", "offset", "index", "title", "size", "dpi", "dark", "no_relief")
-OF_STEPS = ("steps", "draw_mesh", "seen_from", "partial", "smooth")
-OF_FIELDS = ("metadata", "nodata", "key", "channel", "band", "bbox", "follow")
+OF_MAPS, OF_STEPS = ("map_interval", "title", "size"), ("steps", "draw_mesh", "seen_from")
+OF_FIELDS = ("map_interval", "metadata", "nodata", "key", "channel", "band", "bbox", "follow")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlotArguments(Writing, Viewing, Reading):
+class PlotArguments(Writing, Opening, Reading):
     """Options of ``plot``."""
 
     source: str = argument("INPUT")
     isovalue: Any = option("--isovalue", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="V",
                            help="Isovalue to draw alone; repeatable with --map.  [default: all]")
+    map_interval: float | None = option("--interval", heading=ISOVALUE, type=NumberType(), metavar="S",
+                                        help="With a field: draw all multiples of S.  [default: about 20 lines]")
+    frame: int | None = option("--frame", heading=PART, type=WHOLE, metavar="N",
+                               help="Frame of a series, from 0.  [default: the first]")
     steps: int = option("--steps", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="N",
                         help="Number of steps.")
     draw_mesh: bool = option("--draw-mesh", heading=DRAWING, is_flag=True,
@@ -50,22 +51,9 @@ class PlotArguments(Writing, Viewing, Reading):
         "(0,0 is the front, 90,0 the side of +x).",
     )
     map: bool = option("--map", heading=DRAWING, is_flag=True, help="Draw a contour map.")
-    map_interval: float | None = option("--interval", heading=ISOVALUE, type=NumberType(), metavar="S",
-                                        help="With a field: draw all multiples of S.  [default: about 20 lines]")
-    offset: float | None = option("--offset", heading=ISOVALUE, type=NumberType(), metavar="V",
-                                  help="With --interval: draw V, V + S, V + 2 S, ..")
-    index: int = option("--index", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="K",
-                        help="With --map: draw every K-th line thicker and label it, that is, the multiples of "
-                        "K times S.")
     title: str = option("--title", heading=DRAWING, default="", metavar="TEXT", help="With --map: title of the map.")
     size: float = option("--size", heading=DRAWING, type=click.FloatRange(4, 400), default=20, show_default=True,
                          metavar="CM", help="With --map: length of the longest side.")
-    dpi: int = option("--dpi", heading=DRAWING, type=click.IntRange(30, 2400), default=200, show_default=True,
-                      metavar="N", help="With --map: resolution in pixels per inch, of the whole .png; in .pdf and "
-                      ".svg, of the relief only.")
-    dark: bool = option("--dark", heading=DRAWING, is_flag=True, help="With --map: light lines on a dark background.")
-    no_relief: bool = option("--no-relief", heading=DRAWING, is_flag=True,
-                             help="With --map: leave out the shaded relief.")
     metadata: tuple[str, ...] = option("--metadata", heading=INPUT, multiple=True, metavar="KEY=TEXT",
                                        help="With a field: state what it does not: placement, crs or unit.")
 
@@ -95,58 +83,40 @@ class PlotArguments(Writing, Viewing, Reading):
 def plot_command(options: PlotArguments) -> None:
     """Draw prefixes of INPUT, an .iso file, from its first layer to all of it ({pictures}).
 
-    All isovalues are drawn, coloured by value, and the steps are spread over them. The steps of one isovalue are those
-    of encode --precision 4,1,.., if the file was made with them; otherwise, or if those outnumber --steps, they are
-    spread evenly over the layers, starting with the first one that shows any of the curve. If the file ends in the
-    middle of a layer, the last step shows as much of that layer as there is.
+    All isovalues are drawn, coloured by value. The steps are those of encode --precision 4,1,.., if the file was made
+    with them; otherwise they are spread evenly over the layers, beginning with the first one that shows any of the
+    curve. Of a truncated file, the last step shows as much as there is.
 
-    With --map, INPUT may also be any field with two axes that encode reads. Its lines are those of encode --precision
-    0.005, drawn over a shaded relief. The map shows world coordinates, the reference system and a scale bar, as far as
-    INPUT states where its samples lie; holes are hatched.
+    With --map, INPUT may also be any field with two axes that encode reads. Its lines are drawn
+    over a shaded relief; every fifth one is thicker and labelled. The map shows world coordinates, the reference system
+    and a scale bar, as far as INPUT states where its samples lie; holes are blank.
     """
     options.check()
-    every = multiples_of(options.map_interval, options.offset)
+    every = multiples_of(options.map_interval, None)
     from ..api.output import check_output
-    from ..api.plots import check_plot
+    from ..api.plots import USUAL, check_plot, plot_map, plot_steps
 
+    view = options.seen_from or USUAL
     with concerning(options.output):
         check_output(options.output, options.source)
-        check_plot(options.output, options.seen_from)
-    drawn = (_map if options.map else _steps)(options, every)
-    with concerning(options.source), one_warning(options.output, "writing"):
-        data = drawn.render()
-    write_output(options.output, data)
+        suffix = check_plot(options.output, view)
+    what: Any = options.opened() if options.coded else options.read(options.source)
+    with concerning(options.source), one_warning(options.output, "writing"), progress_bar("drawing") as progress:
+        if options.map:
+            drawn = plot_map(
+                what, suffix, every or [*options.isovalue] or None, options.frame, options.title, options.size,
+                notes_of(options.metadata), progress,
+            )
+        else:
+            drawn = plot_steps(
+                what, suffix, next(iter(options.isovalue), None), options.frame, options.steps, options.draw_mesh, view,
+                progress,
+            )
+    write_output(options.output, drawn.data)
     for remark in drawn.remarks:
         warn(options.source, remark)
     timed_result(
         f"{named(options.output)}: {drawn.text}",
-        {"output": str(options.output), "bytes": len(data), **drawn.facts},
+        {"output": str(options.output), "bytes": len(drawn.data), **drawn.facts},
         options.as_json,
     )
-
-
-def _steps(options: PlotArguments, _: str | None) -> Plotted:
-    """Draw the steps of a file."""
-    from ..api.plots import Steps, steps_of
-
-    steps = Steps(
-        count=options.steps, isovalue=next(iter(options.isovalue), None), frame=options.frame, smooth=options.smooth,
-        mesh=options.draw_mesh, partial=options.partial, view=options.seen_from,
-    )
-    file = options.opened()
-    with concerning(options.source), explained(options), progress_bar("drawing") as progress:
-        return steps_of(file, options.output, steps, progress)
-
-
-def _map(options: PlotArguments, every: str | None) -> Plotted:
-    """Draw a contour map of a file or a field."""
-    from ..api.plots import Look, map_of
-
-    look = Look(options.index, options.title, options.size, options.dpi, options.dark, not options.no_relief)
-    what: Any = options.opened() if options.coded else options.read(options.source)
-    isovalues: Any = every or [*options.isovalue] or None
-    with concerning(options.source), progress_bar("decoding" if options.coded else "encoding") as progress:
-        return map_of(
-            what, options.output, look, isovalues, frame=options.frame, metadata=notes_of(options.metadata),
-            progress=progress,
-        )

@@ -383,7 +383,7 @@ class Contour:
 
     def _repr_html_(self) -> str:
         """Draw the contour as HTML for notebooks, with facts about it."""
-        from .pictures.inline import page_of
+        from ..plotting.panels import html_of
 
         pieces = "segments" if self.n == 2 else "triangles"
         facts = {
@@ -394,11 +394,11 @@ class Contour:
             facts["samples"] = " x ".join(map(str, self.shape))
         if not self.complete:
             facts["complete"] = "no"
-        return page_of([self], facts)
+        return html_of([self], facts)
 
     def _repr_png_(self) -> bytes | None:
         """Draw a picture for notebooks; None without matplotlib."""
-        from .pictures.picture import contour_picture
+        from ..plotting.panels import contour_picture
 
         try:
             return contour_picture([self])

@@ -1,1 +1,0 @@
-"""Pictures of curves and surfaces: for files, for notebooks, contour maps."""

@@ -1,0 +1,1 @@
+"""Pictures of contours by matplotlib and PyVista: files, notebooks, steps side by side, contour maps."""

@@ -1,0 +1,251 @@
+"""Contour maps: labelled lines over a shaded relief, coordinates on the frame, a scale bar, the reference system."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import OptionError, one_line
+from ..field.labelling import is_of_labels, noun_of
+from ..field.reference_system import short_name, system_of, to_degrees
+from ..field.sampled import UNIT
+from .panels import picture_file
+from .scene import drawing
+
+Points = NDArray[np.float64]
+
+_DPI, _MOST = 200, 16_000
+"""Pixels per inch, and along a side."""
+_NARROW = 0.2
+"""Least ratio of the shorter to the longer side."""
+_TEXT = 7
+"""Size of text, in points."""
+_INK, _LINE, _INDEX, _RELIEF = "#222222", "#a9744a", "#7a4a22", ("#b9b7b0", "#fdfcf8")
+_EVERY = 200
+"""Length of the pieces of index lines that have a label each, in points."""
+_AROUND = 20
+"""Half the side of a square around a label without another one, in points."""
+_CROWDED = 5.0
+"""Most ink around a label, as a multiple of that of its line."""
+
+
+def map_picture(
+    contours: Sequence[Any], suffix: str = ".png", samples: NDArray[Any] | None = None,
+    valid: NDArray[np.bool_] | None = None, title: str = "", size: float = 20.0,
+) -> bytes:
+    """Make the map of contours of a field.
+
+    Parameters
+    ----------
+    contours : sequence of Contour
+        Of one field with two axes.
+    suffix : str
+        ``.png``, ``.pdf`` or ``.svg``.
+    samples : (s0, s1) array, optional
+        Samples, for the relief.
+    valid : (s0, s1) bool, optional
+        Which samples are not missing; all if not given.
+    title : str
+    size : float
+        Longest side of the map, without what is around it, in centimetres.
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is missing, or if the contours name a reference system and pyproj is missing.
+    """
+    return picture_file(map_figure(contours, samples, valid, title, size), suffix, bbox_inches="tight", pad_inches=0.2)
+
+
+def map_figure(
+    contours: Sequence[Any], samples: NDArray[Any] | None, valid: NDArray[np.bool_] | None, title: str, size: float
+) -> Any:
+    """Draw a map; parameters as of `map_picture`. The axes fill the figure, and texts lie around it."""
+    contours = [contour.flat for contour in contours]
+    first = contours[0]
+    nodes = first.place(np.argwhere(np.ones(first.shape)).astype(np.float64)).reshape(*first.shape, 2)
+    low, high = nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1))
+    name, names, lengths, unit = _ground(first.placement, low, high)
+    span = np.maximum(high - low, 1e-300) * lengths
+    # a narrow map gets empty space, not another scale
+    sides = np.maximum(span, _NARROW * span.max())
+    figure = drawing("figure").Figure(sides / span.max() * size / 2.54, dpi=min(_DPI, _MOST * 2.54 / size))
+    left, bottom = (low + high - sides / lengths) / 2
+    right, top = (low + high + sides / lengths) / 2
+    axes = figure.add_axes(
+        (0, 0, 1, 1), xlim=(left, right), ylim=(top, bottom) if first.placement is None else (bottom, top),
+        xlabel=names[0], ylabel=names[1],
+    )
+    axes.set_title(one_line(title), loc="left", parse_math=False)
+    axes.grid(color=_INK, linewidth=0.25, alpha=0.25)
+    about = _about(contours)
+    if valid is not None:
+        samples = np.where(valid, 0.0 if samples is None else samples, np.nan)
+        about += "   blank: no data"
+    if samples is not None:
+        _draw_relief(axes, nodes, samples)
+    _draw_lines(axes, contours)
+    for axis, letters in (axes.xaxis, "WE"), (axes.yaxis, "SN"):
+        steps = [1.0, 2, 5, 10]
+        axis.set_major_formatter("{x:,.10g}")
+        if "longitude" in names:
+            axis.set_major_formatter(lambda at, _, letters=letters: _degrees(at, letters))
+            steps = steps if np.ptp(axis.get_view_interval()) < 50 else [1, 1.5, 3, 4.5, 6, 9, 10]
+        axis.set_major_locator(drawing("ticker").MaxNLocator(5, steps=steps))
+        axis.label.set_size(_TEXT)
+    axes.tick_params(labelsize=_TEXT)
+    wide, high = axes.bbox.size * 72 / figure.dpi
+    axes.text(0, -38 / high, f"{name}\n{about}", va="top", size=_TEXT, parse_math=False, transform=axes.transAxes)
+    # a scale bar of two parts with a round length
+    most = min(0.25, 160 / wide) * (right - left) * lengths[0]
+    power = 10.0 ** math.floor(math.log10(most))
+    length = next(k * power for k in (5, 2, 1) if k * power <= most)
+    share = length / lengths[0] / (right - left)
+    far, unit = (length / 1000, "km") if unit == "m" and length >= 1000 else (length, unit)
+    bar = axes.inset_axes((1 - share, (-50 if wide > 250 else -85) / high, share, 4 / high), xlim=(0, 2), yticks=[])
+    bar.axvspan(0, 1, color=_INK)
+    bar.set_xticks([0, 1, 2], ["0", f"{far / 2:.10g}", f"{far:.10g} {unit}"], size=_TEXT, parse_math=False)
+    bar.tick_params(length=0, labeltop=True, labelbottom=False, pad=1)
+    return figure
+
+
+def _degrees(at: float, letters: str) -> str:
+    """Write a longitude or latitude: ``11.5°E``."""
+    at = (at + 180) % 360 - 180
+    return f"{abs(at):.10g}°" + letters[int(at > 0)] * (at not in (0, -180))
+
+
+def _ground(placement: Any, low: Points, high: Points) -> tuple[str, Sequence[str], Any, str]:
+    """Names of the reference system, x and y, lengths of their units on the ellipsoid amid the map, and the unit."""
+    if placement is None or not placement.placed:
+        return "coordinates in samples", ("column", "row"), np.ones(2), "samples"
+    name = short_name(placement.crs or "reference system not stated")
+    bare = name, ("x", "y"), np.ones(2), placement.unit or "units of x"
+    step = (high - low).max() / 200
+    ends = (low + high) / 2 + step * np.array([(-1, 0), (0, -1), (1, 0), (0, 1)])
+    try:
+        if (system := system_of(placement)) is None:
+            return bare
+        ends = to_degrees(placement)(ends).T
+    except OptionError:
+        return bare
+    metres = np.array(system.get_geod().inv(*ends[:, :2], *ends[:, 2:])[2]) / (2 * step)
+    name = system.name + f" ({placement.crs})" * (placement.epsg is not None)
+    if system.is_geographic:
+        return name, ("longitude", "latitude"), np.maximum(metres, metres[1] / 100), "m"
+    unit = system.axis_info[0].unit_name.replace("metre", "m")
+    return name, (f"easting ({unit})", f"northing ({unit})"), metres[[0, 0]], "m"
+
+
+def _about(contours: Sequence[Any]) -> str:
+    """Describe the isovalues: their interval, if they are evenly spaced."""
+    notes = contours[0].metadata
+    noun, unit = noun_of(notes), f" {one_line(notes.get(UNIT, ''), 20)}".rstrip()
+    values = np.sort([contour.isovalue for contour in contours])
+    steps = np.diff(values)
+    if len(values) == 1:
+        return f"{noun} {values[0]:.10g}{unit}"
+    if is_of_labels(notes) or np.ptp(steps) > 1e-6 * steps.max():
+        return f"{len(values)} {noun}s"
+    return f"contour interval {steps[0]:.6g}{unit}, index contours {5 * steps[0]:.6g}{unit}"
+
+
+def _draw_relief(axes: Any, nodes: Points, samples: NDArray[Any]) -> None:
+    """Draw a field lit from the upper left, 45 degrees high, so steep that slopes can be seen; holes stay blank.
+
+    `matplotlib.colors.LightSource` takes neither holes nor grids that are turned or curved.
+    """
+    every = max(1, int(4 * min(np.array(samples.shape) / axes.bbox.size[::-1])))
+    nodes, heights = nodes[::every, ::every], np.asarray(samples[::every, ::every], np.float64)
+    page = axes.transData.transform(nodes.reshape(-1, 2)).reshape(nodes.shape)
+    # on a curved grid, the steps in the middle represent all
+    steps = np.stack(np.gradient(page, axis=(0, 1)))[:, len(page) // 2, page.shape[1] // 2]
+    # next to holes, the field is taken to be level
+    x, y = np.tensordot(np.linalg.inv(steps), np.nan_to_num(np.gradient(heights)), axes=1)
+    x, y = np.array([x, y]) * 0.7 / max(np.percentile(np.hypot(x, y), 90), 1e-300)
+    light = (x - y + np.sqrt(2)) / (2 * np.sqrt(1 + x * x + y * y))
+    axes.pcolormesh(
+        nodes[..., 0], nodes[..., 1], np.where(np.isnan(heights), np.nan, light), shading="gouraud", rasterized=True,
+        cmap=drawing("colors").LinearSegmentedColormap.from_list("relief", _RELIEF), vmin=0, vmax=1, zorder=0,
+    )
+
+
+# ---- Lines and labels -----------------------------------------------------------------------------------------------
+
+
+def index_lines(isovalues: Sequence[float], every: int = 5) -> list[bool]:
+    """Find isovalues with index lines: multiples of the interval times ``every``, such as 100, 200 of 20, 40, ...
+
+    If the isovalues are evenly spaced but offset from multiples of the interval, the offset is ignored: 100.5, 200.5.
+    If they are not evenly spaced, every ``every``-th one is taken. Without any, all are.
+    """
+    rising, numbers = np.unique(np.asarray(isovalues, np.float64), return_inverse=True)
+    step = np.diff(rising).min(initial=np.inf)
+    found = (rising - rising[0]) / step
+    if np.abs(found - np.rint(found)).max() < 1e-6 * max(found[-1], 1):
+        numbers = np.rint(found)[numbers] + math.floor(rising[0] / step + 1e-6)
+    index = numbers % every == 0
+    return (index | ~index.any()).tolist()
+
+
+def _draw_lines(axes: Any, contours: Sequence[Any]) -> None:
+    """Draw thin lines, and thick index lines with labels where these are straight and alone."""
+    index = index_lines([one.isovalue for one in contours])
+    page = axes.transData + drawing("transforms").Affine2D().scale(72 / axes.figure.dpi)
+    # ink of lines by points, 1/72 inch, of the page
+    ink = np.full(np.ceil(axes.bbox.max * 72 / axes.figure.dpi).astype(int) + 9, np.inf)
+    ink[4:-13, 4:-13] = 0
+    thin, thick, pieces = [], [], []
+    for contour, is_index in zip(contours, index, strict=True):
+        for walk in contour.walks:
+            line = contour.placed[walk]
+            there = page.transform(line)
+            far = np.append(0, np.cumsum(np.hypot(*np.diff(there, axis=0).T)))
+            even = np.linspace(0, far[-1], int(far[-1]) + 2)
+            line, there = (np.stack([np.interp(even, far, one) for one in lines.T], 1) for lines in (line, there))
+            np.add.at(ink, tuple(there.astype(int).T), 1)
+            thick.append((there, line, f"{contour.isovalue:.10g}")) if is_index else thin.append(contour.placed[walk])
+    width_of = cache(lambda text: drawing("textpath").TextPath((0, 0), text, size=_TEXT).get_extents().width)
+    for there, line, text in sorted(thick, key=lambda one: -len(one[0])):
+        window, start = int(width_of(text)) + 5, 0
+        for chunk in range(0, max(len(line) - _EVERY // 2, 1), _EVERY):
+            i = chunk + _straightest(ink, there[chunk : chunk + _EVERY], window)
+            if i >= chunk:
+                end = i + window - 1
+                x, y = (there[[i, end]].mean(axis=0)).astype(int)
+                ink[max(x - _AROUND, 0) : x + _AROUND, max(y - _AROUND, 0) : y + _AROUND] = np.inf
+                across, up = there[end] - there[i]
+                _write_label(axes, text, line[[i, end]].mean(axis=0), math.degrees(math.atan2(up, across)))
+                pieces.append(line[start : i + 1])
+                start = end
+        pieces.append(line[start:])
+    for gid, some, colour, width in ("contours", thin, _LINE, 0.45), ("index", pieces, _INDEX, 1.0):
+        axes.add_collection(
+            drawing("collections").LineCollection(
+                some, colors=[colour], linewidths=width, zorder=2, gid=gid, in_layout=False), False)
+
+
+def _straightest(ink: Points, there: Points, window: int) -> int:
+    """Find where a label on a line begins that hides as little as possible; -1 where all places are bad."""
+    if len(there) < 1.5 * window:
+        return -1
+    across = np.gradient(there, axis=0)[:, ::-1] * [-1, 1]
+    beside = sum(ink[tuple((there + k * across).astype(int).T)] for k in range(-4, 5, 2))
+    hidden = np.convolve(beside, np.ones(window) / window, "valid")
+    bent = 1 - np.hypot(*(there[window - 1 :] - there[: 1 - window]).T) / (window - 1)
+    cost = np.where((hidden < _CROWDED) & (bent < 0.05), hidden + 20 * bent, np.inf)
+    best = int(cost.argmin())
+    return best if np.isfinite(cost[best]) else -1
+
+
+def _write_label(axes: Any, text: str, at: Points, angle: float) -> None:
+    """Write a label over its halo: two texts, since one with an effect would become a path."""
+    how = {"rotation_mode": "anchor", "ha": "center", "va": "center_baseline", "color": _INDEX, "size": _TEXT,
+           "parse_math": False, "in_layout": False, "rotation": (angle + 90) % 180 - 90}
+    axes.text(*at, text, path_effects=[drawing("patheffects").Stroke(linewidth=1.6, foreground="white")], **how)
+    axes.text(*at, text, gid="label", **how)
