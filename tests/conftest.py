@@ -54,7 +54,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     tables: dict[tuple[object, int], list[pytest.Function]] = defaultdict(list)
     for item in items:
         if isinstance(item, pytest.Function) and (mark := item.get_closest_marker("cover")):
-            tables[item.function, *mark.args].append(item)
+            tables[(item.function, *mark.args)].append(item)
     for (_, strength), table in tables.items():
         kept = covering([_columns(item.callspec.params.values()) for item in table], strength)
         for number in {*range(len(table))}.difference(kept):
