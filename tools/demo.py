@@ -270,7 +270,8 @@ def leave_docs() -> None:
     look = ["--interval", "50", "--title", "Jacksboro fault", "--size", "13"]
     run("plot", terrain.path, "-o", DOCS / "map.png", "--map", *look, *notes)
     with Image.open(io.BytesIO((DOCS / "map.png").read_bytes())) as image:
-        image.convert("RGB").quantize(48).save(DOCS / "map.png", optimize=True)
+        small = image.convert("RGB").resize((image.width * 3 // 5, image.height * 3 // 5))
+        small.quantize(48).save(DOCS / "map.png", optimize=True)
     with Image.open(io.BytesIO(half_round(terrain))) as image:
         image.convert("RGB").quantize(16).save(DOCS / "half-round.png", optimize=True)
     (skin,) = (item for item in ITEMS if item.name == "ct-skin")

@@ -121,7 +121,9 @@ def plot_steps(
     ends = sorted({*within, own[-1]}) if within else own
     while len(ends) > 1 and not any(len(one.cells) for one in panel(ends[0]).contours):
         del ends[0]
-    chosen = sorted({ends[round(at)] for at in np.linspace(len(ends) - 1, 0, count)})
+    # of several isovalues the first says little alone
+    start = max(len(ends) / count - 1, 0) * (len(values) > 1)
+    chosen = sorted({ends[round(at)] for at in np.linspace(len(ends) - 1, start, count)})
     panels = []
     for layer in chosen:
         panels.append(panel(layer))
