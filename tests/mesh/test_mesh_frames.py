@@ -208,6 +208,7 @@ def test_frames_of_nothing_are_work():
     assert caught.value.code == "limit-work"
 
 
+@pytest.mark.heavy
 def test_more_layers_than_a_frame_may_have():
     """Even of an isovalue that is skipped."""
     mesh = plane(3)

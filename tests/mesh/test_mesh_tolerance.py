@@ -109,8 +109,9 @@ def test_small_distances_are_kept_without_a_search(kind: str, monkeypatch: pytes
     assert not tried and [layer.within for layer in file.info.layers] == [None] * (len(file.info.layers) - 1) + [2.0]
 
 
-@looped("edges", EDGES)
-@looped("kind", MESHES)
+@pytest.mark.cover(1)
+@pytest.mark.parametrize("edges", EDGES)
+@pytest.mark.parametrize("kind", MESHES)
 def test_distances_are_kept(kind: str, edges: float) -> None:
     """Both ways; a file of signs and offsets of the whole mesh takes no fewer bytes."""
     smaller = 0
@@ -147,8 +148,9 @@ def test_steps(kind: str) -> None:
         assert max(farthest(contour, original), farthest(original, contour)) <= step * (1 + 1e-6)
 
 
-@looped("topology", [False, True])
-@looped("kind", MESHES)
+@pytest.mark.cover(1)
+@pytest.mark.parametrize("topology", [False, True])
+@pytest.mark.parametrize("kind", MESHES)
 def test_steps_that_end_in_exact_values(kind: str, topology: bool) -> None:
     """Layers before the last keep their distance; then points are bit for bit those of exact values alone."""
     mesh = MESHES[kind](5)
@@ -184,8 +186,9 @@ def shape_of(contour: isocodec.Contour) -> tuple[int, int, int]:
     return components(len(contour.points), cells), euler(len(contour.points), cells), int((count == 1).sum() > 0)
 
 
-@looped("precision", ["signs", "distance", "steps"])
-@looped("kind", ["plane", "surface", "space"])
+@pytest.mark.cover(1)
+@pytest.mark.parametrize("precision", ["signs", "distance", "steps"])
+@pytest.mark.parametrize("kind", ["plane", "surface", "space"])
 def test_topology_is_kept(kind: str, precision: str) -> None:
     """In every layer, on meshes with borders and noise of the size of a cell."""
     makers = {"plane": lambda s: plane(s, 120, 0.93), "surface": surface, "space": lambda s: space(s, 80, 0.95)}

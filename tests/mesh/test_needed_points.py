@@ -191,6 +191,7 @@ def survey(count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[np.f
     return points, values
 
 
+@pytest.mark.heavy
 def test_bytes() -> None:
     """Files of the points next to one contour, and to three, against those of all points when they were rounded only.
     """

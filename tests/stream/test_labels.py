@@ -178,6 +178,7 @@ def test_all_labels_alone(tmp_path: Path) -> None:
     assert "gives numbers" not in fails(2, "encode", tmp_path / "z.npy", "--label", "x", "-o", tmp_path / "a.iso")
 
 
+@pytest.mark.heavy
 @looped("dtype", ["uint8", "int16", "int32", "float32"])
 @looped("labels", [(1, 3), (1, 7), (2, 5), (10, 250), (1, 2000)])
 def test_labels_in_scaled_integers(tmp_path: Path, labels: tuple[int, int], dtype: str) -> None:

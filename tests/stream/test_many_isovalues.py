@@ -153,6 +153,7 @@ def test_many_labels() -> None:
     assert len(file.isovalues) == 168 and np.array_equal(file.labels(), labels)
 
 
+@pytest.mark.heavy
 def test_many_isovalues_in_tiles_series_and_windows(tmp_path: Path) -> None:
     values = evenly(94)
     isocodec.save(tmp_path / "a.iso", BOWL, values, tile=32, precision="signs")
@@ -169,6 +170,7 @@ def test_many_isovalues_in_tiles_series_and_windows(tmp_path: Path) -> None:
     assert np.array_equal(fewer.above(values[70], frame=1), values[70] < BOWL + 0.05)
 
 
+@pytest.mark.heavy
 def test_an_interval_on_the_command_line(tmp_path: Path) -> None:
     """Encoded, listed, cut, verified, decoded and drawn."""
     np.save(tmp_path / "bowl.npy", BOWL)

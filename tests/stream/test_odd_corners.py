@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
+from io import BytesIO
 from types import SimpleNamespace
 from unittest import mock
 
@@ -26,10 +28,12 @@ from isocodec.format.events import LayerComplete
 from isocodec.grid.tube.capacity import at_rest, wider_state
 from isocodec.limits import TIERS, Budget
 from isocodec.storage.atomic import undo_all, undoing
+from isocodec.storage.content import content
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.given import in_cells
 from isocodec.stream.inspect import inspect
 from isocodec.stream.options import Precision
+from isospec.container import SIGNATURE
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
 
@@ -69,6 +73,13 @@ def test_coordinates_take_a_share_of_the_least_distance():
     for given, wanted in ((placement, 0.05 * 0.05), (replace(placement, error=0.02), 0.02)):
         precision = in_cells(Precision.of("0.5m"), given, {}, {}, (33, 41))
         assert precision.error == pytest.approx(wanted) and precision.tolerance == pytest.approx(0.05 - wanted)
+
+
+@pytest.mark.parametrize("more", [0, 1, 3, 4, 5])
+def test_the_first_bytes_count_towards_the_limit(more):
+    data = SIGNATURE + b"x" * 6
+    with pytest.raises(LimitError) if more else nullcontext():
+        assert content(BytesIO(data), Limits(bytes=len(data) - more), (SIGNATURE,)) == data
 
 
 def test_boxes_have_the_samples_on_their_border():

@@ -235,8 +235,9 @@ def test_topology_and_crossings_hold_for_later_lines(begin: str, first: str, lat
     assert right == 14 and {len(file.contour(layers=count).lines) for count in kept} == {right}
 
 
-@looped("first", CRITERIA)
-@looped("later", CRITERIA)
+@pytest.mark.cover(1)
+@pytest.mark.parametrize("first", CRITERIA)
+@pytest.mark.parametrize("later", CRITERIA)
 def test_criteria_of_the_line_before(first: str, later: str) -> None:
     """Those about any mesh might as well be given again; a distance is kept by the line that states it."""
     text = f"adaptive-base {first}\nadapt {later}"

@@ -247,6 +247,7 @@ def pieces(contour: isocodec.Contour) -> list[tuple[int, int]]:
     return sorted((euler, ends if n == 2 else int(ends > 0)) for euler, ends in found.values())
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.heavy) for part in range(1, 5))])
 def test_uniform_levels_keep_the_topology(part: int) -> None:
     """The criterion level, and a base of any level, in every layer; 300 fields in all."""
