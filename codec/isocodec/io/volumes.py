@@ -272,7 +272,7 @@ def of_nibabel(
             unit, time = header.get_xyzt_units()
         except KeyError:
             remarks.append(f"its units, {int(header['xyzt_units'])}, are not known: its coordinates are taken for mm")
-    elif not hasattr(header, "get_vox2ras"):
+    elif "Analyze" in type(header).__name__:
         remarks.append("Analyze files do not state left and right: x runs as nibabel takes it")
     axes = kept_axes(whole[:3])
     place = in_body(np.asarray(image.affine), axes, lps=False, unit="mm" if unit == "unknown" else unit)

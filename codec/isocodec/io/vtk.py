@@ -183,8 +183,13 @@ def _complaints() -> Iterator[None]:
 
 def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int], Any]] | None:
     """Times of a file and what reads one of them; None of a file for meshio."""
-    pyvista, suffix = _vtk("pyvista"), path.suffix.lower()
+    pyvista, suffix, series = _vtk("pyvista"), path.suffix.lower(), list[Any]()
     if suffix in _BY_VTK:
+        for each in ElementTree.parse(path).iter():
+            if each.get("Format", "XML").upper() not in ("XML", "ASCII", "APPENDED"):
+                (path.parent / str(each.text).strip().partition(":")[0]).stat()  # VTK crashes where it is missing
+            if each.get("CollectionType") == "Temporal":
+                series.append(each.get("Name"))
         module, name = _BY_VTK[suffix]
         reader = getattr(_vtk(f"vtkmodules.{module}"), name)()
         reader.SetFileName(str(path))
@@ -198,15 +203,17 @@ def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int]
         reader = pyvista.get_reader(path)
         for kind in ("point", "cell"):
             names = getattr(reader, f"{kind}_array_names", [])
-            for name in names if key and any(name in key for name in names) else []:
-                if name not in key and name != _GHOSTS:
-                    getattr(reader, f"disable_{kind}_array")(name)
+            named = [name for name in names if name in (key or "")]
+            for name in {*names} - {*named, _GHOSTS} if named else ():
+                getattr(reader, f"disable_{kind}_array")(name)
         times = getattr(reader, "time_values", None) or (0.0,)
 
     def read(number: int) -> Any:
         if suffix in _BY_VTK:
             reader.UpdateTimeStep(times[number])
-            return reader.GetOutputDataObject(0)
+            found = reader.GetOutputDataObject(0)
+            # beside a series is often its mesh
+            return _blocks(found).get(series[0], found) if len(series) == 1 else found
         if len(times) > 1:
             reader.set_active_time_point(number)
         data = reader.read()
@@ -247,10 +254,7 @@ def _chosen(data: Any, key: str | None) -> tuple[Any, str | None]:
     """The block that a key names, or the only one, as PyVista has it, and the rest of the key."""
     blocks = _blocks(data)
     matching = [name for name in blocks if key is not None and f"{key}/".startswith(f"{name}/")]
-    # a series is often beside its mesh without values
-    filled = [name for name, each in blocks.items() if not hasattr(each, "GetPointData")
-              or each.GetPointData().GetNumberOfArrays() + each.GetCellData().GetNumberOfArrays()]
-    name = max(matching, key=len) if matching else choose(filled or [*blocks], None, "blocks")
+    name = max(matching, key=len) if matching else choose([*blocks], None, "blocks")
     found = _vtk("pyvista").wrap(blocks[name])
     if not hasattr(found, "n_cells"):
         raise InputError(f"holds {plain(type(found).__name__)}, not a grid or a mesh", code="mesh")
