@@ -65,13 +65,14 @@ PLACED = [[-0.5, 0, 0, -10], [0, -0.75, 0, -20], [0, 0, 2, 30]]
 
 
 @pytest.mark.parametrize("name", ["a.mha", "a.mhd", "a.nrrd", "a.nhdr", "A.MHA"])
-@pytest.mark.parametrize("packed", [False, True])
-def test_files_of_itk(tmp_path: Path, name: str, packed: bool) -> None:
-    field = isocodec.read(itk_file(tmp_path / name.lower(), packed=packed).rename(tmp_path / name))
+def test_files_of_itk(tmp_path: Path, name: str) -> None:
     made = image()
-    assert field.values.dtype == np.int16 and np.array_equal(field.values, VALUES) and field.crs.startswith("right")
     right = [made.TransformIndexToPhysicalPoint([*map(int, corner)]) * RAS for corner in CORNERS]
-    assert np.allclose(field.placement.place(CORNERS), right) and field.placement.unit == "mm" and not field.remarks
+    for packed in (False, True):
+        field = isocodec.read(itk_file(tmp_path / name.lower(), packed=packed).rename(tmp_path / name))
+        assert field.values.dtype == np.int16 and np.array_equal(field.values, VALUES) and not field.remarks
+        assert np.allclose(field.placement.place(CORNERS), right)
+        assert field.placement.unit == "mm" and field.crs.startswith("right")
 
 
 @pytest.mark.parametrize("name", ["a.nii", "a.nii.gz", "a.img", "a.hdr"])
@@ -316,14 +317,15 @@ def test_damaged_samples(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.mha", "a.nrrd", "a.nii", "a.nii.gz"])
-@pytest.mark.parametrize("part", [0, 0.3, 0.9])
-def test_files_cut_short(tmp_path: Path, name: str, part: float) -> None:
+def test_files_cut_short(tmp_path: Path, name: str) -> None:
     noise = np.random.default_rng(1).integers(0, 1000, (12, 13, 14)).astype(np.int16)
     path = (nifti if "nii" in name else itk_file)(tmp_path / name, noise)
-    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * part)])
-    with pytest.raises(InputError) as caught:
-        isocodec.read(path)
-    assert str(path) in str(caught.value)
+    data = path.read_bytes()
+    for part in (0, 0.3, 0.9):
+        path.write_bytes(data[: int(len(data) * part)])
+        with pytest.raises(InputError) as caught:
+            isocodec.read(path)
+        assert str(path) in str(caught.value)
 
 
 def test_lists_of_files(tmp_path: Path) -> None:
