@@ -373,3 +373,22 @@ def test_one_volume_at_a_time(tmp_path: Path) -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 4 * 2 * 48**3 + (1 << 18)
+
+
+def test_a_series_by_the_command(tmp_path: Path) -> None:
+    """Frames of a file of four axes, with the time between them, and missing samples."""
+    from commands import fails, ok
+
+    every = np.stack([VALUES, VALUES + 1, VALUES * 2], -1).astype(np.float32)
+    every[2, 3, 1] = np.nan
+    path, out = nifti(tmp_path / "a.nii.gz", every), tmp_path / "a.iso"
+    ok("encode", path, "-o", out, "--isovalue", 50.5, "--frames", "--frame-interval", 2)
+    file = isocodec.open(out)
+    assert file.shape == (5, 4, 3) and file.metadata["frame_step"] == "1.5 s" and file.info.interval == 2
+    assert np.array_equal(file.valid(), ~np.isnan(every[..., 0]))
+    for frame in range(3):
+        assert np.array_equal(file.above(frame=frame) & file.valid(), every[..., frame] > 50.5)
+    ok("encode", path, "-o", out, "--isovalue", 50.5, "--frame", 1)
+    contour = isocodec.decode(out)
+    assert np.allclose(contour.placed, contour.points @ AFFINE[:3, :3].T + AFFINE[:3, 3])
+    assert "--frame 0 to 2" in fails(3, "encode", path, "-o", out, "--isovalue", 50.5)
