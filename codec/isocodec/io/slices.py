@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
@@ -19,20 +20,22 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
-from ..field.placement import Placement
 from ..field.sampled import Field
 from .libraries import choose, library, reading
 from .placing import EVEN, by_matrix, in_body, kept_axes
-from .volumes import check_frame, component, of_frames, placed_field, scaled
+from .volumes import component, of_frames, placed_field, scaled
 
 __all__ = ["is_volume", "of_volume", "open_"]
 
 Array = NDArray[Any]
 _LONG = 1 << 16
-"""Bytes of elements that are not read with the header; most slices of a segmentation."""
+"""Bytes of elements that are not read with the header."""
+_CUT = ".*[Uu]nexpected end of file|The end of the encapsulated pixel data"
+"""Warnings of pydicom about files that are cut short, of which it then takes what there is."""
 _ALIKE, _TOGETHER = 1e-4, 1e-3
 """Differences of directions and steps within a stack; distance in mm of slices that lie in one place."""
-_SAMPLES = "PixelData", "FloatPixelData", "DoubleFloatPixelData"
+_SAMPLES = 0x7FE00008, 0x7FE00009, 0x7FE00010
+"""Tags of samples."""
 _SPACINGS = "PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing"
 _PADDING = "PixelPadding", "FloatPixelPadding", "DoubleFloatPixelPadding"
 _CINE = "FrameTime", "FrameTimeVector", "CineRate"
@@ -62,8 +65,8 @@ class _Plane:
     @cached_property
     def _datasets(self) -> list[Any]:
         """Attributes of the frame, then those of all frames, then the file's."""
-        own, shared = (self.header.get(f"{name}FunctionalGroupsSequence") or [] for name in ("PerFrame", "Shared"))
-        groups = [*own[self.number : self.number + 1], *shared[:1]]
+        own, shared = (self.header.get(f"{name}FunctionalGroupsSequence") for name in ("PerFrame", "Shared"))
+        groups = [*([own[self.number]] if own else []), *(shared or [])[:1]]
         nested = [each.value[0] for group in groups for each in group
                   if each.VR == "SQ" and each.value and not each.tag.is_private]
         return [*nested, *(self.header.get("DetectorInformationSequence") or [])[:1], self.header]
@@ -73,13 +76,16 @@ class _Plane:
         values = (each.get(name) for name in names for each in self._datasets)
         return next((value for value in values if value is not None and value != ""), None)
 
-    @property
-    def name(self) -> str:
-        return f"frame {self.number} of " * (_frames(self.header) > 1) + plain(self.path.name)
+    def __str__(self) -> str:
+        return f"frame {self.number} of " * ("NumberOfFrames" in self.header) + plain(self.path.name)
 
     @property
     def size(self) -> tuple[int, int]:
         return int(self.header.Rows), int(self.header.Columns)
+
+    @property
+    def order(self) -> int:
+        return int(self.get("InstanceNumber") or 0)
 
     @cached_property
     def axes(self) -> Array:
@@ -91,52 +97,47 @@ class _Plane:
     @cached_property
     def corner(self) -> Array | None:
         """Position of the first sample."""
-        found, offset = self.get("ImagePositionPatient"), 0.0
-        if not found or not self.axes[:, 2].any():
+        found, step, offset = self.get("ImagePositionPatient"), self.get("SpacingBetweenSlices"), 0.0
+        if not found or not self.axes.any():
             return None
         if "PerFrameFunctionalGroupsSequence" not in self.header and _frames(self.header) > 1:
-            offsets, step = self.get("GridFrameOffsetVector"), self.get("SpacingBetweenSlices")
+            offsets = self.get("GridFrameOffsetVector")
             if offsets is None and step is None:
                 return None
-            offset = float(step) * self.number if offsets is None else float(offsets[self.number]) - float(offsets[0])
+            offset = float(step) * self.number if offsets is None else float(offsets[self.number] - offsets[0])
         return np.array(found, np.float64) + self.axes[:, 2] * offset
 
-    def follows(self, other: _Plane) -> bool:
-        """Whether two belong to one stack."""
-        return (
-            self.size == other.size and self.get("StackID") == other.get("StackID")
-            and (self.corner is None) == (other.corner is None)
-            and np.allclose(self.axes, other.axes, rtol=0, atol=_ALIKE)
-        )
-
     @property
-    def rescaling(self) -> tuple[float, float] | None:
-        """Slope and intercept; None if values are taken from a table."""
-        if self.header.get("ModalityLUTSequence"):
-            return None
-        if self.header.get("SegmentationType") == "FRACTIONAL":
-            return 1 / float(self.header.MaximumFractionalValue), 0.0
+    def scaling(self) -> tuple[float, float]:
+        """Slope and intercept."""
         slope = self.get("RescaleSlope", "DoseGridScaling", "RealWorldValueSlope")
         return float(slope or 1), float(self.get("RescaleIntercept", "RealWorldValueIntercept") or 0)
 
-    def values(self, raw: Array, channel: int) -> Array:
+    def values(self, raw: Array, channel: int, segment: int | None) -> Array:
         """Rescale stored samples, without what other bits of their words hold, and with their sign."""
-        if "PALETTE" in self.header.PhotometricInterpretation and raw.size:
+        kind, bits, most = self.get("SegmentationType"), int(self.get("BitsStored") or 0), 8 * raw.itemsize
+        left = most - 1 - int(self.get("HighBit") or bits - 1)
+        if kind == "BINARY":
+            number = int(self.get("ReferencedSegmentNumber"))
+            return np.where(raw, number, 0).astype(np.min_scalar_type(number))
+        if kind == "LABELMAP":
+            return raw if segment is None else np.where(raw == segment, raw, 0)
+        if kind == "FRACTIONAL":
+            return raw / float(self.get("MaximumFractionalValue"))
+        if "PALETTE" in self.get("PhotometricInterpretation"):
             raw = _pydicom(".pixels").apply_color_lut(raw, self.header)
         if raw.ndim > 2:
-            return np.asarray(raw[..., channel])
-        bits, most = int(self.header.get("BitsStored") or 0), 8 * raw.itemsize
-        left = most - 1 - int(self.header.get("HighBit") or bits - 1)
+            return raw[..., channel]
         if raw.dtype.kind in "iu" and 8 <= bits < most and left >= 0:
             raw = raw << left >> most - bits
-        if self.rescaling is None:
+        if self.get("ModalityLUTSequence"):
             return np.asarray(_pydicom(".pixels").apply_modality_lut(raw, self.header))
-        return scaled(raw, *self.rescaling)
+        return scaled(raw, *self.scaling)
 
     def padded(self, raw: Array) -> Array | bool:
         """Find stored samples that only fill the picture."""
         ends = [self.get(*(f"{name}{end}" for name in _PADDING)) for end in ("Value", "RangeLimit")]
-        if ends[0] is None or raw.ndim > 2:
+        if ends[0] is None or raw.ndim > 2 or self.get("SegmentationType"):
             return False
         low, high = sorted(np.array([end for end in ends if end is not None] * 2)[:2].astype(raw.dtype))
         return np.asarray((low <= raw) & (raw <= high))
@@ -151,7 +152,7 @@ _Arranged = tuple[list[_Volume], Array | None, str]
 def open_(
     path: Path, key: str | None = None, frame: int | None = None, frames: bool = False, band: int | None = None
 ) -> Field | Frames:
-    """Read a file of DICOM, or the series in a folder and those below it; slices are read one at a time.
+    """Read a file of DICOM, or the series in a folder and those below it.
 
     Parameters
     ----------
@@ -170,7 +171,7 @@ def open_(
     -------
     Field or Frames
         With axes i, j (, k) and values rescaled as each slice states; integers stay integers if all do so by whole
-        numbers. Padding is missing.
+        numbers. Fractions of a segment are from 0 to 1. Padding is missing.
 
     Raises
     ------
@@ -178,44 +179,45 @@ def open_(
         If slices are missing, lie in one place or at uneven steps, or a choice is left open.
     OptionError, MissingExtraError
     """
-    path, remarks = Path(path), list[str]()
+    remarks = list[str]()
     with reading("DICOM"):
+        warnings.filterwarnings("error", _CUT)
         headers, key = _series(_headers(path, remarks), key)
         planes = [_Plane(one, number, header) for one, header in headers for number in range(_frames(header))]
-        kind = planes[0].header.get("SegmentationType")
-        segment = None
-        if kind:
-            planes, segment, key = _of_segment(planes, kind, key)
+        first, segment = planes[0], None
+        if of_segments := bool(first.get("SegmentationType")):
+            segments = first.get("SegmentSequence")
+            labels = {int(each.SegmentNumber): str(each.get("SegmentLabel", "")) for each in segments}
+            if key is not None or (first.get("SegmentationType") == "FRACTIONAL" and len(labels) > 1):
+                segment = _named("segments", {n: (str(n), label, f"{n} '{label}'") for n, label in labels.items()}, key)
+                planes = [each for each in planes if each.get("ReferencedSegmentNumber") in (None, segment)]
+                if not planes:
+                    raise InputError(f"holds no samples of segment {segment}", code="key")
+                key = None
         planes = _stack(planes, key, remarks)
         first = planes[0]
-        palette = "PALETTE" in first.header.PhotometricInterpretation
-        colours = 3 if palette else int(first.header.get("SamplesPerPixel") or 1)
+        colours = 3 if "PALETTE" in first.get("PhotometricInterpretation") else int(first.get("SamplesPerPixel") or 1)
         channel = component(colours, band)
-        dtype = _type_of(planes, kind, colours)
-        volumes, matrix, differ = (_segmented if kind else _arranged)(planes, remarks)
+        volumes, matrix, differ = (_segmented if of_segments else _arranged)(planes)
     whole = (*first.size[::-1], len(volumes[0]))
     axes = kept_axes(whole)
-    place = _place_of(first, matrix, axes)
-    unit = None if kind or colours > 1 else first.get("RescaleType", "Units", "DoseUnits")
+    place = None if matrix is None else in_body(matrix, axes, lps=True)
+    if matrix is None and first.get(*_SPACINGS) and (2 not in axes or first.get("SpacingBetweenSlices")):
+        between = [float(each) for each in (*first.get(*_SPACINGS), first.get("SpacingBetweenSlices") or 1)]
+        place = by_matrix(np.diag([between[1], between[0], between[2]])[: len(axes)] @ np.eye(3, 4), axes, unit="mm")
+    if matrix is None and 2 in axes:
+        remarks.append("the positions of its slices are unknown")
+    unit = None if of_segments or colours > 1 else first.get("RescaleType", "Units", "DoseUnits")
     unit = None if unit in (None, "US") else one_line(str(unit))
 
     def at(number: int) -> Field:
-        values = np.zeros(whole[::-1], dtype)
-        gone = np.zeros(values.shape, np.bool_)
         with reading("DICOM"):
-            for where, plane, raw in _decoded(volumes[number]):
-                if kind in ("BINARY", "LABELMAP"):
-                    _mark(values[where], plane, raw, kind, segment)
-                else:
-                    gone[where] = plane.padded(raw)
-                    values[where] = plane.values(raw, channel)
+            warnings.filterwarnings("error", _CUT)
+            values, gone = _read(volumes[number], channel, segment)
         shape = [whole[axis] for axis in axes]
-        return placed_field(values.T.reshape(shape), gone.T.reshape(shape), place, remarks, unit=unit)
+        return placed_field(values.reshape(shape), gone.reshape(shape), place, remarks, unit=unit)
 
-    if len(volumes) == 1:
-        check_frame(frame, 0)
-        return at(0)
-    return of_frames(at, [*(whole[axis] for axis in axes), len(volumes)], frame, frames, differ, remarks)
+    return of_frames(at, len(volumes), frame, frames, differ)
 
 
 def is_volume(thing: Any) -> bool:
@@ -231,14 +233,14 @@ def of_volume(volume: Any) -> Field:
     InputError
         If it has channels.
     """
-    values = np.asarray(volume.array)
+    values = np.asarray(volume.array).T
     if values.ndim > 3:
-        raise InputError(f"holds an array of shape {values.shape}, with channels", code="colour",
+        raise InputError(f"holds channels, an array of shape {values.shape[::-1]}", code="colour",
                          remedy="choose one: volume.with_array(volume.array[..., 0])")
-    axes, matrix = kept_axes(values.T.shape), np.asarray(volume.affine)[:3, [2, 1, 0, 3]]
+    axes, matrix = kept_axes(values.shape), np.asarray(volume.affine)[:3, [2, 1, 0, 3]]
     body = volume.coordinate_system.name == "PATIENT"
     place = in_body(matrix, axes, lps=True) if body else by_matrix(matrix, axes, unit="mm")
-    return placed_field(values.T.reshape([values.T.shape[axis] for axis in axes]), None, place)
+    return placed_field(values.reshape([values.shape[axis] for axis in axes]), None, place)
 
 
 # ---- files and series ------------------------------------------------------------------------------------------------
@@ -260,28 +262,27 @@ def _headers(path: Path, remarks: list[str]) -> list[tuple[Path, Any]]:
     for one in sorted(files, key=_counted):
         try:
             header = pydicom.dcmread(one, defer_size=_LONG, force=True)
-            if "SOPClassUID" not in header and "Rows" not in header:
-                raise ValueError("no header of DICOM")
+            kind = plain(header.SOPClassUID.name)
         except Exception:
             if one == path or pydicom.misc.is_dicom(one) or one.suffix.lower() == ".dcm":
                 raise
             continue  # beside slices lie texts, pictures, ..
-        if not hasattr(header.file_meta, "TransferSyntaxUID"):
+        if "TransferSyntaxUID" not in header.file_meta:
             implicit, little = header.original_encoding
             name = f"{'Implicit' if implicit else 'Explicit'}VR{'Little' if little else 'Big'}Endian"
             header.file_meta.TransferSyntaxUID = getattr(pydicom.uid, name)
-        kind = plain(pydicom.uid.UID(header.get("SOPClassUID", "")).name)
-        if "TotalPixelMatrixRows" in header:
-            raise InputError("is a picture of tiles, such as of a slide", code="shape", remedy="export it as TIFF")
-        if "Rows" in header and any(name in header for name in _SAMPLES):
+        described = len(header.get("PerFrameFunctionalGroupsSequence") or "") or _frames(header)
+        if "TotalPixelMatrixRows" in header or described != _frames(header):
+            raise InputError(f"is a picture of tiles, or states {_frames(header)} frames and the places of {described}",
+                             code="shape")
+        held, syntax = [each for tag, each in header.items() if tag in _SAMPLES], header.file_meta.TransferSyntaxUID
+        packed = syntax.is_encapsulated or syntax.is_deflated
+        if held and (packed or held[0].value_tell + held[0].length <= one.stat().st_size):
             header.PhotometricInterpretation = header.get("PhotometricInterpretation") or ""
-            described = len(header.get("PerFrameFunctionalGroupsSequence") or "") or _frames(header)
-            if described != _frames(header):
-                raise InputError(f"states {_frames(header)} frames, and the places of {described}", code="shape")
             found.append((one, header))
         elif "Rows" in header or "Image Storage" in kind:
-            raise InputError(f"is cut short: {plain(one.name)} has no samples", code="unreadable")
-        elif kind != "Media Storage Directory Storage":
+            raise InputError(f"is cut short: {plain(one.name)} does not have all samples", code="unreadable")
+        elif "Directory" not in kind:
             others.append(kind)
     named = ", ".join(sorted({*others})) or "no file of DICOM"
     if not found:
@@ -291,20 +292,20 @@ def _headers(path: Path, remarks: list[str]) -> list[tuple[Path, Any]]:
     return found
 
 
-def _named(what: str, names: dict[Any, Sequence[str]], key: str | None) -> Any:
-    """Choose what a key names by one of several names; errors list the last of each."""
-    known = {name: each for each, some in names.items() for name in some if name}
-    if key in known:
-        return known[key]
-    return known[choose([some[-1] for some in names.values()], key, what)]
+def _named(what: str, names: Mapping[Any, Sequence[str]], key: str | None) -> Any:
+    """Choose the only one that has a name; errors list the last name of each."""
+    found = [each for each, known in names.items() if key is None or key in known]
+    if len(found) == 1:
+        return found[0]
+    return choose([known[-1] for known in names.values()], None if found else key, what)
 
 
 def _series(files: list[tuple[Path, Any]], key: str | None) -> tuple[list[tuple[Path, Any]], str | None]:
     """Files of one series, and the key if it does not name a series."""
     series: dict[str, list[tuple[Path, Any]]] = {}
     for path, header in files:
-        series.setdefault(str(header.get("SeriesInstanceUID", "")), []).append((path, header))
-    names: dict[Any, Sequence[str]] = {}
+        series.setdefault(str(header.get("SeriesInstanceUID")), []).append((path, header))
+    names = {}
     for uid, some in series.items():
         first, slices = some[0][1], sum(_frames(header) for _, header in some)
         known = [str(first.get(name)) for name in ("SeriesNumber", "SeriesDescription") if first.get(name)]
@@ -314,59 +315,38 @@ def _series(files: list[tuple[Path, Any]], key: str | None) -> tuple[list[tuple[
     return files, key
 
 
-def _of_segment(planes: list[_Plane], kind: str, key: str | None) -> tuple[list[_Plane], int | None, str | None]:
-    """Frames of the segment that a key names by its number or label, and its number; or all."""
-    labels = {int(each.SegmentNumber): str(each.get("SegmentLabel", "")) for each in planes[0].header.SegmentSequence}
-    if key is None and (kind != "FRACTIONAL" or len(labels) == 1):
-        return planes, None, None
-    number = _named("segments", {n: (str(n), label, f"{n} '{label}'") for n, label in labels.items()}, key)
-    own = [each for each in planes if each.get("ReferencedSegmentNumber") in (None, number)]
-    if not own:
-        raise InputError(f"holds no samples of segment {number}", code="key")
-    return own, number, None
-
-
 def _stack(planes: list[_Plane], key: str | None, remarks: list[str]) -> list[_Plane]:
     """Frames of one size and direction; localizers and copies are left out."""
     names = "SOPInstanceUID", "InstanceNumber", "ImagePositionPatient"
-    every = {(each.number, *(str(each.get(name) or each.path) for name in names)): each for each in planes[::-1]}
-    once = [*every.values()][::-1]
+    once = {(each.number, *(str(each.get(name) or each.path) for name in names)): each for each in planes[::-1]}
     if len(once) < len(planes):
         remarks.append(f"copies of other slices are left out: {len(planes) - len(once)}")
-    kept = [each for each in once if key or not {"LOCALIZER", "SCOUT"} & {*(each.get("ImageType") or ())}]
-    stacks: dict[str, list[_Plane]] = {}
-    for plane in kept or once:
-        found = next((some for some in stacks.values() if plane.follows(some[0])), None)
-        if found is None:
-            name = str(plane.get("StackID") or ("sagittal", "coronal", "axial")[np.abs(plane.axes[:, 2]).argmax()])
-            alike = sum(other.partition("-")[0] == name for other in stacks)
-            found = stacks.setdefault(f"{name}-{alike + 1}" if alike else name, [])
-        found.append(plane)
-    counts = sorted(map(len, stacks.values()))
-    if key is None and counts[-1] > 2 and all(count == 1 for count in counts[:-1]):
-        stacks = {name: some for name, some in stacks.items() if len(some) == counts[-1]}
-    chosen = stacks[_named("stacks of different sizes or directions", {
-        name: (name, f"'{name}' of {len(some)}") for name, some in stacks.items()}, key)]
+    shown = {"LOCALIZER", "SCOUT"}
+    kept = [each for each in once.values() if key or not shown & {*(each.get("ImageType") or ())}] or once.values()
+    stacks: list[list[_Plane]] = []
+    for plane in reversed([*kept]):
+        for some in stacks:
+            if (
+                plane.size == some[0].size and plane.get("StackID") == some[0].get("StackID")
+                and (plane.corner is None) == (some[0].corner is None)
+                and np.allclose(plane.axes, some[0].axes, rtol=0, atol=_ALIKE)
+            ):
+                some.append(plane)
+                break
+        else:
+            stacks.append([plane])
+    if key is None and max(map(len, stacks)) > 2 and sum(len(some) > 1 for some in stacks) == 1:
+        stacks = [max(stacks, key=len)]
+    called = dict[int, tuple[str, str]]()
+    for number, some in enumerate(stacks):
+        way = ("sagittal", "coronal", "axial")[np.abs(some[0].axes[:, 2]).argmax()]
+        name = str(some[0].get("StackID") or way)
+        name += f"-{number}" * any(name in known for known in called.values())
+        called[number] = name, f"'{name}' of {len(some)}"
+    chosen = stacks[_named("stacks of different sizes or directions", called, key)]
     if key is None and len(chosen) < len(once):
         remarks.append(f"localizers, or slices of other sizes or directions, are left out: {len(once) - len(chosen)}")
     return chosen
-
-
-# ---- samples ---------------------------------------------------------------------------------------------------------
-
-
-def _type_of(planes: list[_Plane], kind: str | None, colours: int) -> np.dtype[Any]:
-    """Type that holds the values of all frames."""
-    if kind == "BINARY":
-        return np.min_scalar_type(max(int(each.get("ReferencedSegmentNumber")) for each in planes))
-    types = set()
-    for plane in {(id(each.header), each.rescaling): each for each in planes}.values():
-        stored = _pydicom(".pixels.utils").pixel_dtype(plane.header, "PixelData" not in plane.header).newbyteorder("=")
-        if "PALETTE" in plane.header.PhotometricInterpretation:
-            stored = np.dtype(f"u{int(plane.header.RedPaletteColorLookupTableDescriptor[2]) // 8}")
-        one = np.zeros((1, 1, 3)[: 2 + (colours > 1)], stored)
-        types.add(stored if kind == "LABELMAP" else plane.values(one, 0).dtype)
-    return np.result_type(*types)
 
 
 def _decoded(volume: _Volume) -> Iterator[tuple[int, _Plane, Array]]:
@@ -381,49 +361,53 @@ def _decoded(volume: _Volume) -> Iterator[tuple[int, _Plane, Array]]:
             yield number, plane, raw
 
 
-def _mark(labels: Array, plane: _Plane, raw: Array, kind: str, segment: int | None) -> None:
-    """Give the samples of a segment the number of the segment."""
-    if kind == "LABELMAP":
-        labels[...] = raw if segment is None else np.where(raw == segment, raw, 0)
-        return
-    number, inside = int(plane.get("ReferencedSegmentNumber")), raw != 0
-    other = labels[inside & (labels != 0) & (labels != number)]
-    if other.size:
-        raise InputError(f"segments {other[0]} and {number} overlap in {plane.name}", code="labels",
-                         remedy=f"choose one with --key {number}")
-    labels[inside] = number
+def _read(volume: _Volume, channel: int, segment: int | None) -> tuple[Array, Array]:
+    """Values and what is missing of them, with the axes columns, rows, slices."""
+    found, gone, size = [np.zeros((), np.uint8)] * len(volume), [np.array(False)] * len(volume), (0, 0)
+    for number, plane, raw in _decoded(volume):
+        values, before, size = plane.values(raw, channel, segment), found[number], plane.size
+        if before.any() and (both := values[(values != 0) & (before != 0) & (values != before)]).size:
+            raise InputError(f"segments overlap in {plane}: {both[0]} and another", code="labels",
+                             remedy=f"choose one with --key {both[0]}")
+        found[number] = np.maximum(before, values) if before.any() else values
+        gone[number] = np.asarray(plane.padded(raw))
+    values, missing = (np.stack([np.broadcast_to(each, size).T for each in some], -1) for some in (found, gone))
+    return values, missing
 
 
 # ---- places of slices ------------------------------------------------------------------------------------------------
 
 
-def _place_of(first: _Plane, matrix: Array | None, axes: Sequence[int]) -> Placement:
-    """Place the samples in the body, or by the spacing between them alone, with a remark."""
-    if matrix is not None:
-        return in_body(matrix, axes, lps=True)
-    within, between = first.get(*_SPACINGS), first.get("SpacingBetweenSlices")
-    remark = "the positions of its slices are unknown" if 2 in axes else ""
-    if within is None or (2 in axes and between is None):
-        return Placement(remark=remark)
-    steps = np.diag([float(step) for step in (within[1], within[0], between or 1)])
-    return by_matrix(np.eye(len(axes), 3) @ steps @ np.eye(3, 4), axes, unit="mm", remark=remark)
-
-
-def _arranged(planes: list[_Plane], remarks: list[str]) -> _Arranged:
-    """Slices of each volume in their order."""
+def _arranged(planes: list[_Plane]) -> _Arranged:
+    """Slices of each volume in their order, which have to lie at even steps."""
     if planes[0].corner is None:
         if len(planes) > 1 and (planes[0].get(*_CINE) is not None or planes[0].get("Modality") in _FILMED):
             return [[[each]] for each in planes], None, "time"
-        return [[[each] for each in sorted(planes, key=lambda each: int(each.get("InstanceNumber") or 0))]], None, ""
+        return [[[each] for each in sorted(planes, key=lambda each: each.order)]], None, ""
     planes, where = _sorted(planes)
     differ, groups = _times(planes, where)
     for some in groups:
-        if lost := {*where} - {*where[some]}:
-            near = planes[int(np.flatnonzero(where == min(lost))[0])]
-            raise InputError(f"holds volumes (by {differ}) of different slices: not all have slice {min(lost)}, as "
-                             f"{near.name} is", code="slices", remedy="add the missing slices")
+        if absent := {*where} - {*where[some]}:
+            near = planes[int(np.flatnonzero(where == min(absent))[0])]
+            raise InputError(f"holds volumes (by {differ}) of different slices: not all have slice {min(absent)}, as "
+                             f"{near} is", code="slices", remedy="add the missing slices")
     first = [planes[each] for each in groups[0]]
-    matrix = np.column_stack([first[0].axes[:, :2], _step(first), np.asarray(first[0].corner)])
+    corners = np.array([each.corner for each in first])
+    if len(first) == 1:
+        step = first[0].axes[:, 2] * abs(float(first[0].get("SpacingBetweenSlices", "SliceThickness") or 1))
+    else:
+        step = (corners[-1] - corners[0]) / (len(first) - 1)
+        off = np.linalg.norm(corners - corners[0] - step * np.arange(len(first))[:, None], axis=1).max()
+        if off > EVEN * np.linalg.norm(step):
+            gaps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+            usual = np.median(gaps)
+            at = int(np.abs(gaps - usual).argmax())
+            lost = round(float(gaps[at] / usual)) - 1
+            raise InputError(
+                f"holds slices {'with a gap' if lost > 0 else 'at uneven steps'}: {gaps[at]:g} mm between slices {at} "
+                f"and {at + 1} ({first[at]}, {first[at + 1]}), {usual:g} mm between others", code="slices",
+                remedy=f"add the missing {lost}" if lost > 0 else "resample them at even steps, as dcm2niix does")
+    matrix = np.column_stack([first[0].axes[:, :2], step, corners[0]])
     return [[[planes[each]] for each in some] for some in groups], matrix, differ
 
 
@@ -447,44 +431,23 @@ def _times(planes: list[_Plane], where: NDArray[np.int64]) -> tuple[str, list[li
         groups = [[n for n, value in enumerate(values) if value == each] for each in sorted({*values})]
         if all(len({*where[some]}) == len(some) for some in groups):
             return name, groups
-    keys = [(int(each.get("InstanceNumber") or 0), each.number) for each in planes]
-    if (count == count.max()).all() and len({*keys}) == len(keys):
+    keys = [(each.order, each.number) for each in planes]
+    if len({*count}) == 1 and len({*keys}) == len(keys):
         order = np.array(sorted(range(len(keys)), key=keys.__getitem__))
         # volume after volume, or slice after slice; any other order could mix them
-        for volumes in (order.reshape(count.max(), -1), order.reshape(-1, count.max()).T):
+        for volumes in (order.reshape(count[0], -1), order.reshape(-1, count[0]).T):
             if (where[volumes] == where[volumes[0]]).all() and len({*where[volumes[0]]}) == len(count):
                 return "InstanceNumber", [sorted(some, key=where.__getitem__) for some in volumes.tolist()]
     slice = int(np.argmax(count > 1))
-    one, other = (planes[each].name for each in np.flatnonzero(where == slice)[:2])
+    one, other = (planes[each] for each in np.flatnonzero(where == slice)[:2])
     raise InputError(f"holds several slices in one place: {one} and {other} (slice {slice})", code="slices",
                      remedy="keep one of them, or those of one volume, in a folder")
 
 
-def _step(slices: Sequence[_Plane]) -> Array:
-    """Find the step from slice to slice, which has to be even."""
-    if len(slices) == 1:
-        thick = slices[0].get("SpacingBetweenSlices", "SliceThickness") or 1
-        return np.asarray(slices[0].axes[:, 2] * abs(float(thick)))
-    corners = np.array([each.corner for each in slices])
-    step = np.asarray((corners[-1] - corners[0]) / (len(slices) - 1))
-    off = np.linalg.norm(corners - corners[0] - step * np.arange(len(slices))[:, None], axis=1).max()
-    if off <= EVEN * np.linalg.norm(step):
-        return step
-    gaps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    usual = float(np.median(gaps))
-    at = int(np.abs(gaps - usual).argmax())
-    lost = round(float(gaps[at]) / usual) - 1
-    raise InputError(
-        f"holds slices {'with a gap' if lost > 0 else 'at uneven steps'}: {gaps[at]:g} mm between slices {at} and "
-        f"{at + 1} ({slices[at].name}, {slices[at + 1].name}), {usual:g} mm between others", code="slices",
-        remedy=f"add the missing {lost}" if lost > 0 else "resample it at even steps (dcm2niix does)",
-    )
-
-
-def _segmented(planes: list[_Plane], remarks: list[str]) -> _Arranged:
+def _segmented(planes: list[_Plane]) -> _Arranged:
     """Slices of a segmentation, which leaves out empty ones: those between others, and one more at both ends."""
     if planes[0].corner is None:
-        if len(planes) > len(planes[0].header.SegmentSequence):
+        if len(planes) > len(planes[0].get("SegmentSequence")):
             raise InputError("is a segmentation of slices without positions", code="slices")
         return [[planes]], None, ""
     planes, where = _sorted(planes)
@@ -497,10 +460,8 @@ def _segmented(planes: list[_Plane], remarks: list[str]) -> _Arranged:
             break
     else:
         raise InputError("holds slices at uneven steps", code="slices")
-    slices = np.concatenate([[1], 1 + np.cumsum(skips)]).astype(np.int64)
+    slices = np.cumsum([1, *skips]).astype(np.int64)
     step = (corners[-1] - corners[0]) / (slices[-1] - 1) if len(gaps) else planes[0].axes[:, 2] * distance
-    if slices[-1] > _LONG:
-        raise InputError(f"states {slices[-1]:,} slices", code="slices")
     volume: _Volume = [[] for _ in range(slices[-1] + 2)]
     for plane, number in zip(planes, where, strict=True):
         volume[slices[number]].append(plane)

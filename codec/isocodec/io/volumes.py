@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
+import os
 import re
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,79 +18,58 @@ from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from .libraries import choose, library, reading
 from .placing import by_matrix, in_body, kept_axes
+from .series import Series, check_frame
 
-__all__ = ["InTurn", "is_itk", "is_nibabel", "of_frames", "of_itk", "of_nibabel", "open_", "placed_field", "scaled"]
+__all__ = ["component", "is_itk", "is_nibabel", "of_frames", "of_itk", "of_nibabel", "open_", "placed_field", "scaled"]
 
 Array = NDArray[Any]
+_NRRD = "NrrdImageIO"
 _HEADER = 1 << 16
 """Bytes of a header that are looked at."""
 _TIMES = {"sec": "s", "msec": "ms", "usec": "µs"}
 """Units of time, as nibabel calls them and as they are written."""
 
 
-class InTurn:
-    """Fields of a series, each read when it is asked for.
-
-    Attributes
-    ----------
-    whole : tuple of int
-        Shape of the array that the source holds, with the axis that counts the frames.
-    remarks : tuple of str
-        What the source states and the fields leave out.
-    """
-
-    def __init__(
-        self, count: int, at: Callable[[int], Field], whole: Sequence[int], remarks: Sequence[str] = ()
-    ) -> None:
-        self.whole, self.remarks = tuple(whole), tuple(remarks)
-        self._count, self._at = count, at
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __iter__(self) -> Iterator[Field]:
-        return map(self._at, range(self._count))
-
-    def __getitem__(self, number: int) -> Field:
-        return self._at(range(self._count)[number])
-
-
 def of_frames(
-    at: Callable[[int], Field], whole: Sequence[int], frame: int | None, frames: bool, differ: str = "",
-    remarks: Sequence[str] = (),
+    at: Callable[[int], Field], count: int, frame: int | None, frames: bool, differ: str = ""
 ) -> Field | Frames:
-    """Give one of several fields, or all in turn.
+    """Give the only volume or one of several, or as a series all of them, or the slices of one.
 
     Parameters
     ----------
     at : callable
         Reads the field of a number.
-    whole : sequence of int
-        Shape of the whole, whose last axis counts the fields.
+    count : int
+        How many there are.
+    frame, frames
+        As of `isocodec.read`.
     differ : str
         By what they differ, for the error.
 
     Raises
     ------
     InputError
-        If none is chosen.
+        If none of several is chosen.
     OptionError
-        If there is no such field.
+        If there is no such frame.
     """
-    if frames:
-        return Frames(InTurn(whole[-1], at, whole, remarks))
-    if frame is None:
-        raise InputError(f"holds a series, of shape {(*whole,)}" + f", which differ by {differ}" * bool(differ),
-                         code="shape", remedy=f"take one with --frame 0 to {whole[-1] - 1}, or all with --frames")
-    check_frame(frame, whole[-1])
-    return at(frame)
+    if frame is not None:
+        check_frame(frame, count if count > 1 else 0)
+    elif count > 1 and not frames:
+        raise InputError(f"holds a series of {count}" + f", which differ by {differ}" * bool(differ), code="shape",
+                         remedy=f"take one with --frame 0 to {count - 1}, or all with --frames")
+    first = at(frame or 0)
+    if not frames:
+        return first
+    if frame is None and count > 1:
+        return Frames(Series(count, at, (*first.shape, count), first.remarks))
+    remarks = [*first.remarks, "the position of a slice in space is ignored"]
 
+    def part(number: int) -> Field:
+        gone = None if first.mask is None else first.mask[number]
+        return placed_field(first.values[number], gone, None, remarks, name=first.name, unit=first.unit)
 
-def check_frame(frame: int | None, count: int) -> None:
-    """Raise `OptionError` for a frame that a series of that many, 0 if it is none, does not have."""
-    if frame is not None and not 0 <= frame < count:
-        there = f"the series has {count}, counted from 0" if count else "this is not a series"
-        raise OptionError(f"there is no frame {frame}: {there}", code="frame")
+    return Frames(Series(len(first.values), part, first.shape, remarks))
 
 
 def component(count: int, band: int | None) -> int:
@@ -108,12 +87,11 @@ def placed_field(
 ) -> Field:
     """Make a field of samples, contiguous and native; a placement that is no such thing becomes a remark."""
     values = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
-    gone = None if mask is None or not mask.any() else np.ascontiguousarray(mask)
-    said = (*remarks, *filter(None, [place and place.remark]))
+    mask = np.ascontiguousarray(mask) if mask is not None and mask.any() else None
     try:
-        return Field(values, gone, place if place and place.placed else None, remarks=said, **more)
+        return Field(values, mask, place, remarks=remarks, **more)
     except OptionError as error:
-        return Field(values, gone, remarks=(*said, f"its coordinates are ignored: {error.message}"), **more)
+        return Field(values, mask, remarks=[*remarks, f"its coordinates are ignored: {error.message}"], **more)
 
 
 def scaled(raw: Array, slope: float, intercept: float) -> Array:
@@ -121,14 +99,14 @@ def scaled(raw: Array, slope: float, intercept: float) -> Array:
     if (slope, intercept) == (1.0, 0.0):
         return raw
     if raw.dtype.kind in "iu" and slope.is_integer() and intercept.is_integer():
-        limits = np.iinfo(raw.dtype)
-        ends = [int(end) * int(slope) + int(intercept) for end in (limits.min, limits.max)] + [int(slope)]
-        for kind in (np.int32, np.int64):
-            if np.iinfo(kind).min <= min(ends) and max(ends) <= np.iinfo(kind).max:
-                values: Array = raw.astype(kind)
-                values *= int(slope)
-                values += int(intercept)
-                return values
+        ends = np.iinfo(raw.dtype)
+        most = max(abs(int(end) * int(slope) + int(intercept)) for end in (ends.min, ends.max))
+        kind = np.result_type(np.int32, np.min_scalar_type(-most - 1))
+        if kind.kind == "i":  # beyond int64 it is that of Python's objects
+            values: Array = raw.astype(kind)
+            values *= int(slope)
+            values += int(intercept)
+            return values
     return raw * np.float64(slope) + np.float64(intercept)
 
 
@@ -136,62 +114,49 @@ def open_(
     path: Path, frame: int | None = None, frames: bool = False, band: int | None = None, key: str | None = None
 ) -> Field | Frames:
     """Read MetaImage and NRRD by SimpleITK, NIfTI and Analyze by nibabel; parameters as of `of_itk`."""
-    path = Path(path)
-    if path.suffix.lower() not in (".mha", ".mhd", ".nrrd", ".nhdr"):
+    kind = path.suffix.lower()
+    if kind not in (".mha", ".mhd", ".nrrd", ".nhdr"):
         nibabel = library("nibabel", extra="volumes", purpose="reading NIfTI")
         with reading("NIfTI volume"):
             return of_nibabel(nibabel.load(path), frame, frames, band)
     sitk = library("SimpleITK", extra="volumes", purpose="reading volumes")
     with path.open("rb") as file:
         header = file.read(_HEADER)
-    remedy = "check it, and that the files that its header names lie beside it"
-    if header.startswith(b"NRRD"):
-        remedy += "; an axis of volumes has no direction and the kind 'list'"
-    with reading("volume", remedy):
-        reader = sitk.ImageFileReader()
-        reader.SetImageIO("NrrdImageIO" if header.startswith(b"NRRD") else "MetaImageIO")
-        reader.SetFileName(str(path))
-        image = reader.Execute()
-        if re.search(rb"^CompressedData\s*=\s*True", header, re.M | re.I):
-            _check_packed(path, header, sitk.GetArrayViewFromImage(image))
+    with reading("volume", "check that the files that its header names lie beside it, and that an axis of volumes has "
+                 "the kind 'list'"):
+        # left to itself ITK tries all formats that it knows
+        image = sitk.ReadImage(path, imageIO=_NRRD if kind[1] == "n" else "MetaImageIO")
+        packed = re.search(rb"^CompressedData *= *True[^\0]*?^ElementDataFile *= *([^\r\n]*)", header, re.M)
+        if packed and kind[1] == "m":
+            name = packed[1].strip().decode()
+            with (path if name == "LOCAL" else path.parent / name).open("rb") as file:
+                file.seek(-4, os.SEEK_END)
+                total = int.from_bytes(file.read(), "big")
+            stored: Any = sitk.GetArrayViewFromImage(image)
+            if total != zlib.adler32(stored.byteswap() if b"MSB = True" in header else stored):
+                # ITK takes them as far as they go
+                raise InputError("is damaged: its packed samples do not have the sum that it states", code="unreadable")
     # ITK does not give it
-    stated = re.search(rb"^space units:(.*)$", header, re.M | re.I)
-    unit = " ".join(dict.fromkeys(stated[1].decode("latin-1").replace('"', " ").split())) if stated else None
-    return _of_itk(image, frame, frames, band, key, unit)
-
-
-def _check_packed(path: Path, header: bytes, values: Array) -> None:
-    """Hold samples against the sum at the end of the packed ones: ITK takes damaged ones as far as they go."""
-    found = re.search(rb"^ElementDataFile\s*=\s*([^\r\n]*)\r?\n?", header, re.M)
-    size = re.search(rb"^CompressedDataSize\s*=\s*(\d+)", header, re.M)
-    if found is None or size is None:
-        return
-    inside = found[1].strip().upper() == b"LOCAL"
-    with (path if inside else path.parent / found[1].strip().decode()).open("rb") as file:
-        file.seek(found.end() * inside + int(size[1]) - 4)
-        total = int.from_bytes(file.read(4), "big")
-    swapped = re.search(rb"^(BinaryData|Element)ByteOrderMSB\s*=\s*True", header, re.M | re.I)
-    if total != zlib.adler32(values.byteswap() if swapped else values):
-        raise InputError("is damaged: its packed samples do not have the sum that it states", code="unreadable")
-
-
-# ---- SimpleITK -------------------------------------------------------------------------------------------------------
+    units = re.search(rb"^space units:(.*)$", header, re.M | re.I)
+    unit = " ".join(dict.fromkeys(units[1].decode("latin-1").replace('"', " ").split())) if units else None
+    return of_itk(image, frame, frames, band, key, unit)
 
 
 def is_itk(thing: Any) -> bool:
     """Whether this is an image of SimpleITK."""
-    return all(hasattr(thing, name) for name in ("GetSpacing", "GetDirection", "GetPixelIDTypeAsString"))
+    return hasattr(thing, "GetSpacing") and hasattr(thing, "GetPixelIDTypeAsString")
 
 
 def of_itk(
-    image: Any, frame: int | None = None, frames: bool = False, band: int | None = None, key: str | None = None
+    image: Any, frame: int | None = None, frames: bool = False, band: int | None = None, key: str | None = None,
+    unit: str | None = None,
 ) -> Field | Frames:
     """Read an image of SimpleITK of two to four axes.
 
     Parameters
     ----------
     image : SimpleITK.Image
-        Its coordinates, in mm, run to the left, back and top of a body, unless it is of an NRRD of another space.
+        Its coordinates run to the left, back and top of a body, unless it is of an NRRD of another space.
     frame : int, optional
         Volume of a fourth axis, or of the components of a list in an NRRD, counted from 0.
     frames : bool
@@ -200,6 +165,8 @@ def of_itk(
         Component of vectors and colours, counted from 1.
     key : str, optional
         Segment of a segmentation of 3D Slicer, by its name or number.
+    unit : str, optional
+        Unit of the coordinates; without it that of an NRRD, or mm.
 
     Returns
     -------
@@ -210,81 +177,60 @@ def of_itk(
     ------
     InputError, OptionError, MissingExtraError
     """
-    return _of_itk(image, frame, frames, band, key, None)
-
-
-def _of_itk(
-    image: Any, frame: int | None, frames: bool, band: int | None, key: str | None, unit: str | None
-) -> Field | Frames:
     sitk = library("SimpleITK", extra="volumes", purpose="reading volumes")
     known = {name: image.GetMetaData(name) for name in image.GetMetaDataKeys()}
     size, count = image.GetDimension(), image.GetNumberOfComponentsPerPixel()
     values: Array = sitk.GetArrayViewFromImage(image).T
-    steps = np.reshape(image.GetDirection(), (size, size)) * image.GetSpacing()
-    matrix, remarks = np.column_stack([steps, image.GetOrigin()]), []
-    if count > 1:  # they are the first axis now
-        values = np.moveaxis(values, 0, -1) if known.get("NRRD_kinds[pixel]") == "list" and band is None else values[
-            component(count, band)]
-    elif band is not None:
-        component(1, band)
+    matrix = np.column_stack([np.reshape(image.GetDirection(), (size, size)) * image.GetSpacing(), image.GetOrigin()])
+    place: Placement | None
+    remarks = []
+    if band is not None or known.get("NRRD_kinds[pixel]") != "list":
+        channel = component(count, band)
+        values = values[channel] if count > 1 else values
+    elif count > 1:  # they are the first axis now
+        values = np.moveaxis(values, 0, -1)
     if size > 3:
-        kinds = [known.get(f"NRRD_kinds[{axis}]", "domain") for axis in range(size)]
+        kinds = [known.get(f"NRRD_kinds[{axis}]", "domain") for axis in range(4)]
         apart = next((axis for axis, kind in enumerate(kinds) if kind not in ("domain", "space")), 3)
         values = np.moveaxis(values, apart, -1)
-        if tuple(matrix[apart, [apart, size]]) != (1, 0):
-            remarks.append("the start and the step of its fourth axis are left out, as their unit is not known")
-        matrix = np.delete(np.delete(matrix, apart, axis=0), apart, axis=1)
-    while values.ndim > 3 and values.shape[-1] == 1:
-        values = values[..., 0]
-    if values.ndim > 4:
-        raise InputError(f"holds an array of shape {values.shape}", code="shape", remedy="give one of four axes")
+        if tuple(matrix[apart, [apart, 4]]) != (1, 0):
+            remarks.append("start and step of its fourth axis are left out, as their unit is not known")
+        matrix = np.delete(np.delete(matrix, apart, 0), apart, 1)
+    several = values.shape[3] if values.ndim > 3 else 1
     axes, space = kept_axes(values.shape[:3]), known.get("NRRD_space", "left-posterior")
-    shape = [values.shape[axis] for axis in axes]
     unit = unit or known.get("NRRD_units[0]") or "mm"
-    place: Placement | None
-    if size < 3:
-        place = by_matrix(matrix, unit=unit)
-    elif not space.startswith("left-posterior"):
+    if size < 3 or not space.startswith("left-posterior"):
         place = by_matrix(matrix, axes, unit=unit)
-        remarks.append(f"its space '{plain(space)}' does not state the sides of a body: its coordinates are in none")
-    elif "NRRD_space" not in known and "ITK_InputFilterName" in known and (matrix == np.eye(3, 4)).all():
-        place = None  # what ITK has where an NRRD states nothing
+        if size > 2:
+            remarks.append(f"its space '{plain(space)}' does not state sides of a body: its coordinates are in none")
+    elif known.get("ITK_InputFilterName") == _NRRD and "NRRD_space" not in known and (matrix == np.eye(3, 4)).all():
+        place = None  # what ITK has where a file states nothing
     else:
         place = in_body(matrix, axes, lps=True, unit=unit)
-    segments = _segments(known)
+    layer, label, segments = None, 0, _segments(known)
+    if key is not None or (segments and several > 1 and frame is None and not frames):
+        layer, label = segments[choose([*segments], key, "segments")]
 
-    def at(number: int | None, label: int | None = None, _: Any = image) -> Field:  # the view needs the image
-        part = values if number is None else values[..., number]
-        part = np.array(part.reshape(shape), order="C")
-        return placed_field(part if label is None else np.where(part == label, part, 0), None, place, remarks)
+    def at(number: int, _: Any = image) -> Field:  # the view needs the image
+        part = np.array(values[..., number] if several > 1 else values, order="C")
+        part = part.reshape([values.shape[axis] for axis in axes])
+        return placed_field(part if layer is None else np.where(part == label, part, 0), None, place, remarks)
 
-    series = values.ndim > 3
-    if key is not None:
-        layer, number = segments[choose([*segments], key, "segments")]
-        return at(layer if series else None, number)
-    if not series:
-        check_frame(frame, 0)
-        return at(None)
-    if frame is None and not frames and segments:
-        choose([*segments], None, "segments in layers")
-    return of_frames(at, [*shape, values.shape[-1]], frame, frames, remarks=remarks)
+    return of_frames(at, several, frame, frames) if layer is None else at(layer)
 
 
 def _segments(known: dict[str, str]) -> dict[str, tuple[int, int]]:
     """Layer and label of each segment of 3D Slicer, by name and by number."""
-    found = {}
+    found = dict[str, tuple[int, int]]()
     for each in (name[:-2] for name in known if re.fullmatch("Segment[0-9]+_ID", name)):
         where = int(known.get(f"{each}Layer", 0)), int(known.get(f"{each}LabelValue", 1))
-        found |= dict.fromkeys((known.get(f"{each}Name", known[f"{each}ID"]), known[f"{each}ID"]), where)
+        found |= dict.fromkeys((known.get(f"{each}Name", "?"), known[f"{each}ID"]), where)
     return found
-
-
-# ---- nibabel ---------------------------------------------------------------------------------------------------------
 
 
 def is_nibabel(thing: Any) -> bool:
     """Whether this is an image of nibabel with an affine matrix."""
-    return all(hasattr(thing, name) for name in ("affine", "dataobj", "header"))
+    return hasattr(thing, "affine") and hasattr(thing, "dataobj")
 
 
 def of_nibabel(
@@ -308,41 +254,33 @@ def of_nibabel(
     ------
     InputError, OptionError
     """
-    proxy, header, remarks = image.dataobj, image.header, []
-    slope, intercept = float(getattr(proxy, "slope", 1.0)), float(getattr(proxy, "inter", 0.0))
-    raw = proxy
+    proxy, header, whole = image.dataobj, image.header, tuple(map(int, image.shape))
+    several = whole[3] if len(whole) == 4 else 1
+    raw, scaling = proxy, (1.0, 0.0)
     if hasattr(proxy, "slope"):
+        scaling = float(proxy.slope), float(proxy.inter)
         # the file stays open: of a packed one the next volume is then read without unpacking all before it
         raw = type(proxy)(proxy.file_like, (proxy.shape, proxy.dtype, proxy.offset, 1.0, 0.0), keep_file_open=True)
-    colours = proxy.dtype.names or ()
-    channel = component(len(colours) or 1, band)
-    whole = tuple(map(int, proxy.shape))
-    while len(whole) > 3 and whole[-1] == 1:
-        whole = whole[:-1]
-    if len(whole) > 4:
-        raise InputError(f"holds an array of shape {whole}", code="shape", remedy="give one of four axes")
-    unit, time = "mm", ""
+    colours = proxy.dtype.names
+    channel = component(len(colours or "1"), band)
+    unit, time, remarks, notes = "unknown", "", [], {}
     if hasattr(header, "get_xyzt_units"):
         try:
             unit, time = header.get_xyzt_units()
         except KeyError:
-            remarks.append(f"its units, {int(header['xyzt_units'])}, are unknown: its coordinates are taken for mm")
+            remarks.append(f"its units, {int(header['xyzt_units'])}, are not known: its coordinates are taken for mm")
     elif not hasattr(header, "get_vox2ras"):
         remarks.append("Analyze files do not state left and right: x runs as nibabel takes it")
     axes = kept_axes(whole[:3])
     place = in_body(np.asarray(image.affine), axes, lps=False, unit="mm" if unit == "unknown" else unit)
-    step, notes = float(header.get_zooms()[3]) if len(whole) > 3 and len(header.get_zooms()) > 3 else 0.0, {}
-    if time in _TIMES and step > 0 and math.isfinite(step):
+    step = float(header.get_zooms()[-1])
+    if frame is None and several > 1 and time in _TIMES and 0 < step < np.inf:
         notes[FRAME_STEP] = f"{step:g} {_TIMES[time]}"
 
-    def at(number: int | None) -> Field:
+    def at(number: int) -> Field:
         with reading("NIfTI volume"):
-            part = np.asarray(raw[...] if number is None else raw[..., number])
-        part = part.reshape([whole[axis] for axis in axes])
-        part = part[colours[channel]] if colours else part
-        return placed_field(scaled(part, slope, intercept), None, place, remarks, notes=notes)
+            part = np.asarray(raw[..., number] if several > 1 else raw[...]).reshape([whole[axis] for axis in axes])
+            part = scaled(part[colours[channel]] if colours else part, *scaling)
+        return placed_field(part, None, place, remarks, notes=notes)
 
-    if len(whole) > 3:
-        return of_frames(at, [*(whole[axis] for axis in axes), whole[3]], frame, frames, remarks=remarks)
-    check_frame(frame, 0)
-    return at(None)
+    return of_frames(at, several, frame, frames)

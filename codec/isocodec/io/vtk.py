@@ -6,13 +6,13 @@ A key names a block of several, an array, and a component of vectors: ``inlet/ve
 from __future__ import annotations
 
 import io
-import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,22 +24,26 @@ from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from .libraries import choose, library, reading
 from .placing import along_axes, at_nodes, by_matrix, even_steps
-from .volumes import check_frame, of_frames, placed_field
+from .series import check_frame
+from .volumes import of_frames, placed_field
 
 __all__ = ["is_meshio", "is_vtk", "of_meshio", "of_vtk", "open_"]
 
 Array = NDArray[Any]
-_HEAD = 1 << 16
 _GHOSTS = "vtkGhostType"
 _HIDDEN_POINT, _LEFT_OUT_CELL = 2, 1 | 32
 """Bits of ghosts: points that are blanked; cells that another piece holds, or that are blanked."""
 _COMPONENTS = "x", "y", "z"
 _LOWER = {0, 1, 2, 3, 4, 21, 35}
 """Types of cells that are points and lines; meshes hold them beside, often as boundaries."""
-_SOLID = {10, 11, 12, 13, 14, 15, 16, 24, 25, 26, 27, 29, 32, 33}
-_FLAT = {5, 6, 7, 8, 9, 22, 23, 28, 30, 34}
-_HIGHER = {22, 23, 24, 25, 26, 27, 28, 29, 30, 32, 33, 34}
-"""Types of cells in space, in a plane, and those of them with points between their corners."""
+_SOLID = {*range(10, 17), *range(24, 28), 29, 32, 33}
+_FLAT = {*range(5, 10), 22, 23, 28, 30, 34}
+"""Types of cells in space and in a plane; those above 21 have points between their corners."""
+_BY_VTK = {
+    ".xdmf": ("vtkIOXdmf2", "vtkXdmfReader"), ".xmf": ("vtkIOXdmf2", "vtkXdmfReader"),
+    ".pvts": ("vtkIOXML", "vtkXMLPStructuredGridReader"), ".pvtp": ("vtkIOXML", "vtkXMLPPolyDataReader"),
+}
+"""Modules and readers of files that PyVista does not take, or not without times."""
 _BY_MESHIO = ".ply", ".obj", ".stl", ".off", ".inp"
 """Suffixes whose files VTK reads without their values, or not as a mesh."""
 
@@ -82,40 +86,38 @@ def open_(path: Path, key: str | None = None, frame: int | None = None, frames: 
         If it is damaged, or a choice is left open.
     OptionError, MissingExtraError
     """
-    path = Path(path)
-    found = _steps(path)
+    with _complaints():
+        found = _steps(path)
     if found is None:
         return of_meshio(_meshio(path), key)
     times, read = found
-    check_frame(frame, len(times) if len(times) > 1 else 0)
+    count, notes, remarks = len(times), {}, list[str]()
+    if frame is not None:
+        check_frame(frame, count if count > 1 else 0)
+    elif count > 1:
+        even = even_steps(np.array(times))
+        if even is not None:
+            notes[FRAME_STEP] = f"{even[1]:g}"
+        if even is None or even[0]:
+            listed = one_line(", ".join(f"{time:g}" for time in times))
+            remarks.append(f"its times are left out{' but for their step' * (even is not None)}: {listed}")
 
-    def at(number: int) -> Field | Mesh:
+    def at(number: int) -> Any:
         with _complaints():
             data = read(number)
-        return of_vtk(data, key)
+        found = of_vtk(data, key)
+        return replace(found, notes=notes, remarks=(*found.remarks, *remarks))
 
-    if frame is not None or len(times) == 1:
-        return at(frame or 0)
-    first, notes, remarks = at(0), {}, []
-    even = even_steps(np.array(times))
-    if even is None:
-        remarks.append(f"its times are not even and are left out: {one_line(', '.join(f'{each:g}' for each in times))}")
-    else:
-        notes[FRAME_STEP] = f"{even[1]:g}"
-        remarks += [f"its times begin at {even[0]:g}, which is left out"] * (even[0] != 0)
-    if isinstance(first, Mesh):
-        meshes = [first, *map(at, range(1, len(times)))]
-        if not all(
-            np.array_equal(np.asarray(each.points), first.points) and np.array_equal(each.cells, first.cells)
-            for each in meshes
-        ):
-            raise InputError("its mesh changes in time", code="mesh", remedy="choose a time: --frame N")
-        values = None if first.values is None else np.stack([np.asarray(each.values) for each in meshes])
-        return replace(first, values=values, notes=notes, remarks=[*first.remarks, *remarks])
-    return of_frames(
-        lambda number: replace(at(number), notes=notes), [*first.shape, len(times)], frame, frames, "time",
-        [*first.remarks, *remarks],
-    )
+    first = at(frame or 0)
+    if isinstance(first, Field):
+        return of_frames(lambda number: first if number == (frame or 0) else at(number), count, frame, frames, "time")
+    if count == 1 or frame is not None:
+        return first
+    meshes = [first, *map(at, range(1, count))]
+    names = "points", "cells"
+    if not all(np.array_equal(getattr(each, name), getattr(first, name)) for each in meshes for name in names):
+        raise InputError("its mesh changes in time", code="mesh", remedy="choose a time: --frame N")
+    return first if first.values is None else replace(first, values=np.stack([each.values for each in meshes]))
 
 
 def of_vtk(data: Any, key: str | None = None) -> Field | Mesh:
@@ -162,16 +164,16 @@ def of_meshio(mesh: Any, key: str | None = None) -> Field | Mesh:
 def _complaints() -> Iterator[None]:
     """Raise an error for what VTK only complains about, before it gives zeros."""
     core = _vtk("vtkmodules.vtkCommonCore")
-    before, window = core.vtkOutputWindow.GetInstance(), core.vtkStringOutputWindow()
-    logged = core.vtkLogger.GetCurrentVerbosityCutoff()
+    before, window, logger = core.vtkOutputWindow.GetInstance(), core.vtkStringOutputWindow(), core.vtkLogger
+    logged = logger.GetCurrentVerbosityCutoff()
     core.vtkOutputWindow.SetInstance(window)
-    core.vtkLogger.SetStderrVerbosity(core.vtkLogger.VERBOSITY_OFF)
+    logger.SetStderrVerbosity(logger.VERBOSITY_OFF)
     try:
         with reading("file of VTK"):
             yield
     finally:
         core.vtkOutputWindow.SetInstance(before)
-        core.vtkLogger.SetStderrVerbosity(logged)
+        logger.SetStderrVerbosity(logged)
     errors = [part for part in window.GetOutput().split("\n\n") if "error" in part.lower()]
     if errors:
         text = one_line(errors[0].rpartition("): ")[2]) or "damaged"
@@ -180,55 +182,31 @@ def _complaints() -> Iterator[None]:
 
 def _steps(path: Path) -> tuple[Sequence[float], Callable[[int], Any]] | None:
     """Times of a file and what reads one of them; None of a file for meshio."""
-    pyvista, suffix, times = _vtk("pyvista"), path.suffix.lower(), (0.0,)
-    with path.open("rb") as file:
-        file.read(1)
-    with _complaints():
-        if suffix in (".xdmf", ".xmf"):  # PyVista takes those with times alone
-            return _of_xdmf(str(path))
-        if suffix in (".pvts", ".pvtp"):
-            name = "PolyData" if suffix == ".pvtp" else "StructuredGrid"
-            reader: Any = getattr(_vtk("vtkmodules.vtkIOXML"), f"vtkXMLP{name}Reader")()
-            reader.SetFileName(str(path))
-            reader.Update()
-            return times, lambda number: reader.GetOutput()
-        if suffix in _BY_MESHIO or suffix not in pyvista.core.utilities.reader.CLASS_READERS:
-            return None
+    pyvista, suffix = _vtk("pyvista"), path.suffix.lower()
+    if suffix in _BY_VTK:
+        module, name = _BY_VTK[suffix]
+        reader = getattr(_vtk(f"vtkmodules.{module}"), name)()
+        reader.SetFileName(str(path))
+        reader.UpdateInformation()
+        known = _vtk("vtkmodules.vtkCommonExecutionModel").vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+        about = reader.GetOutputInformation(0)
+        times = about.Get(known) if about.Has(known) else (0.0,)
+    elif suffix in _BY_MESHIO or suffix not in pyvista.core.utilities.reader.CLASS_READERS:
+        return None
+    else:
         reader = pyvista.get_reader(path)
-        times = getattr(reader, "time_values", None) or times
+        times = getattr(reader, "time_values", None) or (0.0,)
 
     def read(number: int) -> Any:
+        if suffix in _BY_VTK:
+            reader.UpdateTimeStep(times[number])
+            return reader.GetOutputDataObject(0)
         if len(times) > 1:
             reader.set_active_time_point(number)
         data = reader.read()
-        if suffix == ".pvti":
-            _turn(data, path)
-        return data
-
-    return times, read
-
-
-def _turn(data: Any, path: Path) -> None:
-    """Turn an image as its first piece states, as VTK does not."""
-    name = re.search(rb"<Piece\b[^>]*\bSource\s*=\s*[\"']([^\"']*)", path.read_bytes())
-    if name:
-        with (path.parent / name[1].decode()).open("rb") as file:
-            found = re.search(rb"\bDirection\s*=\s*[\"']([^\"']*)", file.read(_HEAD))
-        if found:
-            data.direction_matrix = np.reshape([float(number) for number in found[1].split()], (3, 3))
-
-
-def _of_xdmf(path: str) -> tuple[Sequence[float], Callable[[int], Any]]:
-    pipeline = _vtk("vtkmodules.vtkCommonExecutionModel").vtkStreamingDemandDrivenPipeline
-    reader = _vtk("vtkmodules.vtkIOXdmf2").vtkXdmfReader()
-    reader.SetFileName(path)
-    reader.UpdateInformation()
-    about = reader.GetOutputInformation(0)
-    times = about.Get(pipeline.TIME_STEPS()) if about.Has(pipeline.TIME_STEPS()) else (0.0,)
-
-    def read(number: int) -> Any:
-        reader.UpdateTimeStep(times[number]) if len(times) > 1 else reader.Update()
-        data = _vtk("pyvista").wrap(reader.GetOutputDataObject(0)).copy()
+        if suffix == ".pvti":  # its pieces state how the image is turned, and VTK does not look there
+            piece = next(ElementTree.parse(path).iter("Piece")).attrib["Source"]
+            data.direction_matrix = pyvista.read(path.parent / piece).direction_matrix
         return data
 
     return times, read
@@ -263,7 +241,10 @@ def _chosen(data: Any, key: str | None) -> tuple[Any, str | None]:
     """The block that a key names, or the only one, as PyVista has it, and the rest of the key."""
     blocks = _blocks(data)
     matching = [name for name in blocks if key is not None and f"{key}/".startswith(f"{name}/")]
-    name = max(matching, key=len) if matching else choose([*blocks], None, "blocks")
+    # a series is often beside its mesh without values
+    filled = [name for name, each in blocks.items() if not hasattr(each, "GetPointData")
+              or each.GetPointData().GetNumberOfArrays() + each.GetCellData().GetNumberOfArrays()]
+    name = max(matching, key=len) if matching else choose(filled or [*blocks], None, "blocks")
     found = _vtk("pyvista").wrap(blocks[name])
     if not hasattr(found, "n_cells"):
         raise InputError(f"holds {plain(type(found).__name__)}, not a grid or a mesh", code="mesh")
@@ -303,74 +284,70 @@ def _field(data: Any, at_points: Mapping[str, Array], of_cells: Mapping[str, Arr
     kept = [axis for axis in range(3) if sides[axis] > 1]
     if len(kept) < 2:
         raise InputError(f"has a grid of {' x '.join(map(str, sides))} samples", code="shape")
-    shape = [sides[axis] for axis in kept]
-    values = np.asarray((of_cells if centred else at_points)[name]).reshape(shape, order="F")
-    gone, remarks = _hidden(data, centred, shape)
-    where = _place_of(data, kept, shape, centred)
-    return placed_field(values, gone, where, remarks)
+    shape, remarks = [sides[axis] for axis in kept], list[str]()
+    values = (of_cells if centred else at_points)[name].reshape(shape, order="F")
+    gone, place = _hidden(data, centred, remarks), _place_of(data, kept, shape, centred, remarks)
+    return placed_field(values, None if gone is None else gone.reshape(shape), place, remarks)
 
 
-def _hidden(data: Any, centred: bool, shape: Sequence[int]) -> tuple[Array | None, list[str]]:
-    """Samples that are blanked, or whose cells or points are."""
+def _hidden(data: Any, centred: bool, remarks: list[str]) -> Array | None:
+    """Find samples that are blanked, or whose cells or points are."""
     points, cells = _ghosts(data.point_data, _HIDDEN_POINT), _ghosts(data.cell_data, _LEFT_OUT_CELL)
-    long = [axis for axis in range(3) if data.dimensions[axis] > 1]
-    n = len(long)
-    gone = None
-    own, other = (cells, points) if centred else (points, cells)
-    if own is not None:
-        gone = own.reshape(shape, order="F")
-    if other is not None:
-        sizes = [data.dimensions[axis] - (not centred) for axis in long]
-        spread = other.reshape(sizes, order="F")
-        spread = spread if centred else np.pad(spread, 1, constant_values=True)
-        for axis in range(n):
-            one, two = (spread.take(range(at, spread.shape[axis] - 1 + at), axis) for at in (0, 1))
-            spread = one | two if centred else one & two
-        gone = spread.reshape(shape) if gone is None else gone | spread.reshape(shape)
-    remarks = []
-    if cells is not None and not centred and gone is not None:
-        kept = ~gone.reshape([data.dimensions[axis] for axis in long])
-        for axis in range(n):
-            kept = kept.take(range(kept.shape[axis] - 1), axis) & kept.take(range(1, kept.shape[axis]), axis)
-        count = int((kept.ravel(order="F") & cells).sum())
-        remarks += [f"{count:,} hidden cells between points of others are not left out"] * (count > 0)
-    return gone, remarks
+    if points is None and cells is None:
+        return None
+    shape = data.dimensions
+    points = np.zeros(shape, np.bool_) if points is None else points.reshape(shape, order="F")
+    between = [max(1, count - 1) for count in shape]
+    cells = np.zeros(between, np.bool_) if cells is None else cells.reshape(between, order="F")
+    if centred:
+        return cells | _over(points, np.logical_or)
+    around = np.pad(cells, [(int(count > 1),) * 2 for count in shape], constant_values=True)
+    gone = points | _over(around, np.logical_and)
+    if count := int((cells & ~_over(gone, np.logical_or)).sum()):
+        remarks.append(f"{count:,} hidden cells between points of others are not left out")
+    return gone
 
 
-def _place_of(data: Any, kept: Sequence[int], shape: Sequence[int], centred: bool) -> Placement:
+def _over(array: Array, join: Any) -> Array:
+    """Join neighbours along each axis of several."""
+    for axis, count in enumerate(array.shape):
+        if count > 1:
+            array = join(array.take(range(count - 1), axis), array.take(range(1, count), axis))
+    return array
+
+
+def _place_of(
+    data: Any, kept: Sequence[int], shape: Sequence[int], centred: bool, remarks: list[str]
+) -> Placement | None:
     """Place the samples of a grid."""
-    n = len(kept)
-    if data.IsA("vtkStructuredGrid"):
-        points = np.asarray((data.cell_centers() if centred else data).points, np.float64)
-        varies = [c for c in range(3) if np.ptp(points[:, c])]
-        if len(varies) != n:
-            return Placement(remark="its coordinates are ignored: samples lie on one another")
-        fixed = {_COMPONENTS[c]: points[0, c] for c in range(3) if c not in varies}
-        return at_nodes([points[:, c].reshape(shape, order="F") for c in varies], remark=_left_out(fixed))
+    n, place, matrix, fixed = len(kept), None, np.zeros((3, 4)), dict[str, float]()
     if data.IsA("vtkImageData"):
         matrix = np.array(data.index_to_physical_matrix)[:3]
         first = np.array(data.extent[::2], float)
         first[kept] += centred * 0.5
         matrix[:, 3] += matrix[:, :3] @ first
-    else:
+    elif data.IsA("vtkRectilinearGrid"):
         along = [np.asarray(each, np.float64) for each in (data.x, data.y, data.z)]
         along = [(each[1:] + each[:-1]) / 2 if centred and len(each) > 1 else each for each in along]
         even = [even_steps(each) for each in along]
         if None in even:
-            fixed = {_COMPONENTS[c]: along[c][0] for c in range(3) if c not in kept}
-            return along_axes([along[axis] for axis in kept], range(n), remark=_left_out(fixed))
-        starts, steps = np.array(even).T
-        matrix = np.column_stack([np.diag(steps), starts])
-    # a picture lies in the plane, other slices in space
-    flat = n == 2 and kept == [0, 1] and not matrix[2, [0, 1, 3]].any()
-    return by_matrix(matrix[:2] if flat else matrix, kept)
-
-
-def _left_out(fixed: Mapping[str, float]) -> str:
-    """Remark on the place of a plane that coordinates along its axes cannot state."""
-    if all(name == "z" and value == 0 for name, value in fixed.items()):
-        return ""
-    return f"its place in space is left out: {', '.join(f'{name} = {value:g}' for name, value in fixed.items())}"
+            place = along_axes([along[axis] for axis in kept], range(n))
+            fixed = {name: each[0] for name, each in zip("xyz", along, strict=True) if len(each) == 1}
+        else:
+            starts, steps = np.array(even).T
+            matrix = np.column_stack([np.diag(steps), starts])
+    else:
+        along = [*np.asarray((data.cell_centers() if centred else data).points, np.float64).T]
+        vary = [each.reshape(shape, order="F") for each in along if np.ptp(each)]
+        place = at_nodes(vary) if len(vary) == n else Placement()
+        fixed = {name: each[0] for name, each in zip("xyz", along, strict=True) if not np.ptp(each)}
+    if place is None:
+        # a picture lies in the plane, other slices in space
+        flat = n == 2 and kept == [0, 1] and not matrix[2, [0, 1, 3]].any()
+        return by_matrix(matrix[:2] if flat else matrix, kept)
+    if any(name != "z" or value for name, value in fixed.items()):
+        remarks.append(f"its place in space is left out: {', '.join(f'{c} = {value:g}' for c, value in fixed.items())}")
+    return place if place.placed else None
 
 
 # ---- meshes ----------------------------------------------------------------------------------------------------------
@@ -381,25 +358,23 @@ def _mesh(data: Any, at_points: Mapping[str, Array], of_cells: Mapping[str, Arra
     if key is None:
         only = at_points or of_cells
         key = next(iter(only)) if len(only) == 1 else "z" if "z" in at_points else None
-    data, remarks = _joined(data, key)
-    if key is not None and key in of_cells:
+    remarks = list[str]()
+    data = _joined(data, remarks)
+    if key in of_cells:
         data = data.cell_data_to_point_data()
         remarks.append("values of cells are averaged at points")
-    cells, data, about = _cells_of(data)
-    points = np.asarray(data.points, np.float64)
-    values = _scalars(data.point_data)
-    axes = {} if cells is None and not np.ptp(points[:, 2]) else dict(zip(_COMPONENTS, points.T, strict=True))
-    if key is None and cells is None and not values and axes:
-        key = "z"
-    if key is not None and key not in values:
-        values = axes | values
-        choose([*values], key)
+    cells, data = _cells_of(data, remarks)
+    points, values = np.asarray(data.points, np.float64), _scalars(data.point_data)
+    if cells is not None or np.ptp(points[:, 2]):
+        values = dict(zip("xyz", points.T, strict=True)) | values
+        key = "z" if key is None and cells is None and len(values) == 3 else key
     flat = cells is None or (cells.shape[1] == 3 and not points[:, 2].any())
-    return Mesh(points[:, : 2 if flat else 3], cells, None if key is None else values[key], remarks=remarks + about)
+    return Mesh(points[:, : 2 if flat else 3], cells, None if key is None else values[choose([*values], key)],
+                remarks=remarks)
 
 
-def _joined(data: Any, key: str | None) -> tuple[Any, list[str]]:
-    """The cells of any data set without those that another piece holds, and remarks.
+def _joined(data: Any, remarks: list[str]) -> Any:
+    """The cells of any data set without those that another piece holds.
 
     Points that coincide, as those where pieces meet, are joined, unless all values differ there.
     """
@@ -408,37 +383,33 @@ def _joined(data: Any, key: str | None) -> tuple[Any, list[str]]:
     arrays = {name: np.asarray(each) for name, each in grid.point_data.items() if not name.startswith("vtk")}
     apart = [name for name, each in arrays.items()
              if not np.array_equal(each[first][number.ravel()], each, each.dtype.kind == "f")]
-    remarks = []
     if len(first) < grid.n_points and (not arrays or len(apart) < len(arrays)):
         grid = grid.clean(produce_merge_map=False, average_point_data=False)
         for name in apart:
             del grid.point_data[name]
-        if apart:
-            remarks.append(f"values that differ where points coincide are left out: {', '.join(map(plain, apart))}")
+            remarks.append(f"values that differ where points coincide are left out: {plain(name)}")
     if _ghosts(grid.cell_data, _LEFT_OUT_CELL) is not None:
         grid.RemoveGhostCells()
-    return grid, remarks
+    return grid
 
 
-def _cells_of(data: Any) -> tuple[Array | None, Any, list[str]]:
-    """Triangles or tetrahedra of a data set, the data set whose points they join, and remarks; None of points alone."""
+def _cells_of(data: Any, remarks: list[str]) -> tuple[Array | None, Any]:
+    """Triangles or tetrahedra of a data set, and the data set whose points they join; None of points alone."""
     types = data.celltypes
     kinds = {*types.tolist()}
     if not kinds - {0, 1, 2}:
-        return None, data, []
-    solid, odd = bool(kinds & _SOLID), kinds - _LOWER - _FLAT - _SOLID
+        return None, data
+    odd = kinds - _LOWER - _FLAT - _SOLID
     if odd or not kinds & (_FLAT | _SOLID):
         names = [_vtk("pyvista").CellType(each).name for each in sorted(odd)]
-        raise InputError(
-            f"holds cells of other kinds: {', '.join(names) or 'no triangles'}", code="mesh",
-            remedy="cut them into triangles or tetrahedra first",
-        )
-    wanted, ours = (10, _SOLID) if solid else (5, _FLAT)
-    left = int(np.isin(types, [*ours], invert=True).sum())
-    remarks = [f"{left:,} cells of lower dimension are left out"] if left else []
+        raise InputError(f"holds cells of other kinds: {', '.join(names) or 'no triangles'}", code="mesh",
+                         remedy="cut them into triangles or tetrahedra first")
+    wanted, ours, name = (10, _SOLID, "tetrahedra") if kinds & _SOLID else (5, _FLAT, "triangles")
+    if left := int(np.isin(types, [*ours], invert=True).sum()):
+        remarks.append(f"{left:,} cells of lower dimension are left out")
     if kinds & ours != {wanted}:
-        remarks.append("cells of other kinds are cut into " + ("tetrahedra" if solid else "triangles"))
-        if kinds & _HIGHER:
+        remarks.append(f"cells of other kinds are cut into {name}")
+        if max(kinds & ours) > 21:
             remarks.append("values between the points of cells of higher order are taken as linear")
         data = data.triangulate()
-    return np.asarray(data.cells_dict[wanted], np.int64), data, remarks
+    return np.asarray(data.cells_dict[wanted], np.int64), data
