@@ -401,7 +401,7 @@ def test_standard_input(plane: Path, tmp_path: Path) -> None:
 
     result = CliRunner().invoke(
         main, [
-            "plot", "--map", "-", "--kind", "npy", "-o", str(tmp_path / "a.png"),
+            "plot", "--map", "-", "-o", str(tmp_path / "a.png"),
         ], input=io.BytesIO(plane.read_bytes())
     )
     assert result.exit_code == 0, result.output
