@@ -122,7 +122,7 @@ def read(
     UserWarning
         Of what the source states and a field cannot keep; also in ``Field.remarks``.
     """
-    found = load(source, Choice(key, band, frame, frames, bbox, nodata))
+    found = load(source, Choice(key, band, frame, frames, bbox, None if nodata is None else float(nodata)))
     for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):
         warnings.warn(remark, stacklevel=2)
     return found
@@ -135,7 +135,7 @@ def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
     """
     if choice.band is not None and choice.band < 1:
         raise OptionError("bands are counted from 1", code="channel")
-    if is_url(source) or is_file(source):
+    if is_url(source) or (is_file(source) and not raster.is_raster(source)):
         name = source if isinstance(source, str) else getattr(source, "name", "")
         with ExitStack() as held, _about(name if isinstance(name, str) else ""):
             path = held.enter_context(local(source, _recognised))

@@ -71,8 +71,10 @@ def of_picture(image: Any, band: int | None = None, frame: int | None = None, tu
     raw = str(image.tile[0][3]) if mode == "L" and getattr(image, "tile", ()) else ""
     stretch = {"L;1": 255, "L;2": 85, "L;4": 17}.get(raw, 1)
     with reading("picture", "is it whole?"):
+        image.load()
+        # loading has turned a TIFF
+        orientation = image.getexif().get(_ORIENTATION) if turn and image.format != "TIFF" else 1
         stored = np.asarray(image)
-        orientation = image.getexif().get(_ORIENTATION) if turn else 1
     gone = _transparent(image, stored, channel, stretch)
     values = stored if stored.ndim == 2 else stored[..., channel]
     if mode == "I" and image.format == "PNG":  # 32 bits are what older versions make of 16-bit grey
