@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pydicom
 import pytest
+from isocodec.io.readers.source import is_dicom
 
 import isocodec
 from commands import fails
 from dicom_files import header, slices, stored
-from isocodec.io.readers.source import is_dicom
 
 NAMES = {"IM": "IM{:04d}", "counted": "IM{}", "ima": "{}.IMA", "uid": "1.2.840.{}", "dcm": "{:03d}.dcm"}
 ORDER = [11, 2, 0, 10, 1]

@@ -93,7 +93,7 @@ def test_full_disk(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 VERBS: tuple[tuple[tuple[str, ...], str | None], ...] = (
     (("decode",), "out.npz"), (("decode", "--what", "above"), "out.npy"), (("info",), None),
-    (("edit", "--layers", "1"), "out.iso"), (("plot",), "out.png"), (("plot", "--map", "--kind", "iso"), "out.png"),
+    (("edit", "--layers", "1"), "out.iso"), (("plot",), "out.png"),
 )
 
 

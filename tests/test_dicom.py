@@ -14,6 +14,7 @@ import numpy as np
 import pydicom
 import pytest
 import SimpleITK
+from isocodec.io.readers.input_formats import open_file
 from pydicom.pixels import apply_modality_lut
 from pydicom.uid import (
     DeflatedExplicitVRLittleEndian,
@@ -30,7 +31,6 @@ import isocodec
 from commands import ok
 from dicom_files import AXIAL, BETWEEN, SHAPE, STEP, corner, enhanced, header, pixels, segmentation, slices, stored
 from isocodec.errors import InputError, LimitError, OptionError
-from isocodec.io.readers.input_formats import open_file
 
 RAW = stored()
 SIGNED = stored(dtype="i2") - 2000

@@ -209,8 +209,7 @@ def test_dicom_series(tmp_path: Path) -> None:
 def test_dicom_that_leaves_a_choice_or_is_damaged(tmp_path: Path) -> None:
     slices(tmp_path / "two", 3)
     volume = slices(tmp_path / "two", 4, "1.2.4")
-    listed = r"\(CT, 3 slices, 1\.2\.3\); \(CT, 4 slices, 1\.2\.4\)"
-    with pytest.raises(InputError, match="2 series: .*choose one with --key"):
+    with pytest.raises(InputError, match=r"2 series: .*choose one with --key"):
         read_field(tmp_path / "two")
     assert np.array_equal(read_field(tmp_path / "two", key="1.2.4"), volume)
     with pytest.raises(InputError, match="no series 'x'"):
@@ -263,7 +262,7 @@ def test_vti(tmp_path: Path, mode: str) -> None:
 
 def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     image(tmp_path / "two.vti", HILL, "a", "b")
-    with pytest.raises(InputError, match="holds 2 .*a.*b.*choose one with --key"):
+    with pytest.raises(InputError, match=r"holds 2 .*a.*b.*choose one with --key"):
         read_field(tmp_path / "two.vti")
     assert np.array_equal(read_field(tmp_path / "two.vti", key="b"), HILL)
     placement = read_place(tmp_path / "two.vti", key="b").matrix

@@ -6,12 +6,12 @@ import json
 
 import numpy as np
 import pytest
+from isocodec.io.readers.input_formats import read_mesh
 
 import isocodec
 from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import InputError, LimitError, OptionError
-from isocodec.io.readers.input_formats import read_mesh
 
 
 def written(path, mesh, **values):

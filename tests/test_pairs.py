@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ def test_halves_of_pairs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         isocodec.read(tmp_path / "a.hdr")
     (tmp_path / "a.img").unlink()
-    with pytest.raises(InputError, match="a.img"):
+    with pytest.raises(InputError, match=r"a.img"):
         isocodec.read(tmp_path / "a.hdr")
 
 
@@ -102,8 +103,6 @@ def test_zipped_zarr(tmp_path: Path, version: int, kind: str) -> None:
         group = zarr.open_group(folder, mode="w", zarr_format=version)
         made = group.create_array("deep/v", shape=PLANE.shape, chunks=(4, 3), dtype="f4")
     made[:] = PLANE
-    if kind == "bomb":
-        next(each for each in folder.rglob("*0*") if each.is_file()).write_bytes(bytes(1 << 26))
     shutil.make_archive(str(out.with_suffix("")), "zip", *([folder.parent, "a.zarr"] if kind == "folder" else [folder]))
     if kind == "bomb":
         with pytest.raises(InputError):

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 import vtk
+from isocodec.io.readers.input_formats import read_mesh
 
 import isocodec
 from isocodec import Field, Frames, Mesh
 from isocodec.errors import InputError, LimitError, OptionError
-from isocodec.io.readers.input_formats import read_mesh
 
 # ---- made by VTK ----------------------------------------------------------------------------------------------------
 

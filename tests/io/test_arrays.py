@@ -99,5 +99,5 @@ def test_archives_with_meshes(tmp_path: Path) -> None:
     assert isocodec.read(tmp_path / "a.npz", key="t", frame=1).values.tolist() == [4, 5, 6, 7]
     assert isocodec.read(tmp_path / "a.npz").values is None
     assert isocodec.read(tmp_path / "a.npz", key="x").values.tolist() == [0, 1, 0, 1]
-    with pytest.raises(InputError, match="'none'.*h, t"):
+    with pytest.raises(InputError, match=r"'none'.*h, t"):
         isocodec.read(tmp_path / "a.npz", key="none")

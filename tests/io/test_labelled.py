@@ -46,7 +46,8 @@ def stored(folder: Path, content: dict[str, Any], container: str) -> Any:
         group = zarr.open_group(folder / "a.zarr", mode="w", zarr_format=version)
         for name, (dims, values, attributes) in content.items():
             named = {"dimension_names": dims} if version == 3 else {}
-            made = group.create_array(name, shape=values.shape, dtype=values.dtype, chunks=values.shape or "auto", **named)
+            made = group.create_array(
+                name, shape=values.shape, dtype=values.dtype, chunks=values.shape or "auto", **named)
             made[...] = values
             notes = {key: np.asarray(value).tolist() for key, value in attributes.items()}
             made.attrs.update({**notes, **({"_ARRAY_DIMENSIONS": list(dims)} if version == 2 else {})})
@@ -130,7 +131,8 @@ def test_values(tmp_path: Path, case: str) -> None:
     container, values, attributes = VALUES[case]
     content = {"v": (("y", "x"), values, attributes)}
     (tmp_path / "right").mkdir()
-    with netCDF4.Dataset(stored(tmp_path / "right", content, "netcdf4")) as file, warnings.catch_warnings(action="ignore"):
+    right = stored(tmp_path / "right", content, "netcdf4")
+    with netCDF4.Dataset(right) as file, warnings.catch_warnings(action="ignore"):
         asked = file["v"][...]
     field = read(tmp_path, content, container)
     gone = np.ma.getmaskarray(asked)
@@ -142,7 +144,9 @@ def test_values(tmp_path: Path, case: str) -> None:
         assert np.array_equal(field.values[~gone], asked.data[~gone].astype(np.int64))
 
 
-def axes(lat: Any = LAT, lon: Any = LON, north: Any = NORTH, east: Any = EAST, names: str = "lat lon") -> dict[str, Any]:
+def axes(
+    lat: Any = LAT, lon: Any = LON, north: Any = NORTH, east: Any = EAST, names: str = "lat lon"
+) -> dict[str, Any]:
     y, x = names.split()
     return {"v": ((y, x), RAMP.astype("f4"), {}), y: ((y,), lat, north), x: ((x,), lon, east)}
 
@@ -261,7 +265,8 @@ def test_samples_without_coordinates_are_missing(tmp_path: Path) -> None:
     ("times or text", {"v": (("t", "x"), RAMP, {}), "t": (("t",), np.arange(6.0), {"units": "days since 2000-01-01"}),
                        "x": (("x",), LON, {})}),
     ("neither rise nor fall", axes(np.array([1.0, 2, 1, 2, 1, 2]))),
-    ("axes have coordinates", {**mapped(EPSG), "la": (("y", "x"), NODES[1], NORTH), "lo": (("y", "x"), NODES[0], EAST)}),
+    ("axes have coordinates", {
+        **mapped(EPSG), "la": (("y", "x"), NODES[1], NORTH), "lo": (("y", "x"), NODES[0], EAST)}),
     ("scale_factor is ignored", {"v": (("y", "x"), RAMP, {"scale_factor": "ten"})}),
     ("grid mapping is left out", mapped({"grid_mapping_name": "none_such"})),
 ])
@@ -303,7 +308,7 @@ def test_levels_of_ome_zarr(tmp_path: Path, version: int, key: str | None) -> No
     images = [{"axes": axes_, "datasets": datasets}]
     group.attrs.update({"multiscales": images} if version == 2 else {"ome": {"version": "0.5", "multiscales": images}})
     path = tmp_path / "a.zarr"
-    with pytest.raises(InputError, match="2 channels.*band=1|2 channels.*--band"):
+    with pytest.raises(InputError, match=r"2 channels.*band=1|2 channels.*--band"):
         isocodec.read(path)
     field: Any = isocodec.read(path / "1", band=2) if key == "inside" else isocodec.read(path, key=key, band=2)
     level, size = (0, 0.5) if key is None else (1, 1.0)
@@ -330,7 +335,7 @@ def test_hdf5_leaves_a_choice_and_keeps_to_its_file(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["time"], file["run/density"] = np.arange(3.0), RAMP[None].astype(">u2")
         file["away"] = h5py.ExternalLink("other.h5", "/x")
-    with pytest.raises(InputError, match="run/density, away.*--key"):
+    with pytest.raises(InputError, match=r"run/density, away.*--key"):
         isocodec.read(tmp_path / "a.h5")
     assert np.array_equal(isocodec.read(tmp_path / "a.h5", key="/run/density").values, RAMP)
     with pytest.raises(InputError, match=r"another file, other\.h5"):
@@ -342,7 +347,7 @@ def test_hdf5_leaves_a_choice_and_keeps_to_its_file(tmp_path: Path) -> None:
 def test_unstructured_meshes_and_grib_are_refused_with_a_remedy(tmp_path: Path) -> None:
     content: dict[str, Any] = {"mesh": ((), np.array(0), {"cf_role": "mesh_topology", "topology_dimension": 2}),
                                "v": (("n",), np.zeros(5), {"mesh": "mesh", "location": "node"})}
-    with pytest.raises(InputError, match="UGRID.*xugrid"):
+    with pytest.raises(InputError, match=r"UGRID.*xugrid"):
         isocodec.read(stored(tmp_path, content, "netcdf4"))
     (tmp_path / "a.grib2").write_bytes(b"GRIB")
     with pytest.raises(InputError, match="cdo -f nc copy"):

@@ -92,7 +92,7 @@ def test_heights_and_other_shapes(tmp_path: Path) -> None:
     table = geopandas.GeoDataFrame(geometry=geopandas.points_from_xy(*POINTS.T, VALUES), crs="EPSG:32631")
     assert np.array_equal(isocodec.read(table).values, VALUES)
     table.buffer(1).to_file(tmp_path / "a.gpkg")
-    with pytest.raises(InputError, match="Polygon.*not points"):
+    with pytest.raises(InputError, match=r"Polygon.*not points"):
         isocodec.read(tmp_path / "a.gpkg")
     table.to_file(tmp_path / "b.fgb")
     (tmp_path / "b.fgb").rename(tmp_path / "b.shp")

@@ -102,8 +102,9 @@ def test_as_rasterio_has_it(tmp_path: Path, attribute: str) -> None:
     assert np.array_equal(part.filled(0), whole[3:9, 2:17].filled(0), equal_nan=True)
 
 
-FORMATS = {".asc": "AAIGrid", ".img": "HFA", ".bil": "EHdr", ".bsq": "ENVI", ".sdat": "SAGA", ".rst": "RST", ".bt": "BT",
-           ".grd": "GS7BG", ".gpkg": "GPKG", ".vrt": "VRT", ".jp2": "JP2OpenJPEG", ".tiff": "GTiff", ".odd": "GTiff"}
+FORMATS = {".asc": "AAIGrid", ".img": "HFA", ".bil": "EHdr", ".bsq": "ENVI", ".sdat": "SAGA", ".rst": "RST",
+           ".bt": "BT", ".grd": "GS7BG", ".gpkg": "GPKG", ".vrt": "VRT", ".jp2": "JP2OpenJPEG", ".tiff": "GTiff",
+           ".odd": "GTiff"}
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -112,8 +113,8 @@ def test_suffixes(tmp_path: Path, suffix: str) -> None:
     import rasterio
     import rasterio.shutil
 
-    source = written(tmp_path / "source.tif", "float32" if suffix == ".grd" else "uint64", dtype="float32" if suffix in (
-        ".grd", ".bt") else "int16" if suffix != ".gpkg" else "uint8")
+    kinds = {".grd": "float32", ".bt": "float32", ".gpkg": "uint8"}
+    source = written(tmp_path / "source.tif", "uint64", dtype=kinds.get(suffix, "int16"))
     path = tmp_path / f"a{suffix}"
     options = {"QUALITY": "100", "REVERSIBLE": "YES"} if suffix == ".jp2" else {}
     with warnings.catch_warnings(action="ignore"):
@@ -157,7 +158,7 @@ def test_palettes_are_refused_with_a_remedy(tmp_path: Path) -> None:
             tmp_path / "a.tif", "w", driver="GTiff", height=13, width=17, count=1, dtype="uint8") as file:
         file.write(HEIGHTS.astype("u1"), 1)
         file.write_colormap(1, {number: (number, 0, 0, 255) for number in range(256)})
-    with pytest.raises(InputError, match="palette.*band=1"):
+    with pytest.raises(InputError, match=r"palette.*band=1"):
         isocodec.read(tmp_path / "a.tif")
     assert np.array_equal(isocodec.read(tmp_path / "a.tif", band=1).values, HEIGHTS)
 
@@ -167,10 +168,10 @@ def test_control_points_are_remarked_on(tmp_path: Path) -> None:
     from rasterio.control import GroundControlPoint
 
     points = [GroundControlPoint(r, c, 5e5 + 30 * c, 4.6e6 - 31 * r) for r, c in ((0, 0), (0, 16), (12, 0), (12, 15))]
-    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", height=13, width=17, count=1, dtype="int16", gcps=points,
-                       crs="EPSG:32631") as file:
+    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", height=13, width=17, count=1, dtype="int16",
+                       gcps=points, crs="EPSG:32631") as file:
         file.write(HEIGHTS.astype("int16"), 1)
-    with pytest.warns(UserWarning, match="control points.*warp it first"):
+    with pytest.warns(UserWarning, match=r"control points.*warp it first"):
         assert isocodec.read(tmp_path / "a.tif").placement is None
 
 

@@ -17,8 +17,8 @@ from isospec.container import DomainKind
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import DecodedSamples, values_of_steps
-from ..field.labelling import having, is_of_labels
 from ..field.framed import Frames
+from ..field.labelling import having, is_of_labels
 from ..field.meshed import valued
 from ..field.placement import COORDINATE_UNIT, CRS, Placement, closed, read_placement
 from ..field.sampled import UNIT, Field

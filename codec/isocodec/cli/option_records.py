@@ -7,8 +7,7 @@ import gc
 import math
 import re
 import sys
-from collections.abc import Callable, Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Collection
 from dataclasses import field, fields, replace
 from inspect import cleandoc
 from pathlib import Path

@@ -72,7 +72,7 @@ class PlotArguments(Writing, Viewing, Reading):
     @property
     def coded(self) -> bool:
         """Whether INPUT is an .iso file."""
-        return not self.map or (self.kind or self.source.rpartition(".")[2]).lstrip(".").lower() == "iso"
+        return not self.map or self.source.lower().endswith(".iso")
 
     def check(self) -> None:
         """Refuse options that cannot be combined.

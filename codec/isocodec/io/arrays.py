@@ -106,7 +106,8 @@ def open_(path: str, key: str | None = None, frame: int | None = None, frames: b
         if not hasattr(found, "files"):
             if key is not None:
                 raise OptionError("a key names an array of an .npz file; this is a single array", code="key")
-            return of_array(found if found.dtype.isnative and found.dtype.kind != "b" else numbers(found), frame, frames)
+            plain = found.dtype.isnative and found.dtype.kind != "b"
+            return of_array(found if plain else numbers(found), frame, frames)
         with found:
             if {"points", "cells"} <= {*found.files}:
                 return _mesh(found, key, frame)

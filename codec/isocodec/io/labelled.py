@@ -236,7 +236,8 @@ def _array(arrays: Arrays, key: str | None, dataset: Any = None) -> tuple[Any, t
                          remedy="open it with xugrid, and give an isocodec.Mesh")
     folders = {name: name.rpartition("/")[0] for name in map(str, every)}
     aside = {_visible(word, folders[name], every) for name, one in every.items() for word in _words(one)}
-    aside |= {name for name, one in every.items() if is_globe(name.rpartition("/")[2], one.attrs) or one.dims == (name,)}
+    aside |= {name for name, one in every.items()
+              if is_globe(name.rpartition("/")[2], one.attrs) or one.dims == (name,)}
     fields = [name for name, one in every.items()
               if name not in aside and sum(size > 1 for size in one.shape) > 1] + [*arrays.away]
     if key is None:
