@@ -6,12 +6,11 @@ import json
 
 import numpy as np
 import pytest
-from isocodec.io.readers.input_formats import read_mesh
 
 import isocodec
 from commands import fails, ok
-from explicit_meshes import plane, space, torus
-from isocodec.errors import InputError, LimitError, OptionError
+from explicit_meshes import plane, space
+from isocodec.errors import OptionError
 
 
 def written(path, mesh, **values):
@@ -22,57 +21,6 @@ def written(path, mesh, **values):
     form = {"file_format": "gmsh"} if path.suffix == ".msh" else {}
     meshio.Mesh(points, [(kind, cells)], point_data=values).write(path, **form)
     return path
-
-
-@pytest.mark.parametrize("suffix", [".vtu", ".msh", ".ply", ".xdmf"])
-@pytest.mark.parametrize("make", [plane, space, lambda seed: torus()])
-def test_what_another_library_wrote(tmp_path, suffix, make):
-    mesh = make(1)
-    if suffix == ".ply" and mesh[1].shape[1] == 4:
-        pytest.skip("PLY holds no tetrahedra")
-    if suffix == ".xdmf":
-        pytest.importorskip("h5py")
-    values = np.arange(len(mesh[0])) / 8
-    found = read_mesh(written(tmp_path / f"mesh{suffix}", mesh, depth=values))
-    assert np.allclose(found.points, mesh[0]) and np.array_equal(found.cells, mesh[1])
-    assert np.allclose(found.values_named("depth"), values)
-
-
-def test_npz(tmp_path):
-    points, cells = plane(2)
-    np.savez(tmp_path / "mesh.npz", points=points, cells=cells, depth=points[:, 0], other=np.zeros(3))
-    found = read_mesh(tmp_path / "mesh.npz")
-    assert np.array_equal(found.points, points) and np.array_equal(found.cells, cells)
-    assert list(found.values) == ["depth"]
-    np.savez(tmp_path / "none.npz", points=points)
-    np.savez(tmp_path / "shape.npz", points=points, cells=cells[:, :2])
-    for name in ("none.npz", "shape.npz"):
-        with pytest.raises(InputError):
-            read_mesh(tmp_path / name)
-
-
-def test_what_cannot_be_read(tmp_path):
-    meshio = pytest.importorskip("meshio")
-    points, cells = plane(2)
-    path = written(tmp_path / "mesh.vtu", (points, cells), depth=points[:, 0])
-    with pytest.raises(OptionError, match="depth"):
-        read_mesh(path).values_named("height")
-    with pytest.raises(LimitError):
-        read_mesh(path, samples=10)
-    (tmp_path / "cut.vtu").write_bytes(path.read_bytes()[:300])
-    (tmp_path / "mesh.txt").write_bytes(path.read_bytes())
-    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    meshio.Mesh(square, [("line", [[0, 1], [1, 2]])]).write(tmp_path / "lines.vtu")
-    for name in ("cut.vtu", "mesh.txt", "lines.vtu"):
-        with pytest.raises(InputError):
-            read_mesh(tmp_path / name)
-    in_space = np.pad(points, ((0, 0), (0, 1)))
-    meshio.Mesh(in_space, [("triangle", cells)], cell_data={"depth": [np.arange(len(cells)) / 2]}).write(
-        tmp_path / "of.vtu"
-    )
-    of_cells = read_mesh(tmp_path / "of.vtu")
-    with pytest.raises(OptionError, match="cells"):
-        of_cells.values_named("depth")
 
 
 def test_commands(tmp_path):
@@ -109,7 +57,7 @@ def test_options_that_do_not_fit(tmp_path):
     path = written(tmp_path / "mesh.vtu", mesh, depth=mesh[0][:, 0])
     out = tmp_path / "out.iso"
     fails(2, "encode", path, "--values", "depth", "-o", out)
-    fails(2, "encode", path, "--values", "width", "--isovalue", 5, "-o", out)
+    fails(3, "encode", path, "--values", "width", "--isovalue", 5, "-o", out)
     fails(2, "encode", path, "--values", "depth", "--isovalue", 5, "--layers", "topology", "-o", out)
     np.save(tmp_path / "field.npy", np.eye(8))
     fails(2, "encode", tmp_path / "field.npy", "--stored", "coded", "--isovalue", 0.5, "-o", out)

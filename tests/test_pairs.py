@@ -93,7 +93,7 @@ def test_colours_of_nifti(tmp_path: Path, kind: str, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("kind", ["array", "group", "folder", "deflated", "bomb"])
+@pytest.mark.parametrize("kind", ["array", "group", "folder", "deflated"])
 def test_zipped_zarr(tmp_path: Path, version: int, kind: str) -> None:
     """A store, or the folder that is one, in a zip."""
     folder, out = tmp_path / "in" / "a.zarr", tmp_path / "a.zarr.zip"
@@ -104,9 +104,5 @@ def test_zipped_zarr(tmp_path: Path, version: int, kind: str) -> None:
         made = group.create_array("deep/v", shape=PLANE.shape, chunks=(4, 3), dtype="f4")
     made[:] = PLANE
     shutil.make_archive(str(out.with_suffix("")), "zip", *([folder.parent, "a.zarr"] if kind == "folder" else [folder]))
-    if kind == "bomb":
-        with pytest.raises(InputError):
-            isocodec.read(out)
-        return
     field = isocodec.read(out)
     assert np.array_equal(field.values, PLANE)

@@ -126,6 +126,9 @@ def open_(
                  "the kind 'list'"):
         # left to itself ITK tries all formats that it knows
         image = sitk.ReadImage(path, imageIO=_NRRD if kind[1] == "n" else "MetaImageIO")
+        if re.search(rb"^ElementDataFile *=.*%.* -\d+\s*$", header, re.M):
+            raise InputError("names files by falling numbers, which ITK does not read", code="unreadable",
+                             remedy="list them: ElementDataFile = LIST")
         packed = re.search(rb"^CompressedData *= *True[^\0]*?^ElementDataFile *= *([^\r\n]*)", header, re.M)
         if packed and kind[1] == "m":
             name = packed[1].strip().decode()
@@ -255,7 +258,7 @@ def of_nibabel(
     InputError, OptionError
     """
     proxy, header, whole = image.dataobj, image.header, tuple(map(int, image.shape))
-    several = whole[3] if len(whole) == 4 else 1
+    several = whole[3] if len(whole) > 3 else 1
     raw, scaling = proxy, (1.0, 0.0)
     if hasattr(proxy, "slope"):
         scaling = float(proxy.slope), float(proxy.inter)
@@ -269,7 +272,7 @@ def of_nibabel(
             unit, time = header.get_xyzt_units()
         except KeyError:
             remarks.append(f"its units, {int(header['xyzt_units'])}, are not known: its coordinates are taken for mm")
-    elif not hasattr(header, "get_vox2ras"):
+    elif "Analyze" in type(header).__name__:
         remarks.append("Analyze files do not state left and right: x runs as nibabel takes it")
     axes = kept_axes(whole[:3])
     place = in_body(np.asarray(image.affine), axes, lps=False, unit="mm" if unit == "unknown" else unit)
@@ -279,7 +282,7 @@ def of_nibabel(
 
     def at(number: int) -> Field:
         with reading("NIfTI volume"):
-            part = np.asarray(raw[..., number] if several > 1 else raw[...]).reshape([whole[axis] for axis in axes])
+            part = np.asarray(raw[:, :, :, number] if several > 1 else raw[...]).reshape([whole[axis] for axis in axes])
             part = scaled(part[colours[channel]] if colours else part, *scaling)
         return placed_field(part, None, place, remarks, notes=notes)
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -30,10 +31,10 @@ from .volumes import of_frames, placed_field
 __all__ = ["is_meshio", "is_vtk", "of_meshio", "of_vtk", "open_"]
 
 Array = NDArray[Any]
+_Numbers = Mapping[str, Callable[[], Array]]
 _GHOSTS = "vtkGhostType"
 _HIDDEN_POINT, _LEFT_OUT_CELL = 2, 1 | 32
 """Bits of ghosts: points that are blanked; cells that another piece holds, or that are blanked."""
-_COMPONENTS = "x", "y", "z"
 _LOWER = {0, 1, 2, 3, 4, 21, 35}
 """Types of cells that are points and lines; meshes hold them beside, often as boundaries."""
 _SOLID = {*range(10, 17), *range(24, 28), 29, 32, 33}
@@ -87,7 +88,7 @@ def open_(path: Path, key: str | None = None, frame: int | None = None, frames: 
     OptionError, MissingExtraError
     """
     with _complaints():
-        found = _steps(path)
+        found = _steps(path, key)
     if found is None:
         return of_meshio(_meshio(path), key)
     times, read = found
@@ -127,7 +128,7 @@ def of_vtk(data: Any, key: str | None = None) -> Field | Mesh:
     ----------
     data : vtkDataObject
     key : str, optional
-        Values: ``block/velocity:x``. Without it the only ones; of a mesh with others those named ``z``, or none.
+        Values: ``block/velocity:x``. Without it the only ones; of a mesh those at points, named ``z``, or none.
 
     Returns
     -------
@@ -145,7 +146,7 @@ def of_vtk(data: Any, key: str | None = None) -> Field | Mesh:
         at_points, of_cells = _scalars(data.point_data), _scalars(data.cell_data)
         of_cells = {name: each for name, each in of_cells.items() if name not in at_points}
         if key is not None and key not in at_points | of_cells and key[-2:] in (":0", ":1", ":2"):
-            key = key[:-1] + _COMPONENTS[int(key[-1])]
+            key = key[:-1] + "xyz"[int(key[-1])]
         grid = hasattr(data, "dimensions") and not (
             data.IsA("vtkStructuredGrid") and data.dimensions.count(1) == 1 and np.ptp(data.points, axis=0).all())
         return (_field if grid else _mesh)(data, at_points, of_cells, key)
@@ -180,10 +181,15 @@ def _complaints() -> Iterator[None]:
         raise InputError(f"cannot be read as file of VTK ({text})", code="unreadable")
 
 
-def _steps(path: Path) -> tuple[Sequence[float], Callable[[int], Any]] | None:
+def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int], Any]] | None:
     """Times of a file and what reads one of them; None of a file for meshio."""
-    pyvista, suffix = _vtk("pyvista"), path.suffix.lower()
+    pyvista, suffix, series = _vtk("pyvista"), path.suffix.lower(), list[Any]()
     if suffix in _BY_VTK:
+        for each in ElementTree.parse(path).iter():
+            if each.get("Format", "XML").upper() not in ("XML", "ASCII", "APPENDED"):
+                (path.parent / str(each.text).strip().partition(":")[0]).stat()  # VTK crashes where it is missing
+            if each.get("CollectionType") == "Temporal":
+                series.append(each.get("Name"))
         module, name = _BY_VTK[suffix]
         reader = getattr(_vtk(f"vtkmodules.{module}"), name)()
         reader.SetFileName(str(path))
@@ -195,12 +201,19 @@ def _steps(path: Path) -> tuple[Sequence[float], Callable[[int], Any]] | None:
         return None
     else:
         reader = pyvista.get_reader(path)
+        for kind in ("point", "cell"):
+            names = getattr(reader, f"{kind}_array_names", [])
+            named = [name for name in names if name in (key or "")]
+            for name in {*names} - {*named, _GHOSTS} if named else ():
+                getattr(reader, f"disable_{kind}_array")(name)
         times = getattr(reader, "time_values", None) or (0.0,)
 
     def read(number: int) -> Any:
         if suffix in _BY_VTK:
             reader.UpdateTimeStep(times[number])
-            return reader.GetOutputDataObject(0)
+            found = reader.GetOutputDataObject(0)
+            # beside a series is often its mesh
+            return _blocks(found).get(series[0], found) if len(series) == 1 else found
         if len(times) > 1:
             reader.set_active_time_point(number)
         data = reader.read()
@@ -241,30 +254,26 @@ def _chosen(data: Any, key: str | None) -> tuple[Any, str | None]:
     """The block that a key names, or the only one, as PyVista has it, and the rest of the key."""
     blocks = _blocks(data)
     matching = [name for name in blocks if key is not None and f"{key}/".startswith(f"{name}/")]
-    # a series is often beside its mesh without values
-    filled = [name for name, each in blocks.items() if not hasattr(each, "GetPointData")
-              or each.GetPointData().GetNumberOfArrays() + each.GetCellData().GetNumberOfArrays()]
-    name = max(matching, key=len) if matching else choose(filled or [*blocks], None, "blocks")
+    name = max(matching, key=len) if matching else choose([*blocks], None, "blocks")
     found = _vtk("pyvista").wrap(blocks[name])
     if not hasattr(found, "n_cells"):
         raise InputError(f"holds {plain(type(found).__name__)}, not a grid or a mesh", code="mesh")
     return found, (key or "")[len(name) + 1 :] or None if matching else key
 
 
-def _scalars(attributes: Any) -> dict[str, Array]:
-    """Numbers by name; components and magnitudes of vectors have names that no array has itself."""
+def _scalars(attributes: Any) -> dict[str, Callable[[], Array]]:
+    """What gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
     arrays = {name: np.asarray(array) for name, array in attributes.items() if not name.startswith("vtk")}
-    out: dict[str, Array] = {}
+    out = dict[str, Callable[[], Array]]()
     for name, array in arrays.items():
         if array.dtype.kind not in "biuf":
             continue
-        if array.ndim == 1 or array.shape[1] == 1:
-            out[name] = array.reshape(-1)
+        if array.size == len(array):
+            out[name] = array.ravel
             continue
-        names = _COMPONENTS if array.shape[1] <= len(_COMPONENTS) else map(str, range(array.shape[1]))
-        parts = {f"{name}:{part}": values for values, part in zip(array.T, names, strict=False)}
-        with np.errstate(over="ignore"):
-            parts[f"{name}:magnitude"] = np.sqrt((array.astype(np.float64) ** 2).sum(axis=1))
+        names = "xyz" if array.shape[1] <= len("xyz") else map(str, range(array.shape[1]))
+        parts = {f"{name}:{part}": each.ravel for each, part in zip(array.T, names, strict=False)}
+        parts[f"{name}:magnitude"] = partial(np.linalg.norm, array.astype(np.float64, copy=False), axis=1)
         out |= {part: values for part, values in parts.items() if part not in arrays}
     return out
 
@@ -275,7 +284,7 @@ def _ghosts(attributes: Any, bits: int) -> Array | None:
     return found if found is not None and found.any() else None
 
 
-def _field(data: Any, at_points: Mapping[str, Array], of_cells: Mapping[str, Array], key: str | None) -> Field:
+def _field(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) -> Field:
     """Values at points, or of cells at their centres, with axes i, j, k; axes of one sample are left out."""
     only = at_points or of_cells
     name = next(iter(only)) if key is None and len(only) == 1 else choose([*at_points, *of_cells], key)
@@ -285,7 +294,7 @@ def _field(data: Any, at_points: Mapping[str, Array], of_cells: Mapping[str, Arr
     if len(kept) < 2:
         raise InputError(f"has a grid of {' x '.join(map(str, sides))} samples", code="shape")
     shape, remarks = [sides[axis] for axis in kept], list[str]()
-    values = (of_cells if centred else at_points)[name].reshape(shape, order="F")
+    values = (of_cells if centred else at_points)[name]().reshape(shape, order="F")
     gone, place = _hidden(data, centred, remarks), _place_of(data, kept, shape, centred, remarks)
     return placed_field(values, None if gone is None else gone.reshape(shape), place, remarks)
 
@@ -353,11 +362,10 @@ def _place_of(
 # ---- meshes ----------------------------------------------------------------------------------------------------------
 
 
-def _mesh(data: Any, at_points: Mapping[str, Array], of_cells: Mapping[str, Array], key: str | None) -> Mesh:
+def _mesh(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) -> Mesh:
     """Triangles, tetrahedra or points, with values at points."""
     if key is None:
-        only = at_points or of_cells
-        key = next(iter(only)) if len(only) == 1 else "z" if "z" in at_points else None
+        key = next(iter(at_points)) if len(at_points) == 1 else "z" if "z" in at_points else None
     remarks = list[str]()
     data = _joined(data, remarks)
     if key in of_cells:
@@ -366,10 +374,10 @@ def _mesh(data: Any, at_points: Mapping[str, Array], of_cells: Mapping[str, Arra
     cells, data = _cells_of(data, remarks)
     points, values = np.asarray(data.points, np.float64), _scalars(data.point_data)
     if cells is not None or np.ptp(points[:, 2]):
-        values = dict(zip("xyz", points.T, strict=True)) | values
+        values = {name: each.ravel for name, each in zip("xyz", points.T, strict=True)} | values
         key = "z" if key is None and cells is None and len(values) == 3 else key
     flat = cells is None or (cells.shape[1] == 3 and not points[:, 2].any())
-    return Mesh(points[:, : 2 if flat else 3], cells, None if key is None else values[choose([*values], key)],
+    return Mesh(points[:, : 2 if flat else 3], cells, None if key is None else values[choose([*values], key)](),
                 remarks=remarks)
 
 

@@ -1,0 +1,394 @@
+"""Volumes: a test for each kind of image of SimpleITK and nibabel, against these, or the numbers in a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import isocodec
+from isocodec.errors import InputError, OptionError
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+VALUES = (np.arange(5 * 4 * 3) * 7 % 101).reshape(5, 4, 3).astype("<i2")
+"""Axes i, j, k."""
+AFFINE = np.array([[0.0, -3, 0.5, 10], [2, 0, 0, 20], [0, 0.25, 4, -30], [0, 0, 0, 1]])
+CORNERS = np.array([[0, 0, 0], [4, 0, 0], [0, 3, 0], [0, 0, 2], [4, 3, 2.0]])
+RAS = np.array([-1.0, -1, 1])
+
+
+def image(values: Any = VALUES, **more: Any) -> Any:
+    """An image of SimpleITK, turned in space."""
+    import SimpleITK
+
+    made = SimpleITK.GetImageFromArray(np.ascontiguousarray(np.asarray(values).T), **more)
+    if made.GetDimension() == 3:
+        turn = np.linalg.qr(np.array([[1, 0.3, 0.2], [-0.2, 1, 0.4], [0.1, 0.2, 1]]))[0]
+        made.SetDirection(turn.ravel())
+        made.SetSpacing([0.5, 0.75, 2])
+        made.SetOrigin([10, 20, 30])
+    return made
+
+
+def itk_file(path: Path, values: Any = VALUES, packed: bool = False, **more: Any) -> Path:
+    import SimpleITK
+
+    SimpleITK.WriteImage(image(values, **more), path, packed)
+    return path
+
+
+def nifti(path: Path, values: Any = VALUES, unit: str = "mm", time: str = "sec", slope: Any = None) -> Path:
+    import nibabel
+
+    made = nibabel.Nifti1Image(values, AFFINE)
+    made.header.set_zooms((2, 3, 4, 1.5, 1)[: values.ndim])
+    made.header.set_xyzt_units(unit, time)
+    if slope:
+        made.header.set_slope_inter(*slope)
+    nibabel.save(made, path)
+    return path
+
+
+def nrrd(path: Path, *lines: str, values: Any = VALUES, sizes: str = "5 4 3") -> Path:
+    """An NRRD with these lines in its header; values with the first axis fastest."""
+    kind = {"int16": "short", "uint8": "unsigned char"}[str(values.dtype)]
+    head = ["NRRD0005", f"type: {kind}", f"dimension: {len(sizes.split())}", f"sizes: {sizes}", *lines, "encoding: raw",
+            "endian: little", "", ""]
+    path.write_bytes("\n".join(head).encode() + values.tobytes(order="F"))
+    return path
+
+
+SPACE = ("space: left-posterior-superior", "space directions: (0.5,0,0) (0,0.75,0) (0,0,2)", "space origin: (10,20,30)")
+PLACED = [[-0.5, 0, 0, -10], [0, -0.75, 0, -20], [0, 0, 2, 30]]
+
+
+@pytest.mark.parametrize("name", ["a.mha", "a.mhd", "a.nrrd", "a.nhdr", "A.MHA"])
+def test_files_of_itk(tmp_path: Path, name: str) -> None:
+    made = image()
+    right = [made.TransformIndexToPhysicalPoint([*map(int, corner)]) * RAS for corner in CORNERS]
+    for packed in (False, True):
+        field = isocodec.read(itk_file(tmp_path / name.lower(), packed=packed).rename(tmp_path / name))
+        assert field.values.dtype == np.int16 and np.array_equal(field.values, VALUES) and not field.remarks
+        assert np.allclose(field.placement.place(CORNERS), right)
+        assert field.placement.unit == "mm" and field.crs.startswith("right")
+
+
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz", "a.img", "a.hdr"])
+def test_files_of_nibabel(tmp_path: Path, name: str) -> None:
+    import nibabel
+
+    path = nifti(tmp_path / name.replace("hdr", "nii"))
+    if name in ("a.img", "a.hdr"):
+        made = nibabel.Nifti1Pair(VALUES, AFFINE)
+        made.header.set_xyzt_units("mm")
+        nibabel.save(made, tmp_path / "a.img")
+        path = tmp_path / name
+    field = isocodec.read(path)
+    assert field.values.dtype == np.int16 and np.array_equal(field.values, VALUES)
+    assert np.allclose(field.placement.place(CORNERS), nibabel.affines.apply_affine(AFFINE, CORNERS), atol=1e-5)
+
+
+def test_images_in_memory(tmp_path: Path) -> None:
+    import nibabel
+
+    itk, found = isocodec.read(image()), isocodec.read(itk_file(tmp_path / "a.mha"))
+    assert np.array_equal(itk.values, VALUES) and np.allclose(itk.placement.matrix, found.placement.matrix)
+    field = isocodec.read(nibabel.Nifti1Image(VALUES.astype(np.float32), AFFINE))
+    assert field.values.dtype == np.float32 and np.allclose(field.placement.matrix, AFFINE[:3])
+
+
+@pytest.mark.parametrize(("slope", "dtype"), [
+    (None, np.int16), ((1, 0), np.int16), ((2, -3), np.int32), ((1, 2**31), np.int64), ((0.5, 1), np.float64),
+    ((1, 0.5), np.float64),
+])
+def test_scaling(tmp_path: Path, slope: Any, dtype: type) -> None:
+    """Integers stay integers where whole numbers scale them."""
+    field = isocodec.read(nifti(tmp_path / "a.nii", VALUES.astype(">i2"), slope=slope))
+    scale, start = slope or (1, 0)
+    assert field.values.dtype == dtype and field.values.flags.c_contiguous
+    assert np.array_equal(field.values, VALUES * np.float64(scale) + start)
+
+
+@pytest.mark.parametrize(("unit", "kept"), [("mm", "mm"), ("meter", "meter"), ("micron", "micron"), ("unknown", "mm")])
+def test_units_of_nifti(tmp_path: Path, unit: str, kept: str) -> None:
+    assert isocodec.read(nifti(tmp_path / "a.nii", unit=unit)).placement.unit == kept
+
+
+def test_odd_units_of_nifti(tmp_path: Path) -> None:
+    path = nifti(tmp_path / "a.nii")
+    data = bytearray(path.read_bytes())
+    data[123] = 7
+    path.write_bytes(data)
+    field = isocodec.read(path)
+    assert field.placement.unit == "mm" and "units, 7" in field.remarks[0]
+
+
+def test_a_series_of_nifti(tmp_path: Path) -> None:
+    every = np.stack([VALUES, VALUES + 1, VALUES * 2], -1)
+    for name in ("a.nii", "a.nii.gz"):
+        path = nifti(tmp_path / name, every)
+        with pytest.raises(InputError, match="--frame 0 to 2"):
+            isocodec.read(path)
+        with pytest.raises(OptionError, match="no frame 3"):
+            isocodec.read(path, frame=3)
+        assert np.array_equal(isocodec.read(path, frame=1).values, VALUES + 1)
+        fields = isocodec.read(path, frames=True).fields
+        assert len(fields) == 3 and fields.whole == (5, 4, 3, 3)
+        assert all(np.array_equal(each.values, every[..., at]) for at, each in enumerate(fields))
+        assert fields[2].notes == {"frame_step": "1.5 s"} and np.allclose(fields[2].placement.matrix, AFFINE[:3])
+
+
+@pytest.mark.parametrize(("time", "step"), [("msec", "1.5 ms"), ("usec", "1.5 µs"), ("unknown", None), ("hz", None)])
+def test_the_time_between_volumes(tmp_path: Path, time: str, step: str | None) -> None:
+    path = nifti(tmp_path / "a.nii", np.stack([VALUES, VALUES], -1), time=time)
+    assert isocodec.read(path, frames=True).fields[0].notes.get("frame_step") == step
+    assert not isocodec.read(path, frame=0).notes
+
+
+@pytest.mark.parametrize("shape", [(5, 12), (5, 12, 1), (5, 1, 12), (1, 5, 12), (5, 12, 1, 1)])
+def test_planes(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    """A single slice lies in space, whichever axis has one sample."""
+    field = isocodec.read(nifti(tmp_path / "a.nii", VALUES.reshape(shape)))
+    kept = [axis for axis, size in enumerate((*shape, 1)[:3]) if size > 1]
+    assert field.values.shape == (5, 12) and np.array_equal(field.values.ravel(), VALUES.ravel())
+    assert np.allclose(field.placement.matrix, AFFINE[:3, [*kept, 3]])
+
+
+def test_pictures_of_itk(tmp_path: Path) -> None:
+    made = image(VALUES[..., 0])
+    made.SetSpacing([0.5, 2])
+    made.SetOrigin([3, 4])
+    field = isocodec.read(made)
+    assert np.array_equal(field.values, VALUES[..., 0]) and field.crs is None
+    assert np.allclose(field.placement.matrix, [[0.5, 0, 3], [0, 2, 4]])
+
+
+def test_a_volume_as_slices(tmp_path: Path) -> None:
+    fields = isocodec.read(nifti(tmp_path / "a.nii"), frames=True).fields
+    assert len(fields) == 5 and np.array_equal(fields[2].values, VALUES[2])
+    assert fields[2].placement is None and "position of a slice" in fields.remarks[0]
+
+
+def test_the_fourth_axis_of_itk(tmp_path: Path) -> None:
+    made = image(np.stack([VALUES, VALUES + 1], -1), isVector=False)
+    made.SetSpacing([0.5, 0.75, 2, 40])
+    for source in (made, tmp_path / "a.nrrd", tmp_path / "a.mha"):
+        if isinstance(source, Path):
+            import SimpleITK
+
+            SimpleITK.WriteImage(made, source)
+        field = isocodec.read(source, frame=1)
+        assert np.array_equal(field.values, VALUES + 1) and "fourth axis" in field.remarks[0]
+        assert np.allclose(field.placement.matrix, np.diag([-0.5, -0.75, 2]) @ np.eye(3, 4))
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_list_of_volumes(tmp_path: Path, first: bool) -> None:
+    """As 3D Slicer writes series."""
+    every = np.stack([VALUES, VALUES + 1], 0 if first else -1)
+    of_space = "(0.5,0,0) (0,0.75,0) (0,0,2)"
+    path = nrrd(
+        tmp_path / "a.nrrd", SPACE[0], SPACE[2],
+        f"space directions: {f'none {of_space}' if first else f'{of_space} none'}",
+        f"kinds: {'list domain domain domain' if first else 'domain domain domain list'}", values=every,
+        sizes="2 5 4 3" if first else "5 4 3 2",
+    )
+    assert np.array_equal(isocodec.read(path, frame=1).values, VALUES + 1)
+    fields = isocodec.read(path, frames=True).fields
+    assert len(fields) == 2 and np.allclose(fields[1].placement.matrix, PLACED)
+    with pytest.raises(InputError, match="series of 2"):
+        isocodec.read(path)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_times_without_a_space(tmp_path: Path, first: bool) -> None:
+    every = np.stack([VALUES, VALUES + 1], 0 if first else -1)
+    kinds = "kinds: time domain domain domain" if first else "kinds: domain domain domain time"
+    path = nrrd(tmp_path / "a.nrrd", kinds, values=every, sizes="2 5 4 3" if first else "5 4 3 2")
+    field = isocodec.read(path, frame=1)
+    assert np.array_equal(field.values, VALUES + 1) and field.placement is None
+
+
+def test_an_axis_that_is_no_list(tmp_path: Path) -> None:
+    path = nrrd(tmp_path / "a.nrrd", SPACE[0], f"{SPACE[1]} none", SPACE[2], "kinds: domain domain domain time",
+                values=np.stack([VALUES, VALUES], -1), sizes="5 4 3 2")
+    with pytest.raises(InputError, match="kind 'list'"):
+        isocodec.read(path, frame=0)
+
+
+@pytest.mark.parametrize("kind", ["vector", "3-color", "RGB-color"])
+def test_components_are_bands(tmp_path: Path, kind: str) -> None:
+    path = nrrd(tmp_path / "a.nrrd", SPACE[0], f"space directions: none {SPACE[1].partition(': ')[2]}", SPACE[2],
+                f"kinds: {kind} domain domain domain", values=np.stack([VALUES, VALUES + 1, VALUES + 2], 0),
+                sizes="3 5 4 3")
+    with pytest.raises(InputError, match="3 channels"):
+        isocodec.read(path)
+    with pytest.raises(OptionError, match="no band 4"):
+        isocodec.read(path, band=4)
+    assert np.array_equal(isocodec.read(path, band=2).values, VALUES + 1)
+    assert np.allclose(isocodec.read(path, band=2).placement.matrix, PLACED)
+
+
+def test_a_band_of_one(tmp_path: Path) -> None:
+    path = itk_file(tmp_path / "a.mha")
+    assert np.array_equal(isocodec.read(path, band=1).values, VALUES)
+    with pytest.raises(OptionError, match="no band 2"):
+        isocodec.read(path, band=2)
+
+
+def test_colours_of_nifti(tmp_path: Path) -> None:
+    import nibabel
+
+    colours = np.zeros((5, 4, 3), [("R", "u1"), ("G", "u1"), ("B", "u1")])
+    colours["G"] = VALUES
+    nibabel.save(nibabel.Nifti1Image(colours, AFFINE), tmp_path / "a.nii")
+    assert np.array_equal(isocodec.read(tmp_path / "a.nii", band=2).values, VALUES)
+    with pytest.raises(InputError, match="3 channels"):
+        isocodec.read(tmp_path / "a.nii")
+
+
+@pytest.mark.parametrize(("space", "signs"), [
+    ("left-posterior-superior", (-1, -1)), ("right-anterior-superior", (1, 1)), ("left-anterior-superior", (-1, 1)),
+    ("RAS", (1, 1)),
+])
+def test_spaces_of_bodies(tmp_path: Path, space: str, signs: tuple[int, int]) -> None:
+    field = isocodec.read(nrrd(tmp_path / "a.nrrd", f"space: {space}", *SPACE[1:]))
+    assert field.crs == "right-anterior-superior" and not field.remarks
+    assert np.allclose(field.placement.matrix, np.diag([*signs, 1]) @ np.abs(PLACED))
+
+
+@pytest.mark.parametrize("space", ["3D-right-handed", "scanner-xyz"])
+def test_spaces_of_no_body(tmp_path: Path, space: str) -> None:
+    field = isocodec.read(nrrd(tmp_path / "a.nrrd", f"space: {space}", *SPACE[1:]))
+    assert field.crs is None and space in field.remarks[0]
+    assert np.allclose(field.placement.matrix, np.abs(PLACED))
+
+
+def test_an_nrrd_without_a_place(tmp_path: Path) -> None:
+    assert isocodec.read(nrrd(tmp_path / "a.nrrd")).placement is None
+
+
+@pytest.mark.parametrize(("line", "unit"), [
+    ('space units: "um" "um" "um"', "um"), ('space units: "mm" "mm" "m"', "mm m"), ("", "mm"),
+])
+def test_units_of_nrrd(tmp_path: Path, line: str, unit: str) -> None:
+    assert isocodec.read(nrrd(tmp_path / "a.nrrd", *SPACE, *[line] * bool(line))).placement.unit == unit
+
+
+def test_units_of_axes(tmp_path: Path) -> None:
+    assert isocodec.read(nrrd(tmp_path / "a.nrrd", "spacings: 1 2 3", 'units: "cm" "cm" "cm"')).placement.unit == "cm"
+
+
+SEGMENTS = ["Segment0_ID:=Segment_1", "Segment0_Name:=liver", "Segment0_LabelValue:=1", "Segment0_Layer:=0",
+            "Segment1_ID:=Segment_2", "Segment1_Name:=tumor", "Segment1_LabelValue:=2", "Segment1_Layer:=1"]
+
+
+def test_segments_in_layers(tmp_path: Path) -> None:
+    layers = np.stack([VALUES % 2, VALUES % 3], 0).astype("u1")
+    path = nrrd(tmp_path / "a.seg.nrrd", SPACE[0], f"space directions: none {SPACE[1].partition(': ')[2]}", SPACE[2],
+                "kinds: list domain domain domain", *SEGMENTS, values=layers, sizes="2 5 4 3")
+    for key, right in (("liver", layers[0] == 1), ("tumor", (layers[1] == 2) * 2), ("Segment_2", (layers[1] == 2) * 2)):
+        assert np.array_equal(isocodec.read(path, key=key).values, right)
+    assert np.array_equal(isocodec.read(path, frame=1).values, layers[1])
+    for key in (None, "spleen"):
+        with pytest.raises(InputError, match="liver, Segment_1, tumor"):
+            isocodec.read(path, key=key)
+
+
+def test_segments_in_one_layer(tmp_path: Path) -> None:
+    path = nrrd(tmp_path / "a.seg.nrrd", *SPACE, *SEGMENTS[:4], values=(VALUES % 3).astype("u1"))
+    assert np.array_equal(isocodec.read(path).values, VALUES % 3)
+    assert np.array_equal(isocodec.read(path, key="liver").values, VALUES % 3 == 1)
+
+
+@pytest.mark.parametrize("name", ["a.mha", "a.mhd", "a.nrrd"])
+def test_damaged_samples(tmp_path: Path, name: str) -> None:
+    """ITK takes packed samples as far as they go, and zeros beyond."""
+    path = itk_file(tmp_path / name, np.arange(30 * 40 * 20).reshape(30, 40, 20).astype("i2"), packed=True)
+    victim = max(tmp_path.iterdir(), key=lambda each: each.stat().st_size)
+    data = bytearray(victim.read_bytes())
+    for at in range(len(data) // 2, len(data) // 2 + 40):
+        data[at] ^= 255
+    victim.write_bytes(data)
+    with pytest.raises(InputError):
+        isocodec.read(path)
+
+
+@pytest.mark.parametrize("name", ["a.mha", "a.nrrd", "a.nii", "a.nii.gz"])
+def test_files_cut_short(tmp_path: Path, name: str) -> None:
+    noise = np.random.default_rng(1).integers(0, 1000, (12, 13, 14)).astype(np.int16)
+    path = (nifti if "nii" in name else itk_file)(tmp_path / name, noise)
+    data = path.read_bytes()
+    for part in (0, 0.3, 0.9):
+        path.write_bytes(data[: int(len(data) * part)])
+        with pytest.raises(InputError) as caught:
+            isocodec.read(path)
+        assert str(path) in str(caught.value)
+
+
+def test_lists_of_files(tmp_path: Path) -> None:
+    head = ("ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nDimSize = 5 4 3\n"
+            "ElementType = MET_SHORT\nElementDataFile = ")
+    for number in range(3):
+        (tmp_path / f"s{number}").write_bytes(VALUES[..., number].tobytes(order="F"))
+    for listed in ("LIST\ns0\ns1\ns2\n", "s%d 0 2 1\n"):
+        (tmp_path / "a.mhd").write_text(head + listed)
+        assert np.array_equal(isocodec.read(tmp_path / "a.mhd").values, VALUES)
+    (tmp_path / "a.mhd").write_text(head + "s%d 2 0 -1\n")
+    with pytest.raises(InputError, match="falling numbers"):  # ITK would leave the samples as memory was
+        isocodec.read(tmp_path / "a.mhd")
+
+
+def test_other_formats_are_not_tried(tmp_path: Path) -> None:
+    itk_file(tmp_path / "a.mha").rename(tmp_path / "a.nrrd")
+    with pytest.raises(InputError):
+        isocodec.read(tmp_path / "a.nrrd")
+
+
+def test_analyze_does_not_state_sides(tmp_path: Path) -> None:
+    import nibabel
+
+    nibabel.save(nibabel.Spm99AnalyzeImage(VALUES, np.diag([2.0, 3, 4, 1])), tmp_path / "a.img")
+    (tmp_path / "a.mat").unlink(missing_ok=True)
+    field = isocodec.read(tmp_path / "a.img")
+    assert np.array_equal(field.values, VALUES) and "left and right" in field.remarks[0]
+
+
+def test_a_singular_place_is_left_out(tmp_path: Path) -> None:
+    import nibabel
+
+    field = isocodec.read(nibabel.spatialimages.SpatialImage(VALUES, np.diag([1.0, 2, 0, 1])))
+    assert field.placement is None and "coordinates are ignored" in field.remarks[0]
+
+
+def test_one_volume_at_a_time(tmp_path: Path) -> None:
+    import tracemalloc
+
+    path = nifti(tmp_path / "a.nii.gz", np.zeros((48, 48, 48, 10), np.int16))
+    tracemalloc.start()
+    fields = isocodec.read(path, frames=True).fields
+    assert sum(not each.values.any() for each in fields) == 10
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 4 * 2 * 48**3 + (1 << 18)
+
+
+def test_a_series_by_the_command(tmp_path: Path) -> None:
+    """Frames of a file of four axes, with the time between them, and missing samples."""
+    from commands import fails, ok
+
+    every = np.stack([VALUES, VALUES + 1, VALUES * 2], -1).astype(np.float32)
+    every[2, 3, 1] = np.nan
+    path, out = nifti(tmp_path / "a.nii.gz", every), tmp_path / "a.iso"
+    ok("encode", path, "-o", out, "--isovalue", 50.5, "--frames", "--frame-interval", 2)
+    file = isocodec.open(out)
+    assert file.shape == (5, 4, 3) and file.metadata["frame_step"] == "1.5 s" and file.info.interval == 2
+    assert np.array_equal(file.valid(), ~np.isnan(every[..., 0]))
+    for frame in range(3):
+        assert np.array_equal(file.above(frame=frame) & file.valid(), every[..., frame] > 50.5)
+    ok("encode", path, "-o", out, "--isovalue", 50.5, "--frame", 1)
+    contour = isocodec.decode(out)
+    assert np.allclose(contour.placed, contour.points @ AFFINE[:3, :3].T + AFFINE[:3, 3])
+    assert "--frame 0 to 2" in fails(3, "encode", path, "-o", out, "--isovalue", 50.5)
