@@ -246,7 +246,7 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
     lines = ok("encode", "--help").splitlines()
     assert len(lines) <= 140 and max(map(len, lines)) <= 80
     headings = [line.split("(")[0].strip(" :") for line in lines[1:] if line.endswith(":") and not line.startswith(" ")]
-    assert headings == [heading for heading in HEADINGS if heading in headings] and len(headings) == 9
+    assert headings == [heading for heading in HEADINGS if heading in headings] and len(headings) == 8
 
 
 def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 OF_MAPS = ("map_interval", "offset", "index", "title", "size", "dpi", "dark", "no_relief")
 OF_STEPS = ("steps", "draw_mesh", "seen_from", "partial", "smooth")
-OF_FIELDS = ("metadata", "nodata", "key", "channel", "band", "bbox", "follow")
+OF_FIELDS = ("metadata", "nodata", "key", "band", "bbox")
 
 
 @dataclass(frozen=True, kw_only=True)

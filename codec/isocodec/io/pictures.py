@@ -92,6 +92,7 @@ def open_(path: Path, band: int | None = None, frame: int | None = None) -> Fiel
     OSError, InputError, OptionError, MissingExtraError
     """
     kind, suffix = FORMATS[path.suffix.lower()], path.suffix
+    library("PIL", extra="pictures", purpose=f"reading {suffix}")
     pillow = library("PIL.Image", extra="pictures", purpose=f"reading {suffix}")
     with reading("picture", "is it whole?") as said:
         with pillow.open(path, formats=[kind]) as checked:
