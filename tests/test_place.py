@@ -71,7 +71,7 @@ def test_geotiff_matrix(tmp_path: Path, raster: int, start: tuple[int, int]) -> 
     """x = 3 column + row + 50, y = 2 column - 4 row + 60, at corners of pixels or in their middles."""
     matrix = (3, 1, 0, 50, 2, -4, 0, 60, 0, 0, 0, 0, 0, 0, 0, 1)
     tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=[(34264, "d", 16, matrix), *keys(raster, 4326, 2048)])
-    place = read_place(tmp_path / "t.tif", 2)
+    place = read_place(tmp_path / "t.tif")
     assert place.matrix is not None and place.matrix.tolist() == [[1, 3, start[0]], [-4, 2, start[1]]]
     assert place.crs == "EPSG:4326"
 
@@ -92,7 +92,7 @@ def test_geotiff_matrix(tmp_path: Path, raster: int, start: tuple[int, int]) -> 
 )
 def test_geotiff_less_common(tmp_path: Path, tags: list[Any], crs: str | None) -> None:
     tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=tags)
-    place = read_place(tmp_path / "t.tif", 2)
+    place = read_place(tmp_path / "t.tif")
     assert place.matrix is not None and place.matrix.tolist() == [[0, 30, 500015], [-20, 0, 4e6 - 10]]
     assert place.crs == crs
     stated = tags[-1][0] == 34735 and tags[-1][2] > 1
@@ -115,7 +115,7 @@ def test_geotiff_that_says_nothing_of_use(tmp_path: Path, tags: list[Any]) -> No
     """The picture is encoded all the same, with a warning."""
     tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=tags + keys(1, 32631))
     with np.errstate(all="raise"):
-        place = read_place(tmp_path / "t.tif", 2)
+        place = read_place(tmp_path / "t.tif")
     assert place.matrix is None and place.crs is None and "ignored" in place.remark
     result = run("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 70)
     assert result.exit_code == 0 and "warning" in result.stderr and "ignored" in result.stderr
@@ -126,61 +126,9 @@ def test_geotiff_that_says_nothing_of_use(tmp_path: Path, tags: list[Any]) -> No
 
 def test_pictures_that_say_nothing(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "none.tif", HILL)
-    assert says_nothing(read_place(tmp_path / "none.tif", 2))
+    assert says_nothing(read_place(tmp_path / "none.tif"))
     tifffile.imwrite(tmp_path / "stack.tif", BALL, extratags=UTM, photometric="minisblack")
-    assert "stack" in read_place(tmp_path / "stack.tif", 3).remark
-
-
-def test_voxels_of_microscopes(tmp_path: Path) -> None:
-    """Sizes as OME and ImageJ have them, pixels a unit or units a pixel; x is the last axis."""
-    cells = BALL.astype(np.uint8)
-    imagej = {"axes": "ZYX", "spacing": 2.5, "unit": "um"}
-    tifffile.imwrite(tmp_path / "i.tif", cells, imagej=True, resolution=(4.0, 2.0), metadata=imagej)
-    sizes = {"PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2.5}
-    tifffile.imwrite(tmp_path / "o.ome.tif", cells, ome=True, metadata={"axes": "ZYX", **sizes})
-    for name in ("i.tif", "o.ome.tif"):
-        place = read_place(tmp_path / name, 3)
-        assert place.matrix is not None and not place.remark
-        assert place.matrix.tolist() == [[0, 0, 0.25, 0], [0, 0.5, 0, 0], [2.5, 0, 0, 0]]
-        frame = read_place(tmp_path / name, 2)
-        assert frame.matrix is not None and frame.matrix.tolist() == [[0, 0.25, 0], [0.5, 0, 0]]
-    tifffile.imwrite(tmp_path / "plain.tif", cells, imagej=True, metadata={"axes": "ZYX"})
-    assert says_nothing(read_place(tmp_path / "plain.tif", 3))
-
-
-@pytest.mark.parametrize(
-    "notes",
-    [
-        {"axes": "TYX", "PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5},
-        {"axes": "ZYX", "PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5},
-        {"axes": "ZYX", "PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 0.0},
-    ],
-)
-def test_voxels_that_are_not_known_need_a_spacing(tmp_path: Path, notes: dict[str, Any]) -> None:
-    tifffile.imwrite(tmp_path / "o.ome.tif", BALL.astype(np.uint8), ome=True, metadata=notes)
-    place = read_place(tmp_path / "o.ome.tif", 3)
-    assert place.matrix is None and "ignored" in place.remark
-
-
-def test_sizes_in_several_units(tmp_path: Path) -> None:
-    """They have no common scale unless all say the same one; a size without a unit is in micrometres."""
-    sizes = {"PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2.5}
-    for units, known in (
-        ({}, True),
-        ({"PhysicalSizeXUnit": "nm"}, False),
-        ({f"PhysicalSize{a}Unit": unit for a, unit in zip("XYZ", ("nm", "nm", "mm"), strict=True)}, False),
-        ({f"PhysicalSize{a}Unit": "nm" for a in "XYZ"}, True),
-        ({f"PhysicalSize{a}Unit": "µm" for a in "XZ"}, True),
-    ):
-        notes = {"axes": "ZYX", **sizes, **units}
-        tifffile.imwrite(tmp_path / "o.ome.tif", BALL.astype(np.uint8), ome=True, metadata=notes)
-        assert (read_place(tmp_path / "o.ome.tif", 3).matrix is not None) == known, units
-
-
-@pytest.mark.parametrize("text", [b"<OME", b"<OME/>", b"<OME><Pixels PhysicalSizeX='a'/></OME>"])
-def test_damaged_notes_of_a_microscope(tmp_path: Path, text: bytes) -> None:
-    tifffile.imwrite(tmp_path / "o.tif", BALL.astype(np.uint8), description=text + b"</OME>", photometric="minisblack")
-    assert says_nothing(read_place(tmp_path / "o.tif", 3))
+    assert "stack" in read_place(tmp_path / "stack.tif").remark
 
 
 @pytest.mark.parametrize("suffix", [".nrrd", ".mha"])
@@ -192,17 +140,17 @@ def test_volumes_of_itk(tmp_path: Path, suffix: str) -> None:
     image.SetDirection(nibabel.eulerangles.euler2mat(0.3, -0.2, 0.1).ravel())
     SimpleITK.WriteImage(image, tmp_path / f"v{suffix}")
     SimpleITK.WriteImage(image, tmp_path / "v.nii")
-    place, other = (read_place(tmp_path / name, 3) for name in (f"v{suffix}", "v.nii"))
+    place, other = (read_place(tmp_path / name) for name in (f"v{suffix}", "v.nii"))
     assert place.matrix is not None and other.matrix is not None
     assert np.allclose(place.matrix, other.matrix, rtol=0, atol=1e-5) and not place.remark
     assert place.crs == other.crs == "right-anterior-superior" and place.space == "RAS"
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(BALL), tmp_path / f"bare{suffix}")
-    assert np.array_equal(read_place(tmp_path / f"bare{suffix}", 3).matrix, np.diag([-1.0, -1, 1, 0])[:3])
+    assert np.array_equal(read_place(tmp_path / f"bare{suffix}").matrix, np.diag([-1.0, -1, 1, 0])[:3])
     SimpleITK.WriteImage(SimpleITK.JoinSeries([image, image]), tmp_path / f"series{suffix}")
-    again = read_place(tmp_path / f"series{suffix}", 3)
+    again = read_place(tmp_path / f"series{suffix}", frame=0)
     assert again.matrix is not None and np.allclose(again.matrix, place.matrix, rtol=0, atol=1e-5)
     SimpleITK.WriteImage(image[:, :, 3], tmp_path / f"slice{suffix}")
-    flat = read_place(tmp_path / f"slice{suffix}", 2)
+    flat = read_place(tmp_path / f"slice{suffix}")
     there = image[:, :, 3].TransformContinuousIndexToPhysicalPoint([3.0, 5.0])
     assert flat.space is None and not flat.remark and np.allclose(flat.place(np.array([[3.0, 5.0]])), there)
 
@@ -232,7 +180,7 @@ def test_scales_of_netcdf(tmp_path: Path) -> None:
     assert np.allclose(line, expected, rtol=0, atol=1e-5)
 
     heights = np.arange(12) * 100.0
-    place = read_place(netcdf(tmp_path / "v.nc", BALL, [heights, np.arange(13.0), 3 - np.arange(14.0)]), 3)
+    place = read_place(netcdf(tmp_path / "v.nc", BALL, [heights, np.arange(13.0), 3 - np.arange(14.0)]))
     assert place.matrix is not None
     assert place.matrix.tolist() == [[0, 0, -1, 3], [0, 1, 0, 0], [100, 0, 0, 0]]
 
@@ -242,9 +190,9 @@ def test_time_is_no_place(tmp_path: Path) -> None:
     path = netcdf(tmp_path / "t.nc", np.stack([HILL, HILL + 1]), [np.arange(2.0), np.arange(20.0), np.arange(30.0)])
     with h5py.File(path, "a") as file:
         file["axis0"].attrs["units"] = "hours since 2000-01-01"
-    assert "--frame" in read_place(path, 3).remark
-    assert read_place(path, 3).matrix.tolist() == [[0, 0, 1, 0], [0, 1, 0, 0], [1, 0, 0, 0]]
-    assert read_place(path, 2).matrix is not None
+    assert "--frame" in read_place(path).remark
+    assert read_place(path).matrix.tolist() == [[0, 0, 1, 0], [0, 1, 0, 0], [1, 0, 0, 0]]
+    assert read_place(path).matrix is not None
     ok("encode", path, "-o", tmp_path / "t.iso", "--isovalue", 70, "--frame", 1)
     data = (tmp_path / "t.iso").read_bytes()
     assert np.array_equal(
@@ -264,20 +212,6 @@ def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
     ok("encode", path, "-o", tmp_path / "none.iso", "--isovalue", 70, "--frames", "--no-placement")
     assert "placement" not in isocodec.open((tmp_path / "none.iso").read_bytes()).info.metadata
 
-    path = netcdf(tmp_path / "v.nc", BALL, [np.arange(12.0), np.arange(13.0), np.arange(14.0)])
-    for axis in (0, -3, 2):
-        said = run("encode", path, "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--frame-axis", axis)
-        assert said.exit_code == 0 and not said.stderr
-        assert "placement" in isocodec.open((tmp_path / "v.iso").read_bytes()).info.metadata
-
-    nibabel.save(nibabel.Nifti1Image(BALL, np.diag([2.0, 3.0, 4.0, 1.0])), tmp_path / "v.nii")
-    for axis in (0, 1):
-        said = run("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames",
-                   "--frame-axis", axis)
-        assert said.exit_code == 0 and "ignored" in said.stderr
-    ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--spacing", "3,4",
-       "--precision", 3)
-
 
 @pytest.mark.parametrize(
     ("scales", "words"),
@@ -289,7 +223,7 @@ def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
     ],
 )
 def test_scales_of_no_use(tmp_path: Path, scales: list[np.ndarray | None], words: str) -> None:
-    place = read_place(netcdf(tmp_path / "a.nc", HILL, scales), 2)
+    place = read_place(netcdf(tmp_path / "a.nc", HILL, scales))
     assert place.matrix is None and words in place.remark and bool(place.remark) == bool(words)
 
 
@@ -326,15 +260,15 @@ def test_nifti_that_says_less(tmp_path: Path) -> None:
     image = nibabel.Nifti1Image(BALL.astype(np.float32), None)
     image.header.set_zooms((0.5, 2.0, 3.0))
     nibabel.save(image, tmp_path / "sizes.nii")
-    place = read_place(tmp_path / "sizes.nii", 3)
+    place = read_place(tmp_path / "sizes.nii")
     assert np.array_equal(place.matrix, nibabel.load(tmp_path / "sizes.nii").affine[:3]) and not place.remark
     for unit in ("mm", "micron", "meter"):
         image.header.set_xyzt_units(unit)
         nibabel.save(image, tmp_path / "unit.nii")
-        assert read_place(tmp_path / "unit.nii", 3).unit == unit
+        assert read_place(tmp_path / "unit.nii").unit == unit
     image.header.set_xyzt_units("unknown")
     nibabel.save(nibabel.Nifti1Image(HILL.astype(np.float32)[..., None], np.eye(4)), tmp_path / "slice.nii")
-    place = read_place(tmp_path / "slice.nii", 2)
+    place = read_place(tmp_path / "slice.nii")
     assert place.in_space and np.array_equal(place.matrix, np.eye(4)[:3, [0, 1, 3]]) and not place.remark
     for name, wrong in (("flat", 0.0), ("nan", np.nan)):
         image.header["sform_code"] = 1
@@ -343,7 +277,7 @@ def test_nifti_that_says_less(tmp_path: Path) -> None:
         image.header["magic"], image.header["vox_offset"] = b"n+1", 352
         samples = BALL.astype(np.float32).tobytes("F")
         (tmp_path / f"{name}.nii").write_bytes(image.header.binaryblock + bytes(4) + samples)
-        place = read_place(tmp_path / f"{name}.nii", 3)
+        place = read_place(tmp_path / f"{name}.nii")
         assert place.matrix is None and "ignored" in place.remark
 
 

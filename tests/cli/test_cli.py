@@ -85,7 +85,7 @@ def test_encode_of_a_channel_and_of_a_key(tmp_path: Path, curve_data: bytes) -> 
     Image.fromarray(np.dstack([HILLS // 2, HILLS, HILLS])).save(tmp_path / "c.png")
     ok(
         "encode", tmp_path / "c.png", "-o", tmp_path / "c.iso", "--isovalue", 80.5, "--precision", "exact",
-        "--channel", 1,
+        "--band", 2,
     )
     np.savez(tmp_path / "k.npz", a=HILLS // 2, b=HILLS)
     ok("encode", tmp_path / "k.npz", "-o", tmp_path / "k.iso", "--isovalue", 80.5, "--precision", "exact", "--key", "b")
@@ -115,7 +115,7 @@ def test_contradictory_options(hills: Path, tmp_path: Path) -> None:
     ):
         assert named in fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
     for options in (
-        ["--precision", "-1"], ["--precision", "fine"], ["--profile", "nonsense"], ["--key", "a"], ["--channel", "0"],
+        ["--precision", "-1"], ["--precision", "fine"], ["--profile", "nonsense"], ["--key", "a"], ["--band", "1"],
     ):
         fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
     assert not out.exists()
@@ -159,8 +159,8 @@ def unreadable_fields(folder: Path) -> dict[str, Sequence[str]]:
         "strings.npy": ["strings"],
         "objects.npy": ["Python objects"],
         "complex.npy": ["complex"],
-        "several.npz": ["a (33, 41), b (33, 41)", "--key"],
-        "colour.png": ["3 channels", "--channel"],
+        "several.npz": ["2 arrays: a, b", "--key"],
+        "colour.png": ["3 channels", "--band"],
         "table.csv": ["columns"],
         "holes.npy": ["all samples are missing"],
         "scalar.npy": [],

@@ -94,7 +94,7 @@ def test_full_disk(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 VERBS: tuple[tuple[tuple[str, ...], str | None], ...] = (
     (("decode",), "out.npz"), (("decode", "--what", "above"), "out.npy"), (("info",), None),
-    (("edit", "--layers", "1"), "out.iso"), (("plot",), "out.png"), (("plot", "--map", "--kind", "iso"), "out.png"),
+    (("edit", "--layers", "1"), "out.iso"), (("plot",), "out.png"),
 )
 
 
@@ -248,7 +248,7 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
     lines = ok("encode", "--help").splitlines()
     assert len(lines) <= 140 and max(map(len, lines)) <= 80
     headings = [line.split("(")[0].strip(" :") for line in lines[1:] if line.endswith(":") and not line.startswith(" ")]
-    assert headings == [heading for heading in HEADINGS if heading in headings] and len(headings) == 9
+    assert headings == [heading for heading in HEADINGS if heading in headings] and len(headings) == 8
 
 
 def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:

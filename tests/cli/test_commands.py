@@ -44,7 +44,7 @@ VALUES = {
     "within": "2", "what": "mesh", "side": "below", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
     "steps": "2", "index": "2", "title": "t", "dpi": "50", "seen_from": "top", "map_interval": "20", "offset": "1",
     "limit_memory": "900M", "limit_work": "100000000", "limit_samples": "100000", "mesh": "known.npz", "kind": "iso",
-    "key": "a", "channel": "0", "classes": "2", "nodata": "1", "metadata": "a=b",
+    "key": "a", "nodata": "1", "metadata": "a=b",
     "decimals": "3", "higher_on": "right", "layer": "a", "attribute": "a",
     "slice_tolerance": "1", "band": "1", "bbox": "0,0,9,9",
 }

@@ -55,8 +55,6 @@ def test_urls(tmp_path: Path) -> None:
     ok("encode", f"file://{tmp_path}/hills.npy", "-o", tmp_path / "a.iso", "--isovalue", 80.5)
     ok("decode", f"file://{tmp_path}/a.iso", "-o", tmp_path / "a.svg")
     assert "no-such" in fails(3, "encode", f"file://{tmp_path}/no-such.npy", "-o", tmp_path / "b.iso", "--isovalue", 1)
-    assert "--kind is for" in fails(2, "encode", tmp_path / "hills.npy", "-o", tmp_path / "b.iso", "--isovalue", 1,
-                                    "--kind", "npy")
 
 
 @pytest.mark.skipif(shutil.which("file") is None, reason="file(1) is not installed")

@@ -42,11 +42,11 @@ program.main()
 SLOW_READER = """
 import pathlib, sys, time
 import isocodec.__main__ as program
-import isocodec.io.readers.load as reader
+import isocodec.io.opener as reader
 def slow(path, *_, **__):
     pathlib.Path(path).with_name("reading").touch()
     time.sleep(60)
-reader.open_file = slow
+reader._of_path = slow
 program.main()
 """
 

@@ -10,7 +10,8 @@ import pytest
 import isocodec
 from commands import fails, ok
 from inputs import read_field, read_place
-from isocodec.errors import InputError, LimitError, OptionError
+from isocodec.api.inputs import Choice, windowed
+from isocodec.errors import InputError, OptionError
 from libraries import Late
 from places import matrix
 
@@ -76,8 +77,6 @@ def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
     assert np.array_equal(read_field(path, frame=1), values[1])
     with pytest.raises(OptionError, match="no frame 2"):
         read_field(path, frame=2)
-    with pytest.raises(LimitError, match="1,200 samples"):
-        read_field(path, samples=1199)
     ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
     assert np.array_equal(isocodec.open(tmp_path / "a.iso").above(), values[1] > 70)
     ok("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 70, "--tile", 128)
@@ -147,19 +146,15 @@ def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:
     group.create_array("z", shape=(size, size), chunks=(1000, 1000), dtype="float32", dimension_names=("y", "x"))
     for name, start, step in [("y", 9e6, -30.0), ("x", 4e5, 30.0)]:
         group.create_array(name, data=start + step * np.arange(size), dimension_names=(name,))
-    place = read_place(path, 2)
-    assert place.matrix is not None and place.matrix.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
-    with pytest.raises(LimitError):
-        read_field(path)
+    place = windowed(path, Choice()).placement
+    assert place is not None and place.matrix is not None and place.matrix.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
 
 
 def test_labelled_files_that_leave_a_choice(tmp_path: Path) -> None:
     xarray.Dataset({"a": grid()[0], "b": grid()[1].drop_vars("time")}).to_netcdf(tmp_path / "two.nc", engine="scipy")
-    with pytest.raises(InputError, match=r"a \(20, 30\), b \(20, 30\): choose one with --key"):
+    with pytest.raises(InputError, match=r"a, b: choose one with --key"):
         read_field(tmp_path / "two.nc")
     assert np.array_equal(read_field(tmp_path / "two.nc", key="b"), grid().values[1], equal_nan=True)
-    with pytest.raises(LimitError, match="600 samples"):
-        read_field(tmp_path / "two.nc", key="b", samples=599)
     with pytest.raises(OptionError, match="no frame 2"):
         grid().to_dataset().to_netcdf(tmp_path / "series.nc", engine="scipy")
         read_field(tmp_path / "series.nc", frame=2)
@@ -170,30 +165,6 @@ def test_labelled_files_that_leave_a_choice(tmp_path: Path) -> None:
     (tmp_path / "none.zarr").mkdir()
     with pytest.raises(InputError):
         read_field(tmp_path / "none.zarr")
-
-
-def test_grib(tmp_path: Path) -> None:
-    """Written with eccodes, without an index left beside it; left out without the extra ``grib``."""
-    eccodes = pytest.importorskip("eccodes")
-    message = eccodes.codes_grib_new_from_samples("regular_ll_sfc_grib2")
-    for key, value in {"Ni": 30, "Nj": 20, "latitudeOfFirstGridPointInDegrees": 60.0,
-                       "jDirectionIncrementInDegrees": 0.5, "latitudeOfLastGridPointInDegrees": 50.5,
-                       "longitudeOfFirstGridPointInDegrees": 5.0,
-                       "longitudeOfLastGridPointInDegrees": 12.25, "iDirectionIncrementInDegrees": 0.25,
-                       "bitsPerValue": 24}.items():
-        eccodes.codes_set(message, key, value)
-    eccodes.codes_set_values(message, HILL.ravel())
-    with (tmp_path / "a.grib2").open("wb") as file:
-        eccodes.codes_write(message, file)
-    eccodes.codes_release(message)
-    field = isocodec.read(tmp_path / "a.grib2")
-    assert np.abs(field.values - HILL).max() < 1e-4
-    assert field.placement is not None and np.allclose(field.placement.matrix, [[0, 0.25, 5], [-0.5, 0, 60]])
-    assert field.crs == "EPSG:4326"
-    assert [path.name for path in tmp_path.iterdir()] == ["a.grib2"]
-    (tmp_path / "b.grib").write_bytes(b"whatever")
-    with pytest.raises(InputError):
-        read_field(tmp_path / "b.grib")
 
 
 # ---- DICOM ----------------------------------------------------------------------------------------------------------
@@ -239,14 +210,13 @@ def test_dicom_series(tmp_path: Path) -> None:
     assert np.array_equal(isocodec.open(tmp_path / "ct.iso").above(), volume > 650.5)
     one = read_field(tmp_path / "ct" / "000-1.2.3.dcm")
     assert np.array_equal(one, volume[:, :, 0])
-    assert read_place(tmp_path / "ct" / "000-1.2.3.dcm", 2).in_space
+    assert read_place(tmp_path / "ct" / "000-1.2.3.dcm").in_space
 
 
 def test_dicom_that_leaves_a_choice_or_is_damaged(tmp_path: Path) -> None:
     slices(tmp_path / "two", 3)
     volume = slices(tmp_path / "two", 4, "1.2.4")
-    listed = r"\(CT, 3 slices, 1\.2\.3\); \(CT, 4 slices, 1\.2\.4\)"
-    with pytest.raises(InputError, match=f"2 series: {listed}: choose one with --key"):
+    with pytest.raises(InputError, match=r"2 series: .*choose one with --key"):
         read_field(tmp_path / "two")
     assert np.array_equal(read_field(tmp_path / "two", key="1.2.4"), volume)
     with pytest.raises(InputError, match="no series 'x'"):
@@ -255,8 +225,6 @@ def test_dicom_that_leaves_a_choice_or_is_damaged(tmp_path: Path) -> None:
     next(p for p in (tmp_path / "gap").iterdir() if pydicom.dcmread(p).InstanceNumber == 3).unlink()
     with pytest.raises(InputError, match="a gap: 6 mm between slices 1 and 2"):
         read_field(tmp_path / "gap")
-    with pytest.raises(LimitError):
-        read_field(tmp_path / "two", key="1.2.4", samples=100)
     (tmp_path / "a.dcm").write_bytes(bytes(128) + b"DICM" + b"\0" * 50)
     with pytest.raises(InputError):
         read_field(tmp_path / "a.dcm")
@@ -301,13 +269,11 @@ def test_vti(tmp_path: Path, mode: str) -> None:
 
 def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     image(tmp_path / "two.vti", HILL, "a", "b")
-    with pytest.raises(InputError, match="holds 2 arrays: a; b: choose one with --key"):
+    with pytest.raises(InputError, match=r"holds 2 .*a.*b.*choose one with --key"):
         read_field(tmp_path / "two.vti")
     assert np.array_equal(read_field(tmp_path / "two.vti", key="b"), HILL)
-    placement = read_place(tmp_path / "two.vti", 2, "b").matrix
+    placement = read_place(tmp_path / "two.vti", key="b").matrix
     assert placement is not None and np.allclose(placement[:2], [[0, -2, 10], [0.5, 0, 21]])
-    with pytest.raises(LimitError):
-        read_field(tmp_path / "two.vti", key="a", samples=100)
     image(tmp_path / "none.vti", HILL)
     with pytest.raises(InputError, match="no values at its points"):
         read_field(tmp_path / "none.vti")

@@ -128,7 +128,7 @@ def test_periodic_axis_by_option(tmp_path: Path) -> None:
 def test_what_files_say(tmp_path: Path) -> None:
     """Even steps stay a placement; coordinates that have nothing to do with the field are left out."""
     units = {"lat": (SOUTH, "degrees_north"), "lon": (EAST / 2, "degrees_east")}
-    place = read_place(netcdf(tmp_path / "a.nc", WAVES, units, True), 2, "f")
+    place = read_place(netcdf(tmp_path / "a.nc", WAVES, units, True), key="f")
     assert place.matrix is not None and place.coordinates is None
     np.savez(tmp_path / "b.npz", values=WAVES, lon=EAST, lat=SOUTH[:5])
     contour, said = encoded(tmp_path / "b.npz", 0.9)

@@ -12,7 +12,7 @@ from brute import examples
 from commands import fails, ok
 from explicit_meshes import crossings
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
-from isocodec.io.readers.input_formats import read_mesh
+from isocodec.io.opener import Choice, load
 from libraries import Late
 from tables import looped
 
@@ -135,16 +135,16 @@ def test_tables(tmp_path):
     np.savetxt(tmp_path / "named.csv", rows, delimiter=";", header="depth; Lat; lon", comments="")
     np.savetxt(tmp_path / "bare.xyz", np.column_stack([points, values]))
     for name, key in (("named.csv", "depth"), ("bare.xyz", "z")):
-        found = read_mesh(tmp_path / name)
-        assert np.array_equal(found.points, points) and np.array_equal(found.values_named(key), values)
+        found = load(tmp_path / name, Choice(key))
+        assert np.array_equal(found.points, points) and np.array_equal(found.values, values)
     (tmp_path / "short.csv").write_text("x,y\n1,2\n")
     (tmp_path / "words.csv").write_text("x,y,z\n1,2,high\n")
     (tmp_path / "none.csv").write_text("")
     for name in ("short.csv", "words.csv", "none.csv"):
         with pytest.raises(InputError):
-            read_mesh(tmp_path / name)
-    with pytest.raises(OptionError, match="depth"):
-        read_mesh(tmp_path / "named.csv").values_named("z")
+            load(tmp_path / name, Choice())
+    with pytest.raises(InputError, match="depth"):
+        load(tmp_path / "named.csv", Choice("z"))
 
 
 def test_clouds_and_layers(tmp_path):
@@ -156,15 +156,15 @@ def test_clouds_and_layers(tmp_path):
     cloud = laspy.LasData(header)
     cloud.x, cloud.y, cloud.z, cloud.intensity = points[:, 0], points[:, 1], values, values + 7
     cloud.write(tmp_path / "cloud.las")
-    found = read_mesh(tmp_path / "cloud.las")
-    assert np.array_equal(found.points, points) and np.array_equal(found.values_named("z"), values)
-    assert np.array_equal(found.values_named("intensity"), values + 7)
+    found = load(tmp_path / "cloud.las", Choice())
+    assert np.array_equal(found.points, points) and np.array_equal(found.values, values)
+    assert np.array_equal(load(tmp_path / "cloud.las", Choice("intensity")).values, values + 7)
     table = geopandas.GeoDataFrame({"depth": values}, geometry=geopandas.points_from_xy(*points.T), crs="EPSG:32633")
     table.to_file(tmp_path / "layer.gpkg")
-    assert np.array_equal(read_mesh(tmp_path / "layer.gpkg").values_named("depth"), values)
+    assert np.array_equal(load(tmp_path / "layer.gpkg", Choice()).values, values)
     table.buffer(1).to_file(tmp_path / "areas.gpkg")
     with pytest.raises(InputError, match="Polygon"):
-        read_mesh(tmp_path / "areas.gpkg")
+        load(tmp_path / "areas.gpkg", Choice())
 
 
 def test_commands(tmp_path):
@@ -174,5 +174,5 @@ def test_commands(tmp_path):
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson")
     ok("thin", tmp_path / "a.csv", "-o", tmp_path / "b.npz", "--points", 20, "--key", "depth")
     assert len(np.load(tmp_path / "b.npz")["points"]) == 20
-    line = fails(2, "encode", tmp_path / "a.csv", "-o", tmp_path / "x.iso", "--values", "z", "--isovalue", 20.5)
+    line = fails(3, "encode", tmp_path / "a.csv", "-o", tmp_path / "x.iso", "--values", "z", "--isovalue", 20.5)
     assert "depth" in line and not (tmp_path / "x.iso").exists()

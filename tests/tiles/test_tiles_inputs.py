@@ -128,7 +128,7 @@ INPUTS: dict[str, tuple[Callable[[Path], Path], str, list[object]]] = {
     "netcdf, a box": (dataset, ".nc", ["--bbox", "6,51,15,58"]),
     "zarr": (lambda p: dataset(p, zarr=True), ".zarr", []),
     "nifti": (volume, ".nii", []),
-    "picture": (picture, ".png", ["--channel", 1]),
+    "picture": (picture, ".png", ["--band", 2]),
 }
 
 

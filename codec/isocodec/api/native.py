@@ -43,7 +43,7 @@ def native(what: Any) -> Any:
 
 def described(what: Any) -> bool:
     """Whether this is an object of another library that states more than an array does."""
-    if isinstance(what, _OWN) or isinstance(what, list | tuple) or type(what).__module__.startswith("isocodec."):
+    if isinstance(what, (*_OWN, list, tuple)) or type(what).__module__.startswith("isocodec."):
         return False
     from ..io.opener import is_described
 

@@ -27,7 +27,7 @@ from .option_records import (
 from .report import concerning, named, one_warning, progress_bar, timed_result, warn, write_output
 
 OF_MAPS, OF_STEPS = ("map_interval", "title", "size"), ("steps", "draw_mesh", "seen_from")
-OF_FIELDS = ("map_interval", "metadata", "nodata", "key", "channel", "band", "bbox", "follow")
+OF_FIELDS = ("map_interval", "metadata", "nodata", "key", "band", "bbox")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ class PlotArguments(Writing, Opening, Reading):
     @property
     def coded(self) -> bool:
         """Whether INPUT is an .iso file."""
-        return not self.map or (self.kind or self.source.rpartition(".")[2]).lstrip(".").lower() == "iso"
+        return not self.map or self.source.lower().endswith(".iso")
 
     def check(self) -> None:
         """Refuse options that cannot be combined.

@@ -373,7 +373,7 @@ class Contour:
         MissingExtraError
             If xarray is not installed.
         """
-        xarray = optional("xarray", extra="xarray", purpose="making a Dataset")
+        xarray = optional("xarray", extra="labelled", purpose="making a Dataset")
         columns = {name: ("point", column) for name, column in zip("xyz", self.placed.T, strict=False)}
         about = {"isovalue": float(self.isovalue), "shape": list(self.shape), "complete": int(self.complete)}
         return xarray.Dataset(

@@ -15,7 +15,7 @@ from ..field.placement import CRS, PLACEMENT, Placement
 from ..field.sampled import Field
 from .libraries import choose, reading
 from .placing import along_axes, at_nodes
-from .series import Series, check_frame
+from .series import Series, check_frame, placed_field
 
 VALUES = "values"
 """Name of the array that is taken if there are several and no key is given."""
@@ -79,12 +79,12 @@ def of_array(
         check_frame(frame, len(values) if values.ndim > 2 else 0)
         values = values[frame]
     if not frames:
-        return Field(values, None, placement, **more)
+        return placed_field(values, None, placement, **more)
     if values.ndim not in (3, 4):
         raise OptionError(f"--frames makes a series of an array of three or four axes; the data have {values.ndim}",
                           code="frame")
     remarks = more.get("remarks", ())
-    return Frames(Series(len(values), lambda at: Field(values[at], None, placement, **more), whole, remarks))
+    return Frames(Series(len(values), lambda at: placed_field(values[at], None, placement, **more), whole, remarks))
 
 
 def open_(path: str, key: str | None = None, frame: int | None = None, frames: bool = False) -> Field | Frames | Mesh:
@@ -106,7 +106,8 @@ def open_(path: str, key: str | None = None, frame: int | None = None, frames: b
         if not hasattr(found, "files"):
             if key is not None:
                 raise OptionError("a key names an array of an .npz file; this is a single array", code="key")
-            return of_array(found if found.dtype.isnative and found.dtype.kind != "b" else numbers(found), frame, frames)
+            plain = found.dtype.isnative and found.dtype.kind != "b"
+            return of_array(found if plain else numbers(found), frame, frames)
         with found:
             if {"points", "cells"} <= {*found.files}:
                 return _mesh(found, key, frame)

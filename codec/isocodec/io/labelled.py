@@ -23,7 +23,7 @@ from .arrays import VALUES, check_kind
 from .conventions import _is_mapping, is_globe, is_time, located
 from .libraries import choose, library, reading
 from .packing import Packing, restored
-from .series import Series, check_frame, unjoined
+from .series import Series, check_frame, placed_field, unjoined
 from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
 
 SUFFIXES = (*HDF5, *ZARR)
@@ -209,9 +209,8 @@ def _field(array: Any, nodata: float | None, lazy: bool, drop: bool = True) -> F
 def _described(array: Any, values: Any, place: Placement) -> Field:
     unit, name = array.attrs.get("units"), array.name or array.attrs.get("long_name")
     packing = Packing.of(array.dtype, array.attrs)
-    remarks = (*((place.remark,) if place.remark else ()), *packing.remarks)
-    return Field(values, None, place if place.placed else None, crs=place.crs, unit=one_line(str(unit)) if unit else None,
-                 name=one_line(str(name)) if name else None, notes=_notes(array), remarks=remarks)
+    return placed_field(values, None, place, packing.remarks, crs=place.crs, unit=one_line(str(unit)) if unit else None,
+                        name=one_line(str(name)) if name else None, notes=_notes(array))
 
 
 def _notes(array: Any) -> dict[str, str]:
@@ -237,7 +236,8 @@ def _array(arrays: Arrays, key: str | None, dataset: Any = None) -> tuple[Any, t
                          remedy="open it with xugrid, and give an isocodec.Mesh")
     folders = {name: name.rpartition("/")[0] for name in map(str, every)}
     aside = {_visible(word, folders[name], every) for name, one in every.items() for word in _words(one)}
-    aside |= {name for name, one in every.items() if is_globe(name.rpartition("/")[2], one.attrs) or one.dims == (name,)}
+    aside |= {name for name, one in every.items()
+              if is_globe(name.rpartition("/")[2], one.attrs) or one.dims == (name,)}
     fields = [name for name, one in every.items()
               if name not in aside and sum(size > 1 for size in one.shape) > 1] + [*arrays.away]
     if key is None:

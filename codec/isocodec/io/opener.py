@@ -122,7 +122,7 @@ def read(
     UserWarning
         Of what the source states and a field cannot keep; also in ``Field.remarks``.
     """
-    found = load(source, Choice(key, band, frame, frames, bbox, nodata))
+    found = load(source, Choice(key, band, frame, frames, bbox, None if nodata is None else float(nodata)))
     for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):
         warnings.warn(remark, stacklevel=2)
     return found
@@ -135,7 +135,7 @@ def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
     """
     if choice.band is not None and choice.band < 1:
         raise OptionError("bands are counted from 1", code="channel")
-    if is_url(source) or is_file(source):
+    if is_url(source) or (is_file(source) and not raster.is_raster(source)):
         name = source if isinstance(source, str) else getattr(source, "name", "")
         with ExitStack() as held, _about(name if isinstance(name, str) else ""):
             path = held.enter_context(local(source, _recognised))
@@ -218,6 +218,12 @@ def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
     def ends(*suffixes: str) -> bool:
         return name.endswith(suffixes)
 
+    def only(*names: str) -> None:
+        """Refuse what is chosen of other kinds of files."""
+        for option in ("key", "band", "frame", "frames"):
+            if option not in names and getattr(choice, option) not in (None, False):
+                raise OptionError(f"{option} does not apply to {plain(at.suffix) or 'this'}", code=option)
+
     found: Found
     if ends(*GRIB):
         raise InputError("is GRIB, of which libraries turn rows over in some scanning modes", code="grib",
@@ -235,16 +241,21 @@ def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
     elif ends(*VTK):
         from . import vtk
 
+        only("key", "frame", "frames")
         found = vtk.open_(at, key, frame, frames)
     elif ends(*NUMPY):
+        only("key", "frame", "frames")
         found = arrays.open_(path, key, frame, frames)
     elif ends(*pictures.FORMATS):
+        only("band", "frame")
         found = pictures.open_(at, band, frame)
     elif ends(*raster.TIFF):
         found = pictures.open_tiff(path, key, band, frame, frames, choice.nodata)
     elif ends(*points.SUFFIXES) and not (ends(".gpkg") and points.holds_raster(path)):
+        only("key")
         found = points.open_(path, key)
     elif ends(*raster.DRIVERS):
+        only("key", "band")
         found = raster.of_dataset(raster.open_(path, key), band, choice.nodata)
     else:
         found = _tried(path, choice)

@@ -98,6 +98,8 @@ class Packing(NamedTuple):
             gone |= raw == marker
         if marked:
             gone |= beyond(values if self.of_samples else raw, self.ends)
+        if values.dtype.kind == "f" and not self.plain:
+            values[gone] = np.nan
         return values, gone if gone.any() else None
 
 

@@ -19,7 +19,7 @@ from ..field.sampled import Field
 from . import raster
 from .arrays import numbers, of_array
 from .libraries import library, reading
-from .series import check_frame
+from .series import check_frame, placed_field
 
 FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".gif": "GIF", ".pgm": "PPM", ".ppm": "PPM",
            ".webp": "WEBP"}
@@ -67,10 +67,15 @@ def of_picture(image: Any, band: int | None = None, frame: int | None = None, tu
         raise InputError("is a colour picture of 16 bits per channel, of which Pillow keeps 8", code="depth",
                          remedy="save it as 16-bit grey, or as TIFF")
     channel = _channel(len(bands), 1 if mode == "LA" and band is None else band)
+    # of grey below 8 bits the transparent shade is one of the file, not of the samples, which are stretched
+    raw = str(image.tile[0][3]) if mode == "L" and getattr(image, "tile", ()) else ""
+    stretch = {"L;1": 255, "L;2": 85, "L;4": 17}.get(raw, 1)
     with reading("picture", "is it whole?"):
+        image.load()
+        # loading has turned a TIFF
+        orientation = image.getexif().get(_ORIENTATION) if turn and image.format != "TIFF" else 1
         stored = np.asarray(image)
-        orientation = image.getexif().get(_ORIENTATION) if turn else 1
-    gone = _transparent(image, stored, channel)
+    gone = _transparent(image, stored, channel, stretch)
     values = stored if stored.ndim == 2 else stored[..., channel]
     if mode == "I" and image.format == "PNG":  # 32 bits are what older versions make of 16-bit grey
         values = values.astype(np.uint16)
@@ -87,6 +92,7 @@ def open_(path: Path, band: int | None = None, frame: int | None = None) -> Fiel
     OSError, InputError, OptionError, MissingExtraError
     """
     kind, suffix = FORMATS[path.suffix.lower()], path.suffix
+    library("PIL", extra="pictures", purpose=f"reading {suffix}")
     pillow = library("PIL.Image", extra="pictures", purpose=f"reading {suffix}")
     with reading("picture", "is it whole?") as said:
         with pillow.open(path, formats=[kind]) as checked:
@@ -100,7 +106,7 @@ def open_(path: Path, band: int | None = None, frame: int | None = None) -> Fiel
             said += [remark] if remark else []
     with image:
         found = of_picture(image, band, frame, where is None)
-    return replace(found, placement=where, remarks=(*found.remarks, *said))
+    return placed_field(found.values, found.mask, where, (*found.remarks, *said))
 
 
 def open_tiff(
@@ -231,16 +237,13 @@ def _channel(count: int, band: int | None) -> int:
     return (band or 1) - 1
 
 
-def _transparent(image: Any, stored: NDArray[Any], channel: int) -> NDArray[np.bool_]:
+def _transparent(image: Any, stored: NDArray[Any], channel: int, stretch: int) -> NDArray[np.bool_]:
     """Find the samples that cannot be seen at all, unless alpha itself is read: (rows, columns) bool."""
     bands, clear = image.getbands(), image.info.get("transparency")
     if bands[-1] == "A":
         return np.asarray(stored[..., -1] == 0) if channel < len(bands) - 1 else np.zeros(stored.shape[:2], np.bool_)
     if clear is None or image.mode == "P":  # indices are known
         return np.zeros(stored.shape[:2], np.bool_)
-    # of grey below 8 bits the transparent shade is one of the file, not of the samples, which are stretched
-    raw = str(image.tile[0][3]) if image.mode == "L" and getattr(image, "tile", ()) else ""
-    stretch = {"L;1": 255, "L;2": 85, "L;4": 17}.get(raw, 1)
     clear = bool(clear) if stored.dtype.kind == "b" else np.multiply(clear, stretch)
     return np.asarray((stored == clear).reshape(*stored.shape[:2], -1).all(-1))
 

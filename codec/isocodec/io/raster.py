@@ -16,6 +16,7 @@ from ..field.reference_system import crs_text
 from ..field.sampled import Field
 from ..limits import patience
 from .libraries import choose, library, reading
+from .series import placed_field
 
 TIFF = (".tif", ".tiff")
 DRIVERS: dict[str, tuple[str, ...]] = {
@@ -71,7 +72,8 @@ def open_(path: str, key: str | None = None, drivers: Sequence[str] | None = Non
     with _gdal(path.startswith("/vsi")) as rasterio:
         if known is None:
             known = sorted({*rasterio.drivers.raster_driver_extensions().values()} - _NAMING | {"ENVI", "EHdr"})
-        file = rasterio.open(path, driver=list(known))
+        # rasterio.open takes one driver alone
+        file = rasterio.io.DatasetReader(path, driver=[*known])
         # GTIFF_DIR:1:path, GPKG:path:table
         names = {each.split(":")[1 if file.driver == "GTiff" else -1]: each for each in file.subdatasets}
         names = names or ({"1": path} if file.driver == "GTiff" else {})
@@ -154,8 +156,8 @@ def of_dataset(dataset: Any, band: int | None = None, nodata: float | None = Non
     with _gdal():
         where, remark = place_of(dataset)
     at = samples.band - 1
-    return Field(samples, None, where, name=dataset.descriptions[at], unit=dataset.units[at],
-                 remarks=(remark,) if remark else ())
+    return placed_field(samples, None, where, [remark] if remark else [], name=dataset.descriptions[at],
+                        unit=dataset.units[at])
 
 
 def place_of(dataset: Any) -> tuple[Placement | None, str]:

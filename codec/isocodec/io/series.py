@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 from ..errors import OptionError
 from ..field.placement import Placement
@@ -44,6 +45,18 @@ def check_frame(frame: int, count: int) -> None:
     if not 0 <= frame < count:
         there = f"the series has {count}, counted from 0" if count else "this is not a series"
         raise OptionError(f"there is no frame {frame}: {there}", code="frame")
+
+
+def placed_field(
+    values: Any, mask: Any = None, place: Placement | None = None, remarks: Sequence[str] = (), **more: Any
+) -> Field:
+    """A field with what its placement remarks on; a placement that cannot be one becomes a remark."""
+    said = (*remarks, *([place.remark] if place is not None and place.remark else []))
+    try:
+        return Field(values, mask, place if place is not None and place.placed else None, remarks=said, **more)
+    except OptionError as error:
+        more.pop("crs", None)
+        return Field(values, mask, remarks=(*said, f"its coordinates are ignored: {error.message}"), **more)
 
 
 def unjoined(placement: Placement | None) -> tuple[Placement | None, tuple[str, ...]]:

@@ -57,12 +57,14 @@ def arrays_of(path: Path) -> Iterator[Arrays]:
         yield _zarr(path)
         return
     with path.open("rb") as file:
-        classic = file.read(4) in CLASSIC
-    if classic:
+        start = file.read(4)
+    if start in CLASSIC:
         xarray = library("xarray", extra="labelled", purpose="reading netCDF")
-        library("netCDF4", extra="labelled", purpose="reading netCDF of the classic kind")
+        # netCDF4 fills up files that are cut short, scipy does not know the fifth kind
+        engine = ("netCDF4", "netcdf4") if start == CLASSIC[-1] else ("scipy.io", "scipy")
+        library(engine[0], extra="labelled", purpose="reading netCDF of the classic kind")
         with reading("netCDF file", "ncdump -h shows what it holds"):
-            file = xarray.open_dataset(path, engine="netcdf4", decode_cf=False, cache=False)
+            file = xarray.open_dataset(path, engine=engine[1], decode_cf=False, cache=False)
         with file:
             yield Arrays({str(name): one for name, one in file.variables.items()}, {"": file.attrs}, netcdf=True)
         return
