@@ -25,12 +25,12 @@ import tifffile
 import trimesh
 import vtk
 import xarray
+from isocodec.io.writers.registry import table
 from scipy.spatial import KDTree
 from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 import isocodec
 from commands import BALL, HILLS, ok
-from isocodec.io.writers.registry import table
 from written import Y_UP
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")

@@ -15,14 +15,14 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
+from isocodec.io.writers.registry import OUTPUTS
+from isocodec.io.writers.write import write
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.field.placement import Placement
 from isocodec.io.writers.output_formats import COLUMNS, OutputOptions
-from isocodec.io.writers.registry import OUTPUTS
 from isocodec.io.writers.things import Areas
-from isocodec.io.writers.write import write
 
 UTM = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
 

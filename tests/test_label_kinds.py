@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from isocodec.io.writers.registry import OUTPUTS
 from numpy.typing import NDArray
 
 import isocodec
@@ -34,7 +35,6 @@ from isocodec.drawing.pictures import picture
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
-from isocodec.io.writers.registry import OUTPUTS
 
 LABELS = (3, -2, 300)
 KINDS = {"one": LABELS[:1], "several": LABELS, "series": LABELS}

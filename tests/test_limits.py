@@ -11,6 +11,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from isocodec.io.writers.registry import find
 
 import isocodec
 from brute import INTERPRETED
@@ -21,7 +22,6 @@ from isocodec import limits as module
 from isocodec.entropy import run
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
-from isocodec.io.writers.registry import find
 from isocodec.io.writers.things import Areas, thing_of
 from isocodec.limits import Budget, in_units
 from isocodec.stream.inspect import inspect

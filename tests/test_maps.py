@@ -17,6 +17,7 @@ import pytest
 import shapely
 import trimesh
 import vtk
+from isocodec.io.writers.write import write
 from lxml import etree
 from shapely.geometry import shape as shape_of
 from vtk.util.numpy_support import vtk_to_numpy
@@ -25,7 +26,6 @@ import isocodec
 from commands import BALL as SHELL
 from commands import HILLS, fails, ok, run
 from isocodec.errors import OptionError
-from isocodec.io.writers.write import write
 from written import Y_UP, rendered
 
 BALL = int(SHELL.max()) - SHELL

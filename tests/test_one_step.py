@@ -16,6 +16,7 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
+from isocodec.io.writers.registry import OUTPUTS
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
@@ -26,7 +27,6 @@ from isocodec.drawing.contour import Contour
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.io.writers.output_formats import OutputOptions
-from isocodec.io.writers.registry import OUTPUTS
 
 ROWS, COLUMNS = np.mgrid[:33, :41]
 HOLES = np.zeros(HILLS.shape, bool)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import shapely.geometry
 import trimesh
+from isocodec.io.writers.write import check, write
 from PIL import Image
 
 from files import same
@@ -23,7 +24,6 @@ from isocodec.drawing.pictures.shading import Solid, shade
 from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.errors import MissingExtraError, OptionError
 from isocodec.io.writers.things import Thing
-from isocodec.io.writers.write import check, write
 from isocodec.storage.atomic import check_target, write_bytes
 from written import rendered
 

@@ -23,6 +23,8 @@ import shapely
 import SimpleITK
 import trimesh
 import vtk
+from isocodec.io.writers.registry import OUTPUTS, SUFFIXES, find, suffixes_of
+from isocodec.io.writers.write import render, write
 from PIL import Image
 from vtk.util.numpy_support import vtk_to_numpy
 
@@ -34,9 +36,7 @@ from isocodec.field.placement import Placement
 from isocodec.io import writers
 from isocodec.io.writers import registry
 from isocodec.io.writers.output_formats import Output, OutputOptions
-from isocodec.io.writers.registry import OUTPUTS, SUFFIXES, find, suffixes_of
 from isocodec.io.writers.things import Areas, Picture, Pyramid, SampleMask, thing_of
-from isocodec.io.writers.write import render, write
 from isocodec.tin.tin import Tin
 
 pmtiles_reader = pytest.importorskip("pmtiles.reader")

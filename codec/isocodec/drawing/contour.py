@@ -368,7 +368,7 @@ class Contour:
         else:
             mesh = pyvista.PolyData(points, faces=np.insert(whole.placed_cells, 0, 3, axis=1).ravel())
             if len(points):
-                mesh.point_data["Normals"] = whole.normals
+                mesh.point_data.active_normals = whole.normals
         if self.placement is not None and self.placement.space:
             mesh.field_data["SPACE"] = [self.placement.space]
         mesh.cell_data[noun_of(self.metadata)] = np.full(mesh.n_cells, float(self.isovalue))

@@ -6,6 +6,7 @@ A row is a line, the areas of an isovalue on one side, a band between neighbouri
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from ..drawing.areas import areas_of, lifted, oriented
 from ..drawing.bands import band_areas
 from ..drawing.contour import Contour
-from ..errors import OptionError, one_line
+from ..errors import InputError, OptionError, one_line
 from ..field.labelling import noun_of
 from ..field.placement import Placement
 from ..field.reference_system import system_of
@@ -36,7 +37,8 @@ _LONGEST, _NEAR, _STEP, _ROUNDS = 1.5, 70.0, 2.0, 14
 """Cells that an edge is long at most before its ends are converted; beyond which latitude it is divided until
 longitudes change by so many degrees at most, and how often."""
 Move = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-_NOWHERE = (b'"crs": {"type": "name", "properties": {"name": "ENGCRS[\\"samples\\",EDATUM[\\"samples\\"],CS[Cartesian,2],'
+_NOWHERE = (b'"crs": {"type": "name", "properties": {"name": '
+            b'"ENGCRS[\\"samples\\",EDATUM[\\"samples\\"],CS[Cartesian,2],'
             b'AXIS[\\"x\\",east],AXIS[\\"y\\",north],LENGTHUNIT[\\"unit\\",1]]"}}')
 """Member of GeoJSON without a reference system, whose coordinates would be taken for longitudes and latitudes."""
 _SLIVER = 2.0
@@ -277,6 +279,8 @@ def write_table(
 
     Raises
     ------
+    InputError
+        If there is a file of the name of a GeoPackage that is none.
     OptionError, MissingExtraError
     """
     if driver == "Parquet":
@@ -286,8 +290,11 @@ def write_table(
     if driver in LOCATED and table.crs is None:
         raise OptionError("the format is in longitude and latitude, but the file does not state where its samples lie, "
                           "or in which system", code="crs", remedy="encode with a placement and --crs EPSG:..")
-    if driver in DEGREES and table.crs is not None and not (keep_crs and driver not in LOCATED):
+    nowhere = table.crs is None
+    if driver in DEGREES and not nowhere and not (keep_crs and driver not in LOCATED):
         table = degrees(table, cell)
+        if driver == "GeoJSON":  # names no system, as RFC 7946 has it
+            table = table.set_crs(None, allow_override=True)
     flat = not table.geometry.has_z.any()
     if not flat:
         table = table[~table.geometry.is_empty]  # these have no height, and formats one number of coordinates
@@ -296,8 +303,11 @@ def write_table(
         table = table.set_geometry(table.geometry.where(valid, [oriented(shape) for shape in made]))
     options: dict[str, Any] = {"GPKG": {}, "ESRI Shapefile": {"DBF_DATE_LAST_UPDATE": _DATE[:10]},
                                "CSV": {"GEOMETRY": "AS_WKT"}}.get(driver, {})
+    if driver == "GPKG" and path.exists() and path.read_bytes()[68:70] != b"GP":  # GDAL would replace it
+        raise InputError("there is a file of this name that is no GeoPackage", code="geopackage",
+                         remedy="write to another name, or delete it")
     if driver in DEGREES and driver not in LOCATED:
-        options = {"SIGNIFICANT_FIGURES": "17"}
+        options = {"SIGNIFICANT_FIGURES": "17"} if driver == "GeoJSON" else {"COORDINATE_PRECISION": "15"}
         if members:
             native = {"type": "FeatureCollection", **members}
             options |= {"NATIVE_DATA": json.dumps(native), "NATIVE_MEDIA_TYPE": "application/vnd.geo+json"}
@@ -316,8 +326,10 @@ def write_table(
     before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
     try:
-        pyogrio.write_dataframe(table, path, driver=driver, layer=layer, layer_options=options, **more)
-        if driver == "GeoJSON" and table.crs is None:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "'crs' was not provided")  # which the caller knows
+            pyogrio.write_dataframe(table, path, driver=driver, layer=layer, layer_options=options, **more)
+        if driver == "GeoJSON" and nowhere:
             text = path.read_bytes()
             path.write_bytes(text.replace(b'"features"', _NOWHERE + b',\n"features"', 1))
     except pyogrio.errors.CRSError as error:
@@ -329,12 +341,14 @@ def write_table(
 
 def _drawing(table: Any, flat: bool) -> Any:
     """Make a table for CAD: a layer for each isovalue, at whose height its lines lie; labels are no heights."""
-    name = table.columns[0]
-    values = table[name].to_numpy(float)
-    shapes = table.geometry
-    if flat and name != "label" and np.isfinite(values).all():
-        shapes = shapes.force_3d(values)
-    return table[["geometry"]].set_geometry(shapes).assign(Layer=[f"{name} {value:.12g}" for value in values])
+    values = table.select_dtypes("float").to_numpy()
+    shapes, ends, kind = table.geometry, ("min", "max"), "LABEL" if table.columns[0] == "label" else "ISO"
+    if flat and kind == "ISO" and values.shape[1:] == (1,):
+        shapes = shapes.force_3d(values[:, 0])
+    numbers = ([f"{value:.12g}" if value == value else end for value, end in zip(row, ends, strict=False)]
+               for row in values)
+    names = ["_".join([kind, *row]) for row in numbers]
+    return table[["geometry"]].set_geometry(shapes).assign(Layer=names)
 
 
 def zoom_of(table: Any) -> int:

@@ -466,6 +466,8 @@ def _prepared(what: Any, form: Format, options: OutputOptions, losses: Losses) -
         return one
 
     def turned(contour: Contour) -> Contour:
+        if form.write is write_picture and not contour.shape:
+            raise OptionError("a picture cannot hold a curve that lies on a mesh", code="suffix", remedy="write .vtp")
         contour = moved(contour)
         # higher values lie on the left of lines
         mirrored = contour.n == 2 and contour.mirrored and form.states != "samples"

@@ -116,6 +116,8 @@ def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = 
     with undoing(partial(rmtree, folder, ignore_errors=True)):
         path = folder / (f"isocodec{suffix}" if real is None else real.name)
         if keep and real is not None and real.exists():
+            if any(real.with_name(real.name + log).exists() for log in ("-wal", "-journal")):
+                raise OSError(errno.EBUSY, "another program has the file open: close it there", str(target))
             copyfile(real, path)
         yield path
         _check_space(folder)
