@@ -25,7 +25,6 @@ import tifffile
 import trimesh
 import vtk
 import xarray
-from isocodec.io.writers.registry import table
 from scipy.spatial import KDTree
 from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
@@ -59,11 +58,6 @@ def holds(suffix: str, found: np.ndarray, expected: np.ndarray) -> None:
 
 
 # ---- Written --------------------------------------------------------------------------------------------------------
-
-
-def test_the_page_has_the_table_of_the_registry() -> None:
-    """``python -c "from isocodec.io.writers.registry import table; print(table())"`` prints it anew."""
-    assert table() in PAGE
 
 
 def by_geopandas(path: Path) -> np.ndarray:

@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from isocodec.io.writers.registry import OUTPUTS
 from numpy.typing import NDArray
 
 import isocodec
@@ -35,6 +34,7 @@ from isocodec.drawing.pictures import picture
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
+from isocodec.io.writing import FORMATS
 
 LABELS = (3, -2, 300)
 KINDS = {"one": LABELS[:1], "several": LABELS, "series": LABELS}
@@ -642,8 +642,8 @@ def test_cells(row: str, kind: str, n: int, tmp_path: Path) -> None:
 
 WHAT = {"contour": "curve", "areas": "areas", "mask": "above", "labels": "labels", "mesh": "mesh"}
 WRITTEN = [
-    (output.kind, suffix, n) for output in OUTPUTS if output.kind in WHAT for suffix in output.suffixes
-    for n in output.dimensions
+    (kind, suffix, n) for one in FORMATS for kind, axes in one.holds.items() if kind in WHAT for suffix in one.suffixes
+    for n in axes if n > 1
 ]
 
 

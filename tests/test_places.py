@@ -24,7 +24,6 @@ import SimpleITK
 import tifffile
 import trimesh
 import xarray
-from isocodec.io.writers.write import write
 from pydicom import Dataset
 from pydicom.dataset import FileMetaDataset
 from pydicom.uid import CTImageStorage, EnhancedCTImageStorage, ExplicitVRLittleEndian, generate_uid
@@ -33,8 +32,7 @@ import isocodec
 from commands import ok
 from isocodec.errors import OptionError
 from isocodec.field.placement import LPS, Placement
-from isocodec.io.writers.output_formats import OutputOptions
-from isocodec.io.writers.things import SampleMask
+from isocodec.io.writing import OutputOptions, SampleMask, write
 
 Array = np.ndarray
 SHAPE = (6, 7, 5)

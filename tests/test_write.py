@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import os
 import stat
 import sys
@@ -12,9 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import shapely.geometry
 import trimesh
-from isocodec.io.writers.write import check, write
 from PIL import Image
 
 from files import same
@@ -22,8 +19,8 @@ from isocodec.drawing.contour import Contour
 from isocodec.drawing.pictures.picture import Step, contour_picture, steps_picture
 from isocodec.drawing.pictures.shading import Solid, shade
 from isocodec.drawing.pictures.view import USUAL, upright
-from isocodec.errors import MissingExtraError, OptionError
-from isocodec.io.writers.things import Thing
+from isocodec.errors import MissingExtraError
+from isocodec.io.writing import write
 from isocodec.storage.atomic import check_target, write_bytes
 from written import rendered
 
@@ -62,18 +59,6 @@ def test_npz_out(tmp_path: Path, contour: Contour) -> None:
         assert arrays["shape"].tolist() == list(contour.shape)
 
 
-def test_geojson_out(tmp_path: Path) -> None:
-    write(tmp_path / "c.geojson", CURVE)
-    feature = json.loads((tmp_path / "c.geojson").read_text())
-    assert feature["properties"] == {"isovalue": 2.5, "shape": [5, 7], "complete": True}
-    lines = shapely.geometry.shape(feature["geometry"]).geoms
-    assert sorted(line.is_closed for line in lines) == [False, True]
-    (ring,) = (line for line in lines if line.is_closed)
-    # x is axis 1, y is axis 0; the diamond has half diagonals 1 by 1 and 1 by 1.25: 2 * (1 + 1.25) / 2.
-    assert ring.bounds == (2.0, 1.0, 4.25, 3.0)
-    assert shapely.geometry.Polygon(ring).area == pytest.approx(2.25)
-
-
 def test_svg_out(tmp_path: Path) -> None:
     write(tmp_path / "c.svg", CURVE)
     root = ElementTree.parse(tmp_path / "c.svg").getroot()
@@ -96,39 +81,6 @@ def test_surfaces_out(tmp_path: Path, suffix: str) -> None:
         assert path.stat().st_size == 84 + 50 * 4
 
 
-def test_empty_contours_are_valid_files() -> None:
-    assert json.loads(rendered(NO_CURVE, ".geojson"))["geometry"] == {
-        "type": "MultiLineString",
-        "coordinates": [],
-    }
-    assert not list(ElementTree.fromstring(rendered(NO_CURVE, ".svg")).findall(".//{*}path"))
-    assert rendered(NO_SURFACE, ".stl") == bytes(84)
-    ply = rendered(NO_SURFACE, ".ply")
-    assert b"element vertex 0\n" in ply
-    assert b"element face 0\n" in ply
-    obj = rendered(NO_SURFACE, ".obj").decode()
-    assert all(line.startswith("#") for line in obj.splitlines())
-    for contour in (NO_CURVE, NO_SURFACE):
-        assert Image.open(io.BytesIO(rendered(contour, ".png"))).format == "PNG"
-
-
-@pytest.mark.parametrize(
-    ("contour", "suffix", "fitting"),
-    [(CURVE, ".stl", ".npz, .png, .svg, .geojson, .gpkg"), (SURFACE, ".svg", ".npz, .png, .dxf, .vtp, .vtu, .ply")],
-)
-def test_formats_of_the_other_dimension(tmp_path: Path, contour: Contour, suffix: str, fitting: str) -> None:
-    with pytest.raises(OptionError, match=f"cannot hold a (curve|surface).*one of {fitting}"):
-        write(tmp_path / f"c{suffix}", contour)
-    assert not list(tmp_path.iterdir())
-
-
-def test_unknown_formats() -> None:
-    assert check("a/b.c/D.PLY", Thing("contour", None))[0] == ".ply"
-    for name in ("a.xyz", "a", ".ply"):
-        with pytest.raises(OptionError, match=r"one of \.npz, \.png, \.svg, \.geojson, \.gpkg"):
-            check(name, Thing("contour", None))
-
-
 @pytest.mark.parametrize(
     ("module", "contour", "suffix", "extra"),
     [
@@ -143,13 +95,6 @@ def test_writing_names_the_missing_extra(
     with pytest.raises(MissingExtraError, match="needs") as caught:
         rendered(contour, suffix)
     assert caught.value.remedy == f"pip install '.[{extra}]' in a checkout of isocodec"
-
-
-def test_plain_formats_need_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("shapely", "trimesh", "matplotlib", "imageio"):
-        monkeypatch.setitem(sys.modules, module, None)
-    for suffix in (".npz", ".geojson", ".svg"):
-        assert rendered(CURVE, suffix)
 
 
 # ---- Pictures -------------------------------------------------------------------------------------------------------

@@ -78,7 +78,8 @@ def test_names_that_are_taken_are_refused(name: str, tmp_path: Path) -> None:
     assert not [*tmp_path.iterdir()]
 
 
-@pytest.mark.parametrize("suffix", [*BY_GDAL, ".parquet", ".geojson", ".geojsonl", ".geojsonseq", ".csv", ".kml", ".dxf"])
+@pytest.mark.parametrize("suffix", [*BY_GDAL, ".parquet", ".geojson", ".geojsonl", ".geojsonseq", ".csv", ".kml",
+                                    ".dxf"])
 @pytest.mark.parametrize("what", ["curve", "bands"])
 def test_each_format_holds_lines_and_bands(tmp_path: Path, suffix: str, what: str) -> None:
     path, _ = written(tmp_path, suffix, (what, "utm"))
@@ -165,7 +166,8 @@ def test_an_area_around_a_pole_holds_the_pole(tmp_path: Path) -> None:
 def test_a_system_can_be_kept(tmp_path: Path) -> None:
     path, made = written(tmp_path, ".geojson", ("curve", "utm"), keep_crs=True)
     assert back(path).crs.to_epsg() == 32631 and not made.remarks
-    assert np.array_equal(coordinates(back(path).geometry), coordinates(tables.lines([content("curve", "utm")]).geometry))
+    wanted = tables.lines([content("curve", "utm")])
+    assert np.array_equal(coordinates(back(path).geometry), coordinates(wanted.geometry))
 
 
 @pytest.mark.parametrize(("place", "word"), [("samples", "in samples"), ("unnamed", "does not name")])

@@ -82,16 +82,16 @@ def test_what_cannot_be_written(what: Any, tmp_path: Path) -> None:
 def test_a_failure_leaves_the_old_file(tmp_path: Path) -> None:
     path, _ = written(tmp_path, ".gpkg", ("curve", "utm"))
     before = path.read_bytes()
-    with mock.patch("pyogrio.write_dataframe", side_effect=RuntimeError("no\nway")):
-        with pytest.raises(OSError, match=r"cannot be written as \.gpkg \(no way\)"):
-            written(tmp_path, ".gpkg", ("curves", "utm"))
+    broken = mock.patch("pyogrio.write_dataframe", side_effect=RuntimeError("no\nway"))
+    with broken, pytest.raises(OSError, match=r"cannot be written as \.gpkg \(no way\)"):
+        written(tmp_path, ".gpkg", ("curves", "utm"))
     assert path.read_bytes() == before and [*tmp_path.iterdir()] == [path]
 
 
 def test_a_full_disk_is_noticed(tmp_path: Path) -> None:
-    with mock.patch("isocodec.storage.atomic._check_space", side_effect=OSError(28, "No space left on device")):
-        with pytest.raises(OSError, match="No space left"):
-            written(tmp_path, ".fgb", ("curve", "utm"))
+    full = mock.patch("isocodec.storage.atomic._check_space", side_effect=OSError(28, "No space left on device"))
+    with full, pytest.raises(OSError, match="No space left"):
+        written(tmp_path, ".fgb", ("curve", "utm"))
     assert not [*tmp_path.iterdir()]
 
 
