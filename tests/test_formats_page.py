@@ -30,7 +30,6 @@ from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 import isocodec
 from commands import BALL, HILLS, ok
-from isocodec.io.writers.registry import table
 from written import Y_UP
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")
@@ -59,11 +58,6 @@ def holds(suffix: str, found: np.ndarray, expected: np.ndarray) -> None:
 
 
 # ---- Written --------------------------------------------------------------------------------------------------------
-
-
-def test_the_page_has_the_table_of_the_registry() -> None:
-    """``python -c "from isocodec.io.writers.registry import table; print(table())"`` prints it anew."""
-    assert table() in PAGE
 
 
 def by_geopandas(path: Path) -> np.ndarray:

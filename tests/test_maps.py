@@ -7,11 +7,9 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-import ezdxf
 import geopandas
 import numpy as np
 import pyogrio
-import pyproj
 import pytest
 import shapely
 import trimesh
@@ -22,10 +20,10 @@ from vtk.util.numpy_support import vtk_to_numpy
 
 import isocodec
 from commands import BALL as SHELL
-from commands import HILLS, fails, ok, run
+from commands import HILLS, ok
 from isocodec.errors import OptionError
-from isocodec.io.writers.write import write
-from written import Y_UP, rendered
+from isocodec.io.writing import write
+from written import Y_UP
 
 BALL = int(SHELL.max()) - SHELL
 VALUES = [60.5, 80.5, 100.5]
@@ -94,94 +92,10 @@ def test_maps_of_nothing(tmp_path: Path) -> None:
         assert len(geopandas.read_file(written(tmp_path, data, f"map{suffix}"))) == 0
 
 
-def test_geojson_is_in_degrees(tmp_path: Path, hills: bytes) -> None:
-    """Longitude and latitude as pyproj has them of the coordinates of the file; areas are turned right."""
-    whole = json.loads(written(tmp_path, hills, "map.geojson").read_text())
-    assert "crs" not in whole
-    to_degrees = pyproj.Transformer.from_crs(32631, 4326, always_xy=True)
-    for feature, contour in zip(whole["features"], isocodec.open(hills).contours(), strict=True):
-        at = np.concatenate([np.array(line) for line in feature["geometry"]["coordinates"]])
-        expected = np.stack(to_degrees.transform(*contour.placed[np.concatenate(contour.walks)].T), axis=1)
-        assert np.abs(at - expected).max() < 1e-9
-        assert (np.abs(at) <= [180, 90]).all()
-    for feature in json.loads(
-        written(tmp_path, hills, "map.geojson", "--what", "areas", "--side", "above").read_text()
-    )["features"]:
-        for part in shape_of(feature["geometry"]).geoms:
-            assert part.exterior.is_ccw and not any(hole.is_ccw for hole in part.interiors)
-
-
-def test_geojson_that_is_not_in_degrees(tmp_path: Path, hills: bytes) -> None:
-    """There is a clear word, and none where it was asked for."""
-    for placement, said in ((None, "in samples"), ((2, 3), "that the file does not name")):
-        (tmp_path / "in.iso").write_bytes(isocodec.encode(isocodec.Field(HILLS, placement=placement), 80.5))
-        result = run("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
-        assert result.exit_code == 0 and "not the longitudes and latitudes" in result.stderr and said in result.stderr
-        assert not run("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson", "--in-samples").stderr
-    outside = isocodec.encode(isocodec.Field(HILLS, placement=(1e12, 1e12)), 80.5, metadata={"crs": "EPSG:32631"})
-    (tmp_path / "in.iso").write_bytes(outside)
-    assert "no longitude and latitude" in fails(2, "decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
-    unknown = isocodec.encode(isocodec.Field(HILLS, placement=(1, 1)), 80.5, metadata={"crs": "EPSG:999999"})
-    (tmp_path / "in.iso").write_bytes(unknown)
-    line = fails(2, "decode", tmp_path / "in.iso", "-o", tmp_path / "o.geojson")
-    assert "no reference system EPSG:999999" in line
-
-
 # ---- Drawings -------------------------------------------------------------------------------------------------------
 
 
-def test_dxf_of_curves(tmp_path: Path, hills: bytes) -> None:
-    document = ezdxf.readfile(written(tmp_path, hills, "a.dxf"))
-    assert not document.audit().errors
-    for contour in isocodec.open(hills).contours():
-        lines = [e for e in document.modelspace() if e.dxf.layer == f"ISO_{contour.isovalue:g}"]
-        assert len(lines) == len(contour.walks)
-        for line, walk in zip(lines, contour.walks, strict=True):
-            assert line.dxf.elevation == contour.isovalue
-            points = np.array(list(line.get_points("xy")))
-            closed = len(walk) > 2 and walk[0] == walk[-1]
-            assert line.closed == closed
-            assert np.abs(points - contour.placed[walk[:-1] if closed else walk]).max() < 1e-6
-    first = (tmp_path / "a.dxf").read_bytes()
-    assert written(tmp_path, hills, "a.dxf").read_bytes() == first
-
-
-def test_dxf_of_surfaces(tmp_path: Path, shells: bytes) -> None:
-    document = ezdxf.readfile(written(tmp_path, shells, "a.dxf"))
-    meshes = list(document.modelspace().query("MESH"))
-    assert [mesh.dxf.layer for mesh in meshes] == [f"ISO_{value:.12g}" for value in SHELLS]
-    for mesh, contour in zip(meshes, isocodec.open(shells).contours(), strict=True):
-        with mesh.edit_data() as data:
-            assert np.abs(np.array([tuple(v) for v in data.vertices]) - contour.placed).max() < 1e-6
-            assert np.array_equal(np.array(data.faces), contour.placed_cells)
-
-
 # ---- Models ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("suffix", [".glb", ".3mf", ".obj"])
-def test_models_with_a_group_for_each(tmp_path: Path, shells: bytes, suffix: str) -> None:
-    """In the place of the file, the triangles turned right although its placement mirrors, and named."""
-    path = written(tmp_path, shells, f"a{suffix}")
-    contours = isocodec.open(shells).contours()
-    if suffix == ".obj":
-        names = [line for line in path.read_text().splitlines() if line.startswith("o ")]
-        assert names == [f"o isovalue {value:.12g}" for value in SHELLS]
-        whole = trimesh.load_mesh(path, process=False)
-        assert np.abs(whole.bounds - sum(c.to_trimesh() for c in contours).bounds).max() < 1e-7
-        assert whole.volume == pytest.approx(sum(c.to_trimesh().volume for c in contours), rel=1e-6)
-        return
-    scene = trimesh.load_scene(path)
-    assert sorted(scene.graph.nodes_geometry) == sorted(f"isovalue {value:.12g}" for value in SHELLS)
-    meshes = sorted(scene.dump(), key=lambda mesh: -np.ptp(mesh.vertices, axis=0).max())
-    for mesh, contour in zip(meshes, sorted(contours, key=lambda c: -np.ptp(c.placed, axis=0).max()), strict=True):
-        expected = contour.to_trimesh()
-        if suffix == ".glb":
-            mesh.vertices = mesh.vertices @ Y_UP
-        assert np.abs(mesh.bounds - expected.bounds).max() < 1e-7 * np.ptp(expected.bounds, axis=0).max()
-        assert mesh.volume == pytest.approx(expected.volume, rel=1e-6) and mesh.volume > 0
-    first = path.read_bytes()
-    assert written(tmp_path, shells, f"a{suffix}").read_bytes() == first
 
 
 FAR = {
@@ -231,14 +145,6 @@ def test_models_of_one(tmp_path: Path, suffix: str) -> None:
     write(tmp_path / f"a{suffix}", contour)
     mesh = trimesh.load_mesh(tmp_path / f"a{suffix}")
     assert mesh.volume == pytest.approx(contour.to_trimesh().volume, rel=1e-5) and mesh.volume > 0
-
-
-def test_models_of_nothing(tmp_path: Path) -> None:
-    nothing = isocodec.decode(isocodec.encode(BALL, 1e6))
-    assert rendered(nothing, ".off") == b"OFF\n0 0 0\n"
-    for suffix in (".glb", ".3mf"):
-        with pytest.raises(OptionError, match="empty"):
-            rendered(nothing, suffix)
 
 
 def polydata(path: Path) -> Any:

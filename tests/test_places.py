@@ -32,9 +32,7 @@ import isocodec
 from commands import ok
 from isocodec.errors import OptionError
 from isocodec.field.placement import LPS, Placement
-from isocodec.io.writers.output_formats import OutputOptions
-from isocodec.io.writers.things import SampleMask
-from isocodec.io.writers.write import write
+from isocodec.io.writing import OutputOptions, SampleMask, write
 
 Array = np.ndarray
 SHAPE = (6, 7, 5)

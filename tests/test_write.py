@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import io
-import json
 import os
 import stat
 import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import shapely.geometry
 import trimesh
-from PIL import Image
 
 from files import same
 from isocodec.drawing.contour import Contour
-from isocodec.errors import MissingExtraError, OptionError
-from isocodec.io.writers.things import Thing
-from isocodec.io.writers.write import check, write
+from isocodec.errors import MissingExtraError
+from isocodec.io.writing import write
 from isocodec.storage.atomic import check_target, write_bytes
 from written import rendered
 
@@ -58,16 +52,6 @@ def test_npz_out(tmp_path: Path, contour: Contour) -> None:
         assert arrays["shape"].tolist() == list(contour.shape)
 
 
-def test_geojson_out(tmp_path: Path) -> None:
-    write(tmp_path / "c.geojson", CURVE)
-    feature = json.loads((tmp_path / "c.geojson").read_text())
-    assert feature["properties"] == {"isovalue": 2.5, "shape": [5, 7], "complete": True}
-    lines = shapely.geometry.shape(feature["geometry"]).geoms
-    assert sorted(line.is_closed for line in lines) == [False, True]
-    (ring,) = (line for line in lines if line.is_closed)
-    # x is axis 1, y is axis 0; the diamond has half diagonals 1 by 1 and 1 by 1.25: 2 * (1 + 1.25) / 2.
-    assert ring.bounds == (2.0, 1.0, 4.25, 3.0)
-    assert shapely.geometry.Polygon(ring).area == pytest.approx(2.25)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
@@ -82,39 +66,6 @@ def test_surfaces_out(tmp_path: Path, suffix: str) -> None:
     if suffix == ".stl":
         # Binary: 80 bytes of header, the number of triangles, 50 bytes for each.
         assert path.stat().st_size == 84 + 50 * 4
-
-
-def test_empty_contours_are_valid_files() -> None:
-    assert json.loads(rendered(NO_CURVE, ".geojson"))["geometry"] == {
-        "type": "MultiLineString",
-        "coordinates": [],
-    }
-    assert not list(ElementTree.fromstring(rendered(NO_CURVE, ".svg")).findall(".//{*}path"))
-    assert rendered(NO_SURFACE, ".stl") == bytes(84)
-    ply = rendered(NO_SURFACE, ".ply")
-    assert b"element vertex 0\n" in ply
-    assert b"element face 0\n" in ply
-    obj = rendered(NO_SURFACE, ".obj").decode()
-    assert all(line.startswith("#") for line in obj.splitlines())
-    for contour in (NO_CURVE, NO_SURFACE):
-        assert Image.open(io.BytesIO(rendered(contour, ".png"))).format == "PNG"
-
-
-@pytest.mark.parametrize(
-    ("contour", "suffix", "fitting"),
-    [(CURVE, ".stl", ".npz, .png, .svg, .geojson, .gpkg"), (SURFACE, ".svg", ".npz, .png, .dxf, .vtp, .vtu, .ply")],
-)
-def test_formats_of_the_other_dimension(tmp_path: Path, contour: Contour, suffix: str, fitting: str) -> None:
-    with pytest.raises(OptionError, match=f"cannot hold a (curve|surface).*one of {fitting}"):
-        write(tmp_path / f"c{suffix}", contour)
-    assert not list(tmp_path.iterdir())
-
-
-def test_unknown_formats() -> None:
-    assert check("a/b.c/D.PLY", Thing("contour", None))[0] == ".ply"
-    for name in ("a.xyz", "a", ".ply"):
-        with pytest.raises(OptionError, match=r"one of \.npz, \.png, \.svg, \.geojson, \.gpkg"):
-            check(name, Thing("contour", None))
 
 
 @pytest.mark.parametrize(
@@ -133,11 +84,6 @@ def test_writing_names_the_missing_extra(
     assert caught.value.remedy == f"pip install '.[{extra}]' in a checkout of isocodec"
 
 
-def test_plain_formats_need_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("shapely", "trimesh", "matplotlib", "imageio"):
-        monkeypatch.setitem(sys.modules, module, None)
-    for suffix in (".npz", ".geojson"):
-        assert rendered(CURVE, suffix)
 
 
 # ---- Whole or not at all --------------------------------------------------------------------------------------------

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from typing import Any
 
 import numpy as np
 
-from isocodec.io.writers.output_formats import OutputOptions
-from isocodec.io.writers.write import render
+from isocodec.io.writing import OutputOptions, SampleMask, write
 
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From coordinates to those of GLB."""
@@ -15,4 +15,6 @@ Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 def rendered(what: Any, suffix: str, **options: Any) -> bytes:
     """The file of something in a format."""
-    return render(what, options=OutputOptions(to=suffix, **options))
+    out = io.BytesIO()
+    write(out, SampleMask(what) if isinstance(what, np.ndarray) else what, OutputOptions(to=suffix, **options))
+    return out.getvalue()

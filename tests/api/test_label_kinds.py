@@ -32,7 +32,7 @@ from isocodec.cli.option_records import PART
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
-from isocodec.io.writers.registry import OUTPUTS
+from isocodec.io.writing import FORMATS
 from isocodec.plotting import panels
 from libraries import Late
 from tables import looped
@@ -637,8 +637,8 @@ def test_cells(row: str, kind: str, n: int, tmp_path: Path) -> None:
 
 WHAT = {"contour": "curve", "areas": "areas", "mask": "above", "labels": "labels", "mesh": "mesh"}
 WRITTEN = [
-    (output.kind, suffix, n) for output in OUTPUTS if output.kind in WHAT for suffix in output.suffixes
-    for n in output.dimensions
+    (kind, suffix, n) for one in FORMATS for kind, axes in one.holds.items() if kind in WHAT for suffix in one.suffixes
+    for n in axes if n > 1
 ]
 
 

@@ -22,8 +22,7 @@ from isocodec.cli import report
 from isocodec.drawing.contour import Contour
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
-from isocodec.io.writers.output_formats import OutputOptions
-from isocodec.io.writers.registry import OUTPUTS
+from isocodec.io.writing import FORMATS, OutputOptions
 from libraries import Late
 from tables import looped
 
@@ -103,7 +102,7 @@ def test_areas_are_those_of_the_exact_file(tmp_path: Path, name: str, what: str)
     (tmp_path / "a.iso").write_bytes(isocodec.encode(field, isovalue, **exact(field, name)))
     holes = ["--along-holes"] if name == "holes" else []
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.gpkg", "--what", what, *holes)
-    drawn(field, "b.gpkg", Wanted(what=what, along_holes=bool(holes)), isovalue).write(tmp_path / "b.gpkg")
+    drawn(field, "b.gpkg", Wanted(what=what), isovalue).write(tmp_path / "b.gpkg")
     tables = [geopandas.read_file(tmp_path / each) for each in ("a.gpkg", "b.gpkg")]
     assert tables[0].drop(columns="geometry").equals(tables[1].drop(columns="geometry"))
     assert tables[0].geometry.symmetric_difference(tables[1].geometry).area.max() < 1e-9
@@ -119,16 +118,16 @@ def test_with_a_precision_they_are_those_of_such_a_file(tmp_path: Path, more: li
     assert np.array_equal(one["points"], two["points"]) and np.array_equal(one["cells"], two["cells"])
 
 
-@looped("suffix", sorted({s for o in OUTPUTS if o.kind == "contour" for s in o.suffixes}))
+@looped("suffix", sorted({s for o in FORMATS if "contour" in o.holds for s in o.suffixes}))
 def test_every_format_holds_what_decode_writes(tmp_path: Path, suffix: str) -> None:
     """Of a plane or of space, one isovalue or as many as the format holds; the same counts, and a file that is read."""
-    output = next(o for o in OUTPUTS if o.kind == "contour" and suffix in o.suffixes)
-    field, values = (HILLS, [40.5, 80.5]) if 2 in output.dimensions else (BALL, [40.5, 60.5])
+    output = next(o for o in FORMATS if "contour" in o.holds and suffix in o.suffixes)
+    field, values = (HILLS, [40.5, 80.5]) if 2 in output.holds["contour"] else (BALL, [40.5, 60.5])
     if not output.several:
         values = values[:1]
     np.save(tmp_path / "a.npy", field)
     isovalues = [word for value in values for word in ("--isovalue", value)]
-    isovalues += PLACED if 2 in output.dimensions else []
+    isovalues += PLACED if 2 in output.holds["contour"] else []
     ok("encode", tmp_path / "a.npy", "-o", tmp_path / "a.iso", "--precision", "exact", *isovalues)
     one = json.loads(ok("decode", tmp_path / "a.iso", "-o", tmp_path / f"a{suffix}", "--json"))
     two = json.loads(ok("encode", tmp_path / "a.npy", "-o", tmp_path / f"b{suffix}", "--json", *isovalues))
@@ -176,13 +175,13 @@ def test_names_of_columns_and_layers_index_contours_and_heights(tmp_path: Path, 
         assert [name for name, _ in pyogrio.list_layers(path)] == ["heights"]
 
 
-@looped("option", [["--attribute", "z"], ["--layer", "z"], ["--index", 5], ["--3d"]])
-@looped("suffix", sorted({s for o in OUTPUTS if o.kind == "contour" for s in o.suffixes}))
+@looped("option", [["--attribute", "z"], ["--layer", "z"], ["--3d"]])
+@looped("suffix", sorted({s for o in FORMATS if "contour" in o.holds for s in o.suffixes}))
 def test_what_a_format_does_not_have_is_refused(tmp_path: Path, suffix: str, option: list[Any]) -> None:
     """No option is ignored: it has an effect, or one line says that it has none."""
-    output = next(o for o in OUTPUTS if o.kind == "contour" and suffix in o.suffixes)
-    np.save(tmp_path / "in.npy", HILLS if 2 in output.dimensions else BALL)
-    words = ["encode", tmp_path / "in.npy", "--isovalue", 60.5, *PLACED * (2 in output.dimensions), "-o"]
+    output = next(o for o in FORMATS if "contour" in o.holds and suffix in o.suffixes)
+    np.save(tmp_path / "in.npy", HILLS if 2 in output.holds["contour"] else BALL)
+    words = ["encode", tmp_path / "in.npy", "--isovalue", 60.5, *PLACED * (2 in output.holds["contour"]), "-o"]
     result = run(*words, tmp_path / f"a{suffix}", *option)
     if result.exit_code:
         assert option[0] in result.stderr and not (tmp_path / f"a{suffix}").exists()
@@ -275,7 +274,7 @@ def test_data_frames_are_neither_loaded_nor_lost(tmp_path: Path) -> None:
     """A map takes no geopandas; whoever writes one can read it with geopandas afterwards."""
     program = f"""
 import sys, isocodec, numpy
-from isocodec.io.writers.write import write
+from isocodec.io.writing import write
 contour = isocodec.decode(isocodec.encode(numpy.load({str(tmp_path / 'in.npy')!r}), 60.5))
 write({str(tmp_path / 'a.gpkg')!r}, contour)
 assert not {{"geopandas", "pandas", "pyarrow"}} & sys.modules.keys()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import examples
-from commands import fails, ok
 from isocodec import Contour
 from isocodec.errors import OptionError, TruncatedError
 from libraries import Late
@@ -110,20 +107,3 @@ def test_surfaces_and_parts_of_layers_have_none():
         torn.areas()
     with pytest.raises(TruncatedError):
         Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), 1.0, (3, 3), False).areas()
-
-
-def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: Path) -> None:
-    out = tmp_path / "high.geojson"
-    ok("decode", curve, "-o", out, "--what", "areas", "--side", "above")
-    feature = json.loads(out.read_text())
-    assert feature["properties"]["area"] == "above" and feature["properties"]["complete"]
-    field = np.load(hills)
-    assert np.array_equal(covered(shape_of(feature["geometry"]), field.shape), field > 80.5)
-    ok("decode", curve, "-o", out, "--what", "areas", "--side", "below")
-    assert json.loads(out.read_text())["properties"]["area"] == "below"
-    wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--what", "areas", "--side", "above")
-    assert "cannot hold areas: one of .geojson, .gpkg, .fgb, .shp, .parquet" in wrong
-    assert "cannot hold areas of a surface: no format can" in fails(
-        2, "decode", surface, "-o", tmp_path / "high.geojson", "--what", "areas", "--side", "above",
-    )
-    assert not (tmp_path / "high.svg").exists()

@@ -11,7 +11,7 @@ import pytest
 
 from isocodec import deferred
 from isocodec.deferred import dataclass
-from isocodec.io.writers.output_formats import Cost
+from isocodec.io.writing import Cost
 from tables import looped
 
 

@@ -148,10 +148,13 @@ def suffixes(path: Path) -> set[str]:
     return {text for text in strings if re.fullmatch(r"\.(?![0-9]+g)[a-z0-9]{2,7}(\.gz)?", text)}
 
 
-@pytest.mark.parametrize("side", ["readers", "writers"])
-def test_a_suffix_stands_in_one_module(side: str):
+WRITING = [HOME / "io" / f"{name}.py" for name in ("writing", "tables", "surfaces", "sampled")]
+
+
+@pytest.mark.parametrize("paths", [[*(HOME / "io" / "readers").glob("*.py")], WRITING], ids=["read", "written"])
+def test_a_suffix_stands_in_one_module(paths: list[Path]):
     homes = defaultdict(set)
-    for path in (HOME / "io" / side).glob("*.py"):
+    for path in paths:
         for suffix in suffixes(path):
             homes[suffix].add(path.name)
     assert {suffix: names for suffix, names in homes.items() if len(names) > 1} == {}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..drawing.contour import Contour
 from ..field.labelling import noun_of
-from ..io.writers.output_formats import Cost
+from ..io.writing import COST
 
 if TYPE_CHECKING:
     from ..stream.decoder import Decoder
@@ -92,15 +92,13 @@ class Drawings(OneByOne):
     ----------
     decoder : Decoder
     view : Viewed
-    cost : Cost
-        Memory that writing needs.
     """
 
-    def __init__(self, decoder: Decoder, view: Viewed, cost: Cost) -> None:
+    def __init__(self, decoder: Decoder, view: Viewed) -> None:
         assert decoder.header is not None
         shape = decoder.header.shape
         super().__init__(decoder.isovalues, shape, len(shape), None)
-        self._decoder, self._view, self._cost = decoder, view, cost
+        self._decoder, self._view = decoder, view
         self._kept = 0
         if view.window is not None:
             from ..drawing.window import ends_of
@@ -116,10 +114,10 @@ class Drawings(OneByOne):
         decoder.discard(number)
         contour = clipped(contour, view.window)
         size = contour.points.nbytes + contour.cells.nbytes
-        decoder.hold(self._kept + size + self._cost.peak(len(contour.points), len(contour.cells)))
+        decoder.hold(self._kept + size + COST.peak(len(contour.points), len(contour.cells)))
         return contour
 
     def drawn(self, counts: Counts) -> None:
         """Count what a writer keeps of a contour."""
-        self._kept += self._cost.after(counts.points, counts.cells)
+        self._kept += COST.after(counts.points, counts.cells)
         self._decoder.hold(self._kept)

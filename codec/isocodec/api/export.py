@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import field, replace
-from pathlib import Path
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -16,16 +14,24 @@ from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import FormatError, InputError, OptionError
 from ..field.labelling import caption
-from ..io.writers.output_formats import Cost, Kind, OutputOptions
-from ..io.writers.registry import suffix_of
-from ..io.writers.things import Areas, Pyramid, SampleMask, Thing
-from ..io.writers.write import USUAL, Written, check, write
+from ..io.writing import (
+    COST,
+    USUAL,
+    Areas,
+    Kind,
+    OutputOptions,
+    SampleMask,
+    Thing,
+    check,
+    suffixes_of,
+    thing_of,
+    write,
+)
 from ..limits import Budget, Limits
 from .drawings import Counts, Drawings, OneByOne
 
 if TYPE_CHECKING:
     from ..stream.inspect import FileInfo
-    from ..tin.tin import Tin
     from .isofile import IsoFile
 
 Target = str | os.PathLike[str] | BinaryIO
@@ -41,8 +47,6 @@ _APART: Mapping[str, tuple[str, ...]] = {
     "surface": ("window", "within", "frame", "smooth"),
 }
 """Options that choose a part of a file, by what is decoded, that do not apply to it."""
-_ARRAY = ".npy"
-"""Suffix of arrays: of the picture that a surface makes."""
 _LISTED = 5
 """Largest number of isovalues that a remark lists."""
 
@@ -62,14 +66,10 @@ class Wanted:
         If not given, all isovalues that the format can hold.
     view : mapping
         Keywords of `IsoFile.contour`.
-    along_holes, through_holes : bool
-        Close areas along missing samples; draw curves through them.
-    whole : bool
-        The mesh of the whole domain, not only what the curve crosses.
+    through_holes : bool
+        Draw curves through missing samples; areas are always closed along these.
     capped : bool
         Close surfaces in space where they leave the field, around the side.
-    index : int, optional
-        Mark every so many isovalues as index contours.
     options : OutputOptions
     """
 
@@ -77,21 +77,9 @@ class Wanted:
     side: str = "above"
     isovalue: float | None = None
     view: Mapping[str, Any] = field(default_factory=dict)
-    along_holes: bool = False
     through_holes: bool = False
-    whole: bool = False
     capped: bool = False
-    index: int | None = None
     options: OutputOptions = USUAL
-
-    def options_for(self, isovalues: Sequence[float]) -> OutputOptions:
-        """Options of writers, with the index contours among some isovalues."""
-        if self.index is None or not isovalues:
-            return self.options
-        from ..plotting.map import index_lines
-
-        marked = index_lines(isovalues, self.index)
-        return replace(self.options, index=frozenset(v for v, one in zip(isovalues, marked, strict=True) if one))
 
 
 @dataclass
@@ -101,13 +89,13 @@ class Exported:
     Attributes
     ----------
     thing : object
-        What `isocodec.io.writers.write.write` takes; bytes are written unchanged.
+        Content that `isocodec.io.writing.write` takes.
     facts : dict
         Counts, for programs.
     text : str
         The same counts, for people.
     remarks : list of str
-        What was not taken from the file.
+        Parts of the file that are not written, and losses of the format.
     options : OutputOptions
     drawings : OneByOne or None
         Contours that are drawn while they are written; if given, facts and text come from them.
@@ -123,26 +111,20 @@ class Exported:
     def write(self, target: Target, progress: Any = None) -> int:
         """Write the content, completely or not at all; returns the number of bytes.
 
-        What the format loses is added to the remarks. Contours that are drawn while they are written report progress.
+        Losses of the format are added to the remarks. Contours that are drawn while they are written report progress.
 
         Raises
         ------
         OptionError, MissingExtraError, OSError
         """
-        if isinstance(self.thing, bytes):
-            return _put(target, self.thing)
         if self.drawings is not None:
             self.drawings.progress = progress
-        written: Written = write(target, self.thing, options=self.options)
+        written = write(target, self.thing, self.options)
         self.remarks += written.remarks
         if self.drawings is not None:
             if progress is not None:
                 progress(len(self.drawings) + 1, len(self.drawings) + 1)
             self.count(self.drawings.counts, self.drawings.shape, self.drawings.n)
-        if written.above is not None:
-            name, samples = self.text, self.facts["samples"]
-            self.facts[name] = written.above
-            self.text = f"{written.above:,} of {samples:,} samples {name}"
         return written.bytes
 
     def count(self, counts: Sequence[Counts], shape: Sequence[int], n: int) -> None:
@@ -160,16 +142,6 @@ class Exported:
         self.text = f"{points:,} points, {cells:,} {'segments' if n == 2 else 'triangles'}{several}"
 
 
-def _put(target: Target, data: bytes) -> int:
-    from ..storage.atomic import write_bytes
-
-    if isinstance(target, str | os.PathLike):
-        write_bytes(target, data)
-    else:
-        target.write(data)
-    return len(data)
-
-
 def check_export(path: str | os.PathLike[str], what: str | None, options: OutputOptions) -> str:
     """Check, before decoding, that the suffix of a name fits what is to be written; returns the suffix.
 
@@ -179,25 +151,15 @@ def check_export(path: str | os.PathLike[str], what: str | None, options: Output
         Naming the formats that can be used.
     MissingExtraError
     """
-    name = Path(path if options.to is None else f"_.{options.to.lstrip('.')}")
-    if name.suffix.lower() == _ARRAY and what in (None, "surface"):
-        return _ARRAY
-    if what is None and _is_of_surfaces(name):
-        return suffix_of(name) or ""
-    return check(name, Thing(_KINDS[what or "curve"], None))[0]
-
-
-def _is_of_surfaces(name: Path) -> bool:
-    """Whether triangulated surfaces can be written to a name, and curves cannot."""
+    if what is not None:
+        return check(path, Thing(_KINDS[what]), options)[0]
     try:
-        check(name, Thing("contour", None))
+        return check(path, Thing("contour"), options)[0]
     except OptionError:
-        try:
-            check(name, Thing("tin", 2))
-        except OptionError:
-            return False
-        return True
-    return False
+        # a file of a surface is written as such, to formats that curves do not have
+        with suppress(OptionError):
+            return check(path, Thing("tin", 2), options)[0]
+        raise
 
 
 def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progress: Any = None) -> Exported:
@@ -213,11 +175,9 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     for name in _APART.get(what, ()):
         if name in wanted.view:
             raise OptionError(f"--{name.replace('_', '-')} does not apply to {what}", code=name, remedy="leave it out")
-    check_marks(what, wanted)
+    check_names(what, wanted.options.attribute)
     made = _MAKERS[what](file, suffix, wanted, progress)
     made.options = wanted.options
-    if wanted.index is not None:  # which isovalues there are is known of a whole file only
-        made.options = wanted.options_for(file.isovalues or [v for v in [wanted.isovalue] if v is not None])
     # bytes after the part that was decoded may be damaged
     with suppress(FormatError):
         if file.frames > 1 and wanted.view.get("frame") is None and what != "valid":
@@ -233,16 +193,18 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     return made
 
 
-def check_marks(what: str, wanted: Wanted) -> None:
-    """Refuse options of columns with isovalues where bands have two.
+def check_names(what: str, attribute: str | None) -> None:
+    """Refuse names of columns, unless two are given for bands and one for curves and areas.
 
     Raises
     ------
     OptionError
     """
-    given = {"attribute": wanted.options.attribute != USUAL.attribute, "index": wanted.index is not None}
-    for name in (name for name, wrong in given.items() if wrong and what not in ("curve", "areas")):
-        raise OptionError(f"--{name} does not apply to {what}", code=name, remedy="leave it out")
+    names = 0 if attribute is None else attribute.count(",") + 1
+    most = {"bands": 2, "curve": 1, "areas": 1}.get(what, 0)
+    if names and names != most:
+        raise OptionError(f"--attribute names {most or 'no'} column{'s' * (most != 1)} for {what}", code="attribute",
+                          remedy=("leave it out", "--attribute elev", "--attribute low,high")[most])
 
 
 def drawn(what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any, **options: Any) -> Exported:
@@ -266,20 +228,20 @@ def drawn(what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any
     from .tracing import Traced
 
     shown = wanted.what or "curve"
-    check_marks(shown, wanted)
-    contours = Traced(what, isovalue, through_holes=wanted.along_holes, **options)
+    check_names(shown, wanted.options.attribute)
+    contours = Traced(what, isovalue, through_holes=shown != "curve", **options)
     if shown == "curve" and contours.empty:
         # a layer that is there must not make room for nothing
         one = f"at the isovalue {contours.isovalues[0]:g}" if len(contours) == 1 else "at any of the isovalues"
         raise InputError(f"the data have no contours {one}", code="isovalue",
                          remedy="choose isovalues within the data")
-    several = shown == "curve" and len(contours) > 1
-    made = Exported(contours, {}, "", options=wanted.options_for(contours.isovalues), drawings=contours)
-    check(path, Thing(_KINDS[shown], contours.n, several, bool(contours.shape)), options=made.options)
-    if shown != "curve":
-        valid = contours.valid if wanted.along_holes else None
-        made.thing = Areas(contours, "bands" if shown == "bands" else wanted.side, valid)
-    return made
+    thing: Any = contours if shown == "curve" else Areas(contours, _side(wanted), contours.valid)
+    check(path, thing_of(thing), wanted.options)
+    return Exported(thing, {}, "", options=wanted.options, drawings=contours)
+
+
+def _side(wanted: Wanted) -> str:
+    return "bands" if wanted.what == "bands" else wanted.side
 
 
 def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
@@ -287,20 +249,19 @@ def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Export
     if wanted.capped:
         contours = [contour.capped(above=wanted.side == "above") for contour in contours]
     if isinstance(contours, OneByOne):
-        return _of_contours(contours, contours, [])
-    remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others_in(file, contours[0].isovalue)
-    thing: Any = contours if len(contours) > 1 else contours[0]
-    parts = set(wanted.view) - {"window"}
-    if suffix == ".pmtiles" and file.kind == "tiles" and not (parts or wanted.options.in_samples):
-        thing = Pyramid([_by_width(file, wanted, contour) for contour in contours])
-    return _of_contours(thing, contours, remarks)
+        return Exported(contours, {}, "", drawings=contours)
+    alone = wanted.isovalue is None and len(contours) == 1
+    return _counted(contours if len(contours) > 1 else contours[0], contours,
+                    _others_in(file, contours[0].isovalue) if alone else [])
 
 
 def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
-    valid = file.valid() if wanted.along_holes and file.shape else None
-    side = "bands" if wanted.what == "bands" else wanted.side
-    return _of_contours(Areas(contours, side, valid), contours, [])
+    valid = file.valid() if file.shape and file.info.mask_bytes is not None else None
+    what = Areas(contours, _side(wanted), valid)
+    if isinstance(contours, OneByOne):
+        return Exported(what, {}, "", drawings=contours)
+    return _counted(what, contours, [])
 
 
 def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Drawings | list[Contour]:
@@ -308,17 +269,16 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Draw
     from .files import Viewed, WholeFile
 
     view = {**wanted.view, "progress": progress}
-    if wanted.through_holes or wanted.along_holes:
-        view["through_holes"] = True
     kind = _KINDS[wanted.what or "curve"]
+    if wanted.through_holes or (kind == "areas" and file.info.mask_bytes is not None):
+        view["through_holes"] = True
+    n, several = len(file.shape) or None, kind != "areas"
     every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
-    if every:
-        asked = Thing(kind, len(file.shape) or None, several=kind != "areas", sampled=bool(file.shape))
-    if every and _holds(suffix, asked):
+    if every and suffix in suffixes_of(Thing(kind, n, several)):
         in_turn = "within" not in view and not wanted.capped
         if isinstance(file.held, WholeFile) and file.kind in ("grid", "series") and in_turn:
-            chosen, costs = Viewed(**view), check(f"_{suffix}", asked)[1].cost
-            drawings = Drawings(file.held.received(None, chosen), chosen, costs.get(len(file.shape), Cost(0, 0)))
+            chosen = Viewed(**view)
+            drawings = Drawings(file.held.received(None, chosen), chosen)
             if len(drawings) > 1:
                 return drawings
             contours = [*drawings]
@@ -326,45 +286,21 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Draw
             contours = file.contours(**view)
     else:
         contours = [file.contour(wanted.isovalue, **view)]
-    thing = Thing(kind, contours[0].n, kind != "areas" and len(contours) > 1, bool(contours[0].shape))
-    output = check(f"_{suffix}", thing)[1]
+    check(f"_{suffix}", Thing(kind, contours[0].n, several and len(contours) > 1), wanted.options)
     held = sum(one.points.nbytes + one.cells.nbytes for one in contours)
-    if (cost := output.cost.get(contours[0].n)) is not None:
-        sizes = [(len(one.points), len(one.cells)) for one in contours]
-        held += max(cost.peak(*size) for size in sizes) + sum(cost.after(*size) for size in sizes[1:])
-    Budget((file.limits or Limits()).memory).check(held)
+    sizes = [(len(one.points), len(one.cells)) for one in contours]
+    _check_memory(file, held + max(COST.peak(*size) for size in sizes) + sum(COST.after(*size) for size in sizes[1:]))
     return contours
 
 
-def _holds(suffix: str, thing: Thing) -> bool:
-    try:
-        check(f"_{suffix}", thing)
-    except OptionError:
-        return False
-    return True
+def _check_memory(file: IsoFile, held: int) -> None:
+    Budget((file.limits or Limits()).memory).check(held)
 
 
-def _of_contours(thing: Any, contours: OneByOne | Sequence[Contour], remarks: list[str]) -> Exported:
+def _counted(thing: Any, contours: Sequence[Contour], remarks: list[str]) -> Exported:
     made = Exported(thing, {}, "", remarks)
-    if isinstance(contours, OneByOne):
-        made.drawings = contours
-    else:
-        made.count([Counts.of(one) for one in contours], contours[0].shape, contours[0].n)
+    made.count([Counts.of(one) for one in contours], contours[0].shape, contours[0].n)
     return made
-
-
-def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float], Contour]:
-    """Make a function from the width of a map's pixel, in samples, to a contour of suitable layers."""
-    edges = sorted({layer.level for layer in file.info.layers})
-    drawn: dict[int, Contour] = {edges[0]: finest}
-
-    def at(width: float) -> Contour:
-        edge = max((each for each in edges if 2.0**each <= width), default=edges[0])
-        if edge not in drawn:
-            drawn[edge] = file.contour(finest.isovalue, window=wanted.view.get("window"), within=float(1 << edge))
-        return drawn[edge]
-
-    return at
 
 
 def _others(isovalues: Sequence[float], isovalue: float, notes: Mapping[str, str]) -> list[str]:
@@ -383,28 +319,21 @@ def _others_in(file: IsoFile, isovalue: float) -> list[str]:
 
 
 def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
-    from .files import Viewed, WholeFile
-
-    if wanted.what == "valid":
-        rows, isovalue, remarks = file.valid(), None, list[str]()
-        placement, complete = file.placement, file.complete
-    elif isinstance(file.held, WholeFile) and file.kind in ("grid", "series"):
-        # bytes after the layers of the isovalue may be damaged
-        view = Viewed(frame=wanted.view.get("frame"), partial=bool(wanted.view.get("partial")))
-        decoder, number = file.held.decoded(wanted.isovalue, view)
-        rows, isovalue = decoder.grid.above(number), decoder.isovalues[number]
-        remarks = _others(decoder.isovalues, isovalue, decoder.metadata) if wanted.isovalue is None else []
-        placement, complete = decoder.grid.placement, decoder.frames > decoder.frame
+    name, isovalue, remarks = str(wanted.what), wanted.isovalue, list[str]()
+    if name == "valid":
+        values = file.valid()
     else:
-        rows, isovalue, remarks = file.above(wanted.isovalue, frame=wanted.view.get("frame")), wanted.isovalue, []
-        if isovalue is None and file.isovalues:
-            isovalue, remarks = file.isovalues[0], _others(file.isovalues, file.isovalues[0], file.metadata)
-        placement, complete = file.placement, file.complete
-    if rows.ndim == 1 and suffix == _ARRAY:  # of vertices
-        counts = {"samples": rows.size, str(wanted.what): int(rows.sum())}
-        return Exported(_array(rows), counts, f"{rows.size:,} vertices")
-    facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": complete}
-    return Exported(SampleMask(rows, placement), facts, str(wanted.what), remarks)
+        if isovalue is None:
+            with suppress(FormatError):  # isovalues that follow may be damaged
+                isovalue = next(iter(file.isovalues), None)
+        view = {key: wanted.view[key] for key in ("frame", "partial") if key in wanted.view and file.kind != "tiles"}
+        values = file.above(wanted.isovalue, **view)
+        remarks = _others_in(file, isovalue) if wanted.isovalue is None and isovalue is not None else []
+    count = int(np.count_nonzero(values))
+    facts = {"samples": values.size, name: count, "isovalue": isovalue, "shape": list(values.shape)}
+    with suppress(FormatError):
+        facts["complete"] = file.complete
+    return Exported(SampleMask(values, file.placement), facts, f"{count:,} of {values.size:,} samples {name}", remarks)
 
 
 def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
@@ -417,13 +346,11 @@ def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Export
 
 
 def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
-    mesh = file.mesh(wanted.isovalue, whole=wanted.whole, **wanted.view, progress=progress)
+    mesh = file.mesh(wanted.isovalue, **wanted.view, progress=progress)
     pieces = "triangles" if mesh.cells.shape[1] == 3 else "tetrahedra"
-    output = check(f"_{suffix}", Thing("mesh", mesh.cells.shape[1] - 1))[1]
+    check(f"_{suffix}", thing_of(mesh))
     held = sum(array.nbytes for array in (mesh.points, mesh.cells, mesh.levels, mesh.above))
-    if (cost := output.cost.get(mesh.cells.shape[1] - 1)) is not None:
-        held += cost.peak(len(mesh.points), len(mesh.cells))
-    Budget((file.limits or Limits()).memory).check(held)
+    _check_memory(file, held + COST.peak(len(mesh.points), len(mesh.cells)))
     isovalue = None if np.isnan(mesh.isovalue) else float(mesh.isovalue)
     return Exported(
         mesh,
@@ -439,30 +366,13 @@ def _surface(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Expor
     size = file.size if wanted.view.get("partial") and size is None else size
     tin = file.surface(layers=wanted.view.get("layers"), max_bytes=size)
     facts = {"points": len(tin.points), "triangles": len(tin.triangles), "complete": tin.complete}
-    text = f"{len(tin.points):,} points, {len(tin.triangles):,} triangles"
-    return Exported(_array(tin.raster()) if suffix == _ARRAY else tin, facts, text)
+    return Exported(tin, facts, f"{len(tin.points):,} points, {len(tin.triangles):,} triangles")
 
 
 _MAKERS: Mapping[str, Callable[[IsoFile, str, Wanted, Any], Exported]] = {
     "curve": _curves, "areas": _areas, "bands": _areas, "above": _samples, "valid": _samples, "labels": _labels,
     "mesh": _mesh, "surface": _surface,
 }
-
-
-def _array(values: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, values)
-    return buffer.getvalue()
-
-
-def write_surface(tin: Tin, target: Target, options: OutputOptions) -> int:
-    """Write a thinned surface, with the order of removal and the errors if the format can hold arrays.
-
-    Raises
-    ------
-    OptionError, MissingExtraError, OSError
-    """
-    return write(target, tin, options=options).bytes
 
 
 def counted(file: IsoFile) -> FileInfo:

@@ -14,7 +14,7 @@ from ..errors import OptionError
 from ..storage.atomic import check_target, undo_all, undoing, write_bytes
 
 if TYPE_CHECKING:
-    from ..io.writers.output_formats import Kind
+    from ..io.writing import Kind
     from .isofile import IsoFile
 
 __all__ = [
@@ -67,48 +67,46 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
         raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
     _, dot, ending = target.name.lower().rpartition(".")
     if iso and dot and ending != "iso":
-        from ..io.writers.registry import suffixes_of
+        from ..io.writing import Thing, suffixes_of
 
         raise OptionError(
             f"the output is an .iso file, not .{ending}", code="suffix", remedy="choose a name that ends in .iso; "
-            f"encode and decode also write {', '.join(suffixes_of('contour'))}",
+            f"encode and decode also write {', '.join(suffixes_of(Thing('contour')))}",
         )
 
 
 def other_format(name: str) -> str | None:
     """The suffix of a name, if it is that of another format."""
     from ..io.opener import SUFFIXES as FIELD_SUFFIXES
-    from ..io.writers.registry import SUFFIXES
+    from ..io.writing import SUFFIXES
 
     return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
 
 
-def is_converted(output: str | os.PathLike[str], to: str | None = None) -> bool:
-    """Whether the suffix of a name, or the one given apart, is that of a format of other tools."""
-    from ..io.writers.registry import suffix_of
+def is_converted(output: str | os.PathLike[str]) -> bool:
+    """Whether the suffix of a name is that of a format of other tools."""
+    from ..io.writing import suffix_of
 
-    return to != ".iso" if to is not None else suffix_of(output) is not None
+    return suffix_of(output) is not None
 
 
 def formats() -> dict[str, str]:
-    """Lists of suffixes for help texts, from the writers' records, by the names that help texts have in braces."""
-    from ..io.writers.registry import suffixes_of
+    """Lists of suffixes for help texts, by the names that help texts have in braces."""
+    from ..io.writing import PICTURES, Thing, suffixes_of
 
-    def listed(kind: Kind, n: int | None = None) -> str:
-        return ", ".join(suffixes_of(kind, n))
+    def listed(kind: Kind, n: int | None = None, several: bool = False) -> str:
+        return ", ".join(suffixes_of(Thing(kind, n, several)))
 
     rows = {
         "Curves": listed("contour", 2), "Surfaces": listed("contour", 3), "Areas and bands": listed("areas"),
-        "Above and valid": f"{listed('mask', 2)}; of three axes {listed('mask', 3)}",
-        "Labels": f"{listed('labels', 2)}; of three axes {listed('labels', 3)}",
+        "Above and valid": f"{listed('mask', 2)}; of three axes {listed('mask', 3)}", "Labels": listed("labels"),
         "Meshes": f"{listed('mesh', 2)}; of three axes {listed('mesh', 3)}", "Triangulations": listed("tin"),
     }
-    table = "\n".join(f"{name:16} {suffixes}" for name, suffixes in rows.items())
-    many = suffixes_of("contour", several=True)
-    single = ", ".join(dict.fromkeys(suffix for suffix in suffixes_of("contour") if suffix not in many))
+    many = suffixes_of(Thing("contour", several=True))
     return {
-        "curves": rows["Curves"], "spatial": rows["Surfaces"], "formats": table, "pictures": listed("picture"),
-        "surfaces": listed("tin"), "single": single,
+        "formats": "\n".join(f"{name:16} {suffixes}" for name, suffixes in rows.items()), "surfaces": listed("tin"),
+        "pictures": ", ".join(PICTURES),
+        "single": ", ".join(one for one in suffixes_of(Thing("contour")) if one not in many),
     }
 
 

@@ -155,8 +155,7 @@ def save_tiles(
 
 def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str, options: bool) -> bool:
     """Write contours or a surface in another format than .iso; returns whether ``what`` is such."""
-    from ..io.writers.things import Thing
-    from ..io.writers.write import check, write
+    from ..io.writing import Thing, check, write
     from ..tin.tin import Tin
 
     contours = _contours(what)
@@ -169,7 +168,7 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
         from .isofile import open
 
         file = open(what) if isinstance(what, bytes) else what
-        check(path, Thing("tin" if isovalue is None and file.kind == "surface" else "contour", None))
+        check(path, Thing("tin" if isovalue is None and file.kind == "surface" else "contour"))
         if isovalue is None and file.kind == "surface":
             what = file.surface()
         else:

@@ -43,11 +43,8 @@ class DecodeArguments(Converting, Viewing):
                                  help="Draw curves through missing samples, where the encoder chose their course.")
     capped: bool = option("--capped", heading=DRAWING, is_flag=True,
                           help="Close a surface in space where it leaves the field, around the --side.")
-    whole: bool = option("--whole", heading=OUTPUT, is_flag=True,
-                         help="With --what mesh: the mesh of the whole field, not only the cells that the curve "
-                              "crosses.")
-    decimals: int | None = option("--precision", heading=OUTPUT, type=click.IntRange(0, 17), metavar="N",
-                                  help="Decimals of the coordinates in .geojson.  [default: all]")
+    to: str | None = option("--to", heading=OUTPUT, metavar="SUFFIX",
+                            help="Format of OUT if its name has no suffix, or is -; for example .geojson.")
 
     def load(self) -> None:
         """Import what opens files, and what writes other formats."""
@@ -69,7 +66,7 @@ class DecodeArguments(Converting, Viewing):
 
         return Wanted(
             what=self.what, isovalue=self.isovalue, view=self.view, through_holes=self.through_holes,
-            whole=self.whole, capped=self.capped, **self.converted,
+            capped=self.capped, **self.converted,
         )
 
     def check(self) -> None:
@@ -88,8 +85,6 @@ class DecodeArguments(Converting, Viewing):
         if self.capped:
             self.refuse("apply with --capped", "window")
         self.check_converting(self.what)
-        if self.what != "mesh":
-            self.refuse("apply without --what mesh", "whole")
         if self.what in ("above", "valid", "labels", "surface", "mesh"):
             self.refuse(f"apply to --what {self.what}", "smooth", "through_holes")
         if self.what in ("above", "valid", "labels"):
@@ -114,14 +109,15 @@ def decode_command(options: DecodeArguments) -> None:
 
     Coordinates are in samples: x, y, z along axes 0, 1, 2; .svg has x along axis 1, y along axis 0. If the file states
     where its samples lie (from NIfTI or GeoTIFF, for example, or encode --spacing), all formats but .npz, .svg and .png
-    have world coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the file names its reference
-    system: lines and areas are cut at 180 degrees, and areas closed over a pole that they hold. In .glb, y is up.
+    have world coordinates instead. GeoJSON, KML and vector tiles have longitude and latitude (RFC 7946) if the file
+    names its reference system: lines and areas are cut at 180 degrees, and areas closed over a pole that they hold.
+    Areas are closed along missing samples, too. In .glb and .gltf, y is up.
 
-    Lines run with higher values on their left (--higher-on), triangles of surfaces counter-clockwise as seen from the
+    Lines run with higher values on their left, triangles of surfaces counter-clockwise as seen from the
     side of lower values, rings of areas counter-clockwise, and holes clockwise.
 
-    If there are several isovalues, {single} hold one of them, the other formats all of them: as features or rows with
-    their isovalue, layers (.dxf) or named objects.
+    If there are several isovalues, {single} hold one of them, the other formats all of them: as rows with their
+    isovalue, layers (.dxf) or named objects.
 
     Which samples lie above an isovalue is known only if the file's mesh reaches every sample (the full grid). It may
     not do so if the file was made with --layers CRITERION, or with a (last) distance of 0.1 or more. In an `above`

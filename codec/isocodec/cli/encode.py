@@ -56,8 +56,7 @@ OF_WHOLE = ("labels", "order", "keep_topology", "layers", "frames", "frame_inter
 """Options that do not apply to tiles."""
 CODED = ("tile", "frames", "layers", "order", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
-CONVERTED = ("what", "side", "along_holes", "layer", "higher_on", "attribute", "index", "raised", "keep_crs",
-             "in_samples")
+CONVERTED = ("what", "side", "layer", "attribute", "raised", "keep_crs", "in_samples")
 """Options of other formats."""
 
 
@@ -164,7 +163,7 @@ class EncodeArguments(Converting, Reading):
         """Whether contours are written in another format than .iso."""
         from ..api.output import is_converted
 
-        return is_converted(self.output, self.to)
+        return is_converted(self.output)
 
     @property
     def plan(self) -> Path | None:
@@ -219,8 +218,7 @@ def encode_command(options: EncodeArguments) -> None:
 
     If OUT has the suffix of another format, contours of the samples are written there (with --precision or
     --keep-topology those of an .iso file), of any number of isovalues, and no .iso file is kept: encode dem.tif -o
-    map.gpkg --interval 20. See decode for its options --side, --along-holes, --to, --layer, --attribute, --index, --3d,
-    --higher-on, --keep-crs, --in-samples.
+    map.gpkg --interval 20. See decode for its options --side, --layer, --attribute, --3d, --keep-crs, --in-samples.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, a picture, TIFF (a stack is a volume), another raster that GDAL reads
     (.asc, .hgt, .img, .vrt, ..), NIfTI, NRRD, MetaImage, DICOM (a folder of slices, or a file), or a grid of VTK, XDMF;

@@ -301,26 +301,14 @@ class Converting(Writing):
 
     side: str = option("--side", heading=OUTPUT, type=click.Choice(["above", "below"]), default="above",
                        show_default=True, help="With --what areas or --capped: which side of the curve.")
-    along_holes: bool = option("--along-holes", heading=DRAWING, is_flag=True,
-                               help="With --what areas or bands: close areas along missing samples, too.")
-    to: str | None = option("--to", heading=OUTPUT, metavar="SUFFIX",
-                            help="Format of OUT if its name has no suffix, or is -; for example .geojson.")
     layer: str | None = option(
         "--layer", heading=OUTPUT, metavar="NAME",
-        help="Layer to write; a GeoPackage that exists keeps its others.  [default: isolines or areas; of .pmtiles "
-        "contours]",
-    )
-    higher_on: str = option(
-        "--higher-on", heading=OUTPUT, type=click.Choice(["left", "right"]), default="left", show_default=True,
-        help="Side of a line on which values are higher, with x to the right and y upwards; in .npz, .svg and .png as "
-        "the array is shown.",
+        help="Layer to write; a GeoPackage that exists keeps its others.  [default: isolines, areas or bands]",
     )
     attribute: str | None = option(
         "--attribute", heading=OUTPUT, metavar="NAME",
-        help="Name of the column that holds isovalues.  [default: isovalue, or label for labels]",
+        help="Name of the column of isovalues; of bands LOWER,UPPER.  [default: isovalue; label; lower,upper]",
     )
-    index: int | None = option("--index", heading=OUTPUT, type=COUNT, metavar="K",
-                               help="Mark every K-th isovalue in a column named index.")
     raised: bool = option("--3d", heading=OUTPUT, is_flag=True,
                           help="Write curves with a third coordinate, the isovalue.")
     keep_crs: bool = option(
@@ -335,11 +323,9 @@ class Converting(Writing):
         """Attributes of what is wanted, as the library takes it."""
         from ..api.export import OutputOptions
 
-        options = OutputOptions(
-            self.keep_crs, self.in_samples, self.to, self.layer, getattr(self, "decimals", None), self.higher_on,
-            attribute=self.attribute, raised=self.raised,
-        )
-        return {"side": self.side, "along_holes": self.along_holes, "index": self.index, "options": options}
+        options = OutputOptions(self.keep_crs, self.in_samples, getattr(self, "to", None), self.layer, self.attribute,
+                                self.raised)
+        return {"side": self.side, "options": options}
 
     def check_converting(self, what: str | None) -> None:
         """Refuse options that do not apply to what is written.
@@ -348,12 +334,10 @@ class Converting(Writing):
         ------
         UsageError
         """
-        if what not in ("areas", "bands"):
-            self.refuse("apply without --what areas or bands", "along_holes")
         if what not in (None, "curve"):
             self.refuse(f"apply to --what {what}", "raised")
-        if what not in (None, "curve", "areas"):
-            self.refuse(f"apply to --what {what}", "attribute", "index")
+        if what not in (None, "curve", "areas", "bands"):
+            self.refuse(f"apply to --what {what}", "attribute")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,7 +93,7 @@ def thin_command(options: ThinArguments) -> None:
     elif options.criterion is not None:
         options.refuse("apply with --criterion", "size", "isovalues")
     from ..api.encoding import encode
-    from ..api.export import OutputOptions, check_export, write_surface
+    from ..api.export import OutputOptions, check_export, write
     from ..api.inputs import facts_of, merged_by, to_thin
     from ..api.output import check_output
 
@@ -117,7 +117,7 @@ def thin_command(options: ThinArguments) -> None:
         write_output(options.output, data)
     else:
         with written_to(options.output, options.source) as target:
-            size = write_surface(tin, target, OutputOptions())
+            size = write(target, tin, OutputOptions()).bytes
     facts = facts_of(tin, given)
     error = f", largest error {facts['error']:g}" if "error" in facts else ""
     error += f", RMS error {facts['rms']:.4g}" if "rms" in facts else ""

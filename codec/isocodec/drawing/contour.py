@@ -14,6 +14,7 @@ from ..errors import MissingExtraError, OptionError
 from ..extras import optional
 from ..field.labelling import noun_of
 from ..field.placement import Placement
+from ..field.reference_system import system_of
 from .areas import areas_of, geometry_of, lifted, polygons
 from .capping import capped_mesh
 from .seam import joined
@@ -317,9 +318,19 @@ class Contour:
         MissingExtraError
             If geopandas is not installed.
         """
-        from .line_table import rows_of
-
-        return rows_of([self]).table
+        geopandas = optional("geopandas", extra="vector", purpose="making tables of lines")
+        shapely = polygons()
+        whole = self.joined
+        walks = whole.walks
+        owner = np.repeat(np.arange(len(walks)), [len(walk) for walk in walks])
+        places = np.concatenate([whole.along(walk) for walk in walks]) if walks else np.zeros((0, 2))
+        columns = {
+            noun_of(self.metadata): np.full(len(walks), float(self.isovalue)),
+            "closed": np.array([len(walk) > 2 and walk[0] == walk[-1] for walk in walks], np.bool_),
+            "complete": np.full(len(walks), self.complete),
+        }
+        return geopandas.GeoDataFrame(columns, geometry=shapely.linestrings(places, indices=owner),
+                                      crs=system_of(self.placement))
 
     def to_trimesh(self) -> Any:
         """Convert an isosurface to a ``trimesh.Trimesh``, with its points as vertices, in the same order.
@@ -356,11 +367,26 @@ class Contour:
             mesh = pyvista.PolyData(points, lines=np.array(rows, np.int64))
         else:
             mesh = pyvista.PolyData(points, faces=np.insert(whole.placed_cells, 0, 3, axis=1).ravel())
-            mesh.point_data["Normals"] = whole.normals
+            if len(points):
+                mesh.point_data.active_normals = whole.normals
         if self.placement is not None and self.placement.space:
             mesh.field_data["SPACE"] = [self.placement.space]
         mesh.cell_data[noun_of(self.metadata)] = np.full(mesh.n_cells, float(self.isovalue))
         return mesh
+
+    def to_napari(self) -> tuple[Any, dict[str, Any], str]:
+        """Convert to a layer of napari, in index coordinates as those of an image of the field.
+
+        Returns
+        -------
+        tuple
+            Data, keywords and type, as ``napari.layers.Layer.create`` takes them: ``"shapes"`` with a path for each
+            line, or ``"surface"`` with points, triangles and a value for each point.
+        """
+        named = {"name": f"{noun_of(self.metadata)} {self.isovalue:.12g}", "metadata": dict(self.metadata)}
+        if self.n == 2:
+            return self.lines, {**named, "shape_type": "path"}, "shapes"
+        return (self.points, self.cells, np.full(len(self.points), float(self.isovalue))), named, "surface"
 
     def to_xarray(self) -> Any:
         """Convert to an ``xarray.Dataset``.

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from shutil import copyfile, rmtree
+from tempfile import mkdtemp
 from typing import BinaryIO
 
 _begun: list[Callable[[], object]] = []
@@ -86,6 +88,64 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     except OSError as exc:
         # the name that the caller knows, not that of the temporary file
         raise OSError(exc.errno, exc.strerror or str(exc), str(path)) from exc
+
+
+@contextmanager
+def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = False) -> Iterator[Path]:
+    """Yield a path for a library to write to; the file, and all that the library puts beside it, then take their place.
+
+    Parameters
+    ----------
+    target : path or binary file
+        Where the file is to be; an open file, a pipe or a device receives its bytes.
+    suffix : str
+        Suffix of the yielded path, if ``target`` is no regular file.
+    keep : bool
+        Begin with a copy of a file that exists.
+
+    Raises
+    ------
+    OSError
+        As the operating system reports it; all files are then unchanged. If there are several for one open file.
+    """
+    special = not isinstance(target, str | os.PathLike) or _is_special(Path(target))
+    real = None if special else Path(os.path.realpath(target))  # type: ignore[arg-type]
+    if real is not None:
+        check_target(target)  # type: ignore[arg-type]
+    folder = Path(mkdtemp(".part", ".isocodec-", None if real is None else real.parent))
+    with undoing(partial(rmtree, folder, ignore_errors=True)):
+        path = folder / (f"isocodec{suffix}" if real is None else real.name)
+        if keep and real is not None and real.exists():
+            if any(real.with_name(real.name + log).exists() for log in ("-wal", "-journal")):
+                raise OSError(errno.EBUSY, "another program has the file open: close it there", str(target))
+            copyfile(real, path)
+        yield path
+        _check_space(folder)
+        made = sorted(folder.iterdir(), key=lambda one: one == path)  # the named file is the last to be replaced
+        if real is None:
+            if len(made) > 1:
+                raise OSError(f"{suffix} has several files: write to a name")
+            if isinstance(target, str | os.PathLike):
+                Path(target).write_bytes(path.read_bytes())
+            else:
+                target.write(path.read_bytes())
+        else:
+            places = [real.with_name(one.name) for one in made]
+            for one, place in zip(made, places, strict=True):
+                check_target(place)
+                one.chmod(place.stat().st_mode & 0o7777 if place.exists() else _new_file_mode())
+            for one, place in zip(made, places, strict=True):
+                os.replace(one, place)
+    rmtree(folder, ignore_errors=True)
+
+
+def _check_space(folder: Path) -> None:
+    """Flush all files of a folder to disk; not all libraries notice that it is full, so more must fit."""
+    for one in folder.iterdir():
+        with one.open("rb+") as file:
+            os.fsync(file.fileno())
+    (rest := folder / "rest").write_bytes(bytes(1 << 16))
+    rest.unlink()
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
