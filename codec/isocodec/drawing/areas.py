@@ -24,7 +24,7 @@ def polygons() -> Any:
     ------
     MissingExtraError
     """
-    return optional("shapely", extra="geo", purpose="making areas")
+    return optional("shapely", extra="vector", purpose="making areas")
 
 
 def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> Any:

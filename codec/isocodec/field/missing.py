@@ -64,7 +64,7 @@ def filled(field: Array, gone: NDArray[np.bool_], way: str, isovalues: Sequence[
     if gone.all():
         raise InputError("all samples are missing", code="missing")
     if way == "nearest":
-        ndimage = optional("scipy.ndimage", extra="geo", purpose="filling missing samples")
+        ndimage = optional("scipy.ndimage", extra="vector", purpose="filling missing samples")
         nearest = ndimage.distance_transform_edt(gone, return_distances=False, return_indices=True)
         return np.asarray(field[tuple(nearest)])
     there = field[~gone]

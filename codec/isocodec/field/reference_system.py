@@ -54,7 +54,7 @@ def system_of(placement: Placement | None) -> Any:
         return None
     assert placement is not None and placement.crs
     name = short_name(placement.crs)
-    pyproj = optional("pyproj", extra="geo", purpose=f"the reference system {name}")
+    pyproj = optional("pyproj", extra="vector", purpose=f"the reference system {name}")
     try:
         return pyproj.CRS.from_user_input(placement.crs)
     except pyproj.exceptions.CRSError as exc:
@@ -95,7 +95,7 @@ def named_system(text: str) -> str:
     MissingExtraError
         If pyproj is not installed.
     """
-    pyproj = optional("pyproj", extra="geo", purpose="--crs")
+    pyproj = optional("pyproj", extra="vector", purpose="--crs")
     try:
         return crs_text(pyproj.CRS.from_user_input(f"EPSG:{text}" if text.isdigit() else text)) or ""
     except pyproj.exceptions.CRSError as exc:
@@ -118,7 +118,7 @@ def to_degrees(placement: Placement | None) -> Transform:
     system = None if epsg_of(placement) == DEGREES else system_of(placement)
     if system is None or placement is None:
         return lambda points: points
-    pyproj = optional("pyproj", extra="geo", purpose="longitude and latitude")
+    pyproj = optional("pyproj", extra="vector", purpose="longitude and latitude")
     name = short_name(placement.crs or "")
     try:
         transformer = pyproj.Transformer.from_crs(system, f"EPSG:{DEGREES}", always_xy=True)

@@ -215,7 +215,7 @@ def is_geographic(crs: str | None) -> bool:
     """Whether a reference system is one of longitudes and latitudes."""
     if not crs or _WGS84.fullmatch(crs.strip()):
         return bool(crs)
-    pyproj = optional("pyproj", extra="geo", purpose=f"a distance in degrees in the system {crs[:40]}")
+    pyproj = optional("pyproj", extra="vector", purpose=f"a distance in degrees in the system {crs[:40]}")
     try:
         return bool(pyproj.CRS.from_user_input(crs).is_geographic)
     except pyproj.exceptions.CRSError:
@@ -226,7 +226,7 @@ def _by_system(crs: str, n: int, some: Callable[[], Array], distance: str) -> Gr
     """The first two coordinates by their reference system; None if nobody knows it."""
     if _WGS84.fullmatch(crs.strip()):
         return GroundScale((np.pi / 180,) * 2, WGS84)
-    pyproj = optional("pyproj", extra="geo", purpose=f"a distance of {distance} in the system {crs[:40]}")
+    pyproj = optional("pyproj", extra="vector", purpose=f"a distance of {distance} in the system {crs[:40]}")
     try:
         system = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError:

@@ -27,6 +27,7 @@ from ..field.placement import Placement, unplaced
 from ..field.reference_system import is_named, short_name
 from ..storage.atomic import beside
 from . import sampled, surfaces, tables
+from .libraries import library
 
 Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin"]
 """Curves or surfaces; polygons beside curves or between them; bools of samples, or labels; the simplices under a
@@ -264,14 +265,16 @@ def _as_arrays(what: Any, path: Path, options: OutputOptions, _: str) -> None:
 
 
 def write_picture(what: Any, path: Path, _: OutputOptions, suffix: str) -> None:
-    """Draw contours, or a mask, as a picture."""
-    from .writers.things import SampleMask as Rows
-    from .writers.to_pictures import OUTPUTS
+    """Draw contours as a picture."""
+    from ..plotting.panels import contour_picture
 
-    kind = "mask" if isinstance(what, SampleMask) else "contour"
-    render = next(one.render for one in OUTPUTS if one.kind == kind and suffix in one.suffixes)
-    made = render(Rows(what.values) if isinstance(what, SampleMask) else list(what), suffix, None)
-    path.write_bytes(made if isinstance(made, bytes) else b"".join(made))
+    path.write_bytes(contour_picture(list(what), suffix))
+
+
+def _as_picture(mask: SampleMask, path: Path, *_: Any) -> None:
+    """Write a picture that is white where samples lie above."""
+    pillow = library("PIL.Image", extra="pictures", purpose="writing .png")
+    pillow.fromarray(mask.values.view(np.uint8) * np.uint8(255)).save(path)
 
 
 _MAPS: Mapping[Kind, tuple[int, ...]] = {"contour": (2,), "areas": (2,), "mesh": (2,), "tin": (2,)}
@@ -307,8 +310,8 @@ FORMATS: tuple[Format, ...] = (
     Format({".npy": ""}, {**_GRIDS, "mask": (1, 2, 3), "tin": (2,)}, _as_array, states="samples"),
     Format({".npz": ""}, {"contour": (2, 3), "tin": (2,)}, _as_arrays, states="samples"),
     Format({".png": ".png"}, {"contour": (2, 3)}, write_picture, ("matplotlib",), "plot", True, "samples"),
-    Format({".svg": ".svg"}, {"contour": (2,)}, write_picture, several=True, states="samples"),
-    Format({".png": ".png"}, {"mask": (2,)}, write_picture, ("PIL",), "image", states="samples"),
+    Format({".svg": ".svg"}, {"contour": (2,)}, write_picture, ("matplotlib",), "plot", True, "samples"),
+    Format({".png": ".png"}, {"mask": (2,)}, _as_picture, ("PIL",), "pictures", states="samples"),
 )
 SUFFIXES: tuple[str, ...] = tuple(dict.fromkeys(suffix for one in FORMATS for suffix in one.suffixes))
 PICTURES = (".png", ".pdf", ".svg")
