@@ -241,6 +241,15 @@ def test_times_of_frames(tmp_path: Path, make: Any) -> None:
     assert np.array_equal(isocodec.read(path, frame=1).values, RAW.T + 1)
 
 
+def test_volumes_of_one_type(tmp_path: Path, make: Any) -> None:
+    """Also where only some of them are rescaled."""
+    for number in (0, 1):
+        change = setter(TemporalPositionIdentifier=number, RescaleSlope=1 - number / 2)
+        make.slices(tmp_path / "a", RAW, change, order=[2 * n + number for n in range(5)])
+    one, other = isocodec.read(tmp_path / "a", frames=True).fields
+    assert one.values.dtype == other.values.dtype == np.float64 and np.array_equal(one.values, 2 * other.values)
+
+
 def test_a_time_that_lacks_a_slice(tmp_path: Path, make: Any) -> None:
     for number in (0, 1):
         order = [2 * n + number for n in range(5)]

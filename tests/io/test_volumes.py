@@ -231,6 +231,12 @@ def test_components_are_bands(tmp_path: Path, kind: str) -> None:
     assert np.allclose(isocodec.read(path, band=2).placement.matrix, PLACED)
 
 
+@pytest.mark.parametrize("name", ["a.nii", "a.mha"])
+def test_keys_of_nothing(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="'x'"):
+        isocodec.read((nifti if name == "a.nii" else itk_file)(tmp_path / name), key="x")
+
+
 def test_a_band_of_one(tmp_path: Path) -> None:
     path = itk_file(tmp_path / "a.mha")
     assert np.array_equal(isocodec.read(path, band=1).values, VALUES)

@@ -25,8 +25,6 @@ from .libraries import choose, library, reading
 from .placing import EVEN, by_matrix, in_body, kept_axes
 from .volumes import component, of_frames, placed_field, scaled
 
-__all__ = ["is_volume", "of_volume", "open_"]
-
 Array = NDArray[Any]
 _LONG = 1 << 16
 """Bytes of elements that are not read with the header."""
@@ -210,10 +208,13 @@ def open_(
     unit = None if of_segments or colours > 1 else first.get("RescaleType", "Units", "DoseUnits")
     unit = None if unit in (None, "US") else one_line(str(unit))
 
+    mixed = len(volumes) > 1 and len({each.scaling for each in planes}) > 1
+
     def at(number: int) -> Field:
         with reading("DICOM"):
             warnings.filterwarnings("error", _CUT)
             values, gone = _read(volumes[number], channel, segment)
+            values = values.astype(np.float64) if mixed else values  # all volumes have one type
         shape = [whole[axis] for axis in axes]
         return placed_field(values.reshape(shape), gone.reshape(shape), place, remarks, unit=unit)
 
@@ -453,13 +454,14 @@ def _segmented(planes: list[_Plane]) -> _Arranged:
     planes, where = _sorted(planes)
     corners = np.array([planes[at].corner for at in np.unique(where, return_index=True)[1]])
     gaps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    least = [gaps.min()] if len(gaps) else [planes[0].get("SliceThickness"), 1.0]
-    for distance in (float(each) for each in (planes[0].get("SpacingBetweenSlices"), *least) if each):
+    # what a file states may be the thickness of its slices
+    stated = planes[0].get("SpacingBetweenSlices"), gaps.min() if len(gaps) else planes[0].get("SliceThickness"), 1.0
+    for distance in (float(each) for each in stated if each):
         skips = np.rint(gaps / distance)
         if np.abs(gaps - skips * distance).max(initial=0) <= EVEN * distance:
             break
     else:
-        raise InputError("holds slices at uneven steps", code="slices")
+        raise InputError("holds slices at uneven steps", code="slices", remedy="resample them at even steps")
     slices = np.cumsum([1, *skips]).astype(np.int64)
     step = (corners[-1] - corners[0]) / (slices[-1] - 1) if len(gaps) else planes[0].axes[:, 2] * distance
     volume: _Volume = [[] for _ in range(slices[-1] + 2)]

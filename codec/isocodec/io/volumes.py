@@ -20,8 +20,6 @@ from .libraries import choose, library, reading
 from .placing import by_matrix, in_body, kept_axes
 from .series import Series, check_frame
 
-__all__ = ["component", "is_itk", "is_nibabel", "of_frames", "of_itk", "of_nibabel", "open_", "placed_field", "scaled"]
-
 Array = NDArray[Any]
 _NRRD = "NrrdImageIO"
 _HEADER = 1 << 16
@@ -116,6 +114,8 @@ def open_(
     """Read MetaImage and NRRD by SimpleITK, NIfTI and Analyze by nibabel; parameters as of `of_itk`."""
     kind = path.suffix.lower()
     if kind not in (".mha", ".mhd", ".nrrd", ".nhdr"):
+        if key is not None:
+            choose([], key)
         nibabel = library("nibabel", extra="volumes", purpose="reading NIfTI")
         with reading("NIfTI volume"):
             return of_nibabel(nibabel.load(path), frame, frames, band)

@@ -28,8 +28,6 @@ from .placing import along_axes, at_nodes, by_matrix, even_steps
 from .series import check_frame
 from .volumes import of_frames, placed_field
 
-__all__ = ["is_meshio", "is_vtk", "of_meshio", "of_vtk", "open_"]
-
 Array = NDArray[Any]
 _Numbers = Mapping[str, Callable[[], Array]]
 _GHOSTS = "vtkGhostType"
