@@ -13,7 +13,7 @@ from ..errors import one_line, plain
 from ..field.placement import TURN, Placement
 from .libraries import library
 from .packing import Packing, number_of
-from .placing import along_axes, at_nodes, even_steps, goes_round
+from .places import along_axes, at_nodes, even_steps, goes_round
 
 Numbers = NDArray[np.float64]
 DEGREES = "EPSG:4326"

@@ -16,9 +16,9 @@ from ..errors import InputError, OptionError, plain
 from ..field.framed import Frames
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
+from .in_turn import Series, check_frame
 from .libraries import choose, library, reading
-from .placing import by_matrix, in_body, kept_axes
-from .series import Series, check_frame
+from .places import by_matrix, in_body, kept_axes
 
 Array = NDArray[Any]
 _NRRD = "NrrdImageIO"

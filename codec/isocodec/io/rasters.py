@@ -15,8 +15,8 @@ from ..field.placement import Placement
 from ..field.reference_system import crs_text
 from ..field.sampled import Field
 from ..limits import patience
+from .in_turn import placed_field
 from .libraries import choose, library, reading
-from .series import placed_field
 
 TIFF = (".tif", ".tiff")
 DRIVERS: dict[str, tuple[str, ...]] = {
