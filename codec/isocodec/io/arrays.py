@@ -13,7 +13,7 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import CRS, PLACEMENT, Placement
 from ..field.sampled import Field
-from .in_turn import Series, check_frame, placed_field
+from .in_turn import InTurn, check_frame, placed_field
 from .libraries import choose, reading
 from .places import along_axes, at_nodes
 
@@ -84,7 +84,7 @@ def of_array(
         raise OptionError(f"--frames makes a series of an array of three or four axes; the data have {values.ndim}",
                           code="frame")
     remarks = more.get("remarks", ())
-    return Frames(Series(len(values), lambda at: placed_field(values[at], None, placement, **more), whole, remarks))
+    return Frames(InTurn(len(values), lambda at: placed_field(values[at], None, placement, **more), whole, remarks))
 
 
 def open_(path: str, key: str | None = None, frame: int | None = None, frames: bool = False) -> Field | Frames | Mesh:

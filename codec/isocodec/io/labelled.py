@@ -21,7 +21,7 @@ from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from .arrays import VALUES, check_kind
 from .conventions import _is_mapping, is_globe, is_time, located
-from .in_turn import Series, check_frame, placed_field, unjoined
+from .in_turn import InTurn, check_frame, placed_field, unjoined
 from .libraries import choose, library, reading
 from .packing import Packing, restored
 from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
@@ -141,7 +141,7 @@ def of_labelled(
         place, _ = unjoined(field.placement)
         return replace(field, placement=place, notes={**field.notes, **({FRAME_STEP: step} if step else {})})
 
-    return Frames(Series(array.sizes[dim], make, array.shape, (*first.remarks, *further)))
+    return Frames(InTurn(array.sizes[dim], make, array.shape, (*first.remarks, *further)))
 
 
 class Windows:

@@ -24,7 +24,7 @@ from ..field.missing import missing_samples
 from ..field.sampled import Field
 from ..storage.content import is_file, is_url, local
 from . import arrays, clouds, images, labelled, rasters
-from .in_turn import Series
+from .in_turn import InTurn
 from .libraries import library
 from .stores import is_store
 
@@ -288,7 +288,7 @@ def _finished(found: Found, choice: Choice, lazy: bool) -> Found:
         fields: Any = found.fields
         if choice.bbox is None and choice.nodata is None:
             return found
-        return replace(found, fields=Series(
+        return replace(found, fields=InTurn(
             len(fields), lambda at: _part(fields[at], choice, False), fields.whole, fields.remarks))
     return _part(found, choice, lazy)
 
