@@ -156,7 +156,7 @@ def open_(
     ----------
     path : path
     key : str, optional
-        InTurn, by number, description or UID; stack of slices of a direction; or segment of a segmentation, by its
+        Series, by number, description or UID; stack of slices of a direction; or segment of a segmentation, by its
         number or label. Without a key all segments are read, as labels.
     frame : int, optional
         Volume of several in one place, counted from 0.
