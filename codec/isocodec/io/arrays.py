@@ -13,9 +13,9 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import CRS, PLACEMENT, Placement
 from ..field.sampled import Field
+from .in_turn import InTurn, check_frame, placed_field
 from .libraries import choose, reading
-from .placing import along_axes, at_nodes
-from .series import Series, check_frame, placed_field
+from .places import along_axes, at_nodes
 
 VALUES = "values"
 """Name of the array that is taken if there are several and no key is given."""
@@ -61,7 +61,7 @@ def of_array(
     frames : bool
         Give all frames; with ``frame``, the slices of that one.
     placement : Placement, optional
-        Of a frame, or of the whole if there is none.
+        Of a frame, or of the whole without frames.
     **more
         Attributes of `Field`.
 
@@ -84,7 +84,7 @@ def of_array(
         raise OptionError(f"--frames makes a series of an array of three or four axes; the data have {values.ndim}",
                           code="frame")
     remarks = more.get("remarks", ())
-    return Frames(Series(len(values), lambda at: placed_field(values[at], None, placement, **more), whole, remarks))
+    return Frames(InTurn(len(values), lambda at: placed_field(values[at], None, placement, **more), whole, remarks))
 
 
 def open_(path: str, key: str | None = None, frame: int | None = None, frames: bool = False) -> Field | Frames | Mesh:

@@ -13,7 +13,7 @@ from ..errors import one_line, plain
 from ..field.placement import TURN, Placement
 from .libraries import library
 from .packing import Packing, number_of
-from .placing import along_axes, at_nodes, even_steps, goes_round
+from .places import along_axes, at_nodes, even_steps, goes_round
 
 Numbers = NDArray[np.float64]
 DEGREES = "EPSG:4326"
@@ -32,7 +32,7 @@ _MOST_REPEATED = 2
 """Columns of a grid around the globe that the first ones may repeat."""
 
 
-class Coordinate(NamedTuple):
+class Labelled(NamedTuple):
     """Coordinates along an axis or at each sample, of an array of labels.
 
     Attributes
@@ -53,7 +53,7 @@ class Coordinate(NamedTuple):
     values: NDArray[Any] | None
 
     @classmethod
-    def of(cls, name: Any, one: Any) -> Coordinate:
+    def of(cls, name: Any, one: Any) -> Labelled:
         """Coordinates of a DataArray, unpacked."""
         role, unit = _role(name, one.attrs), str(one.attrs.get("units", "")).strip()
         if is_time(one) or one.dtype.kind not in "iuf":
@@ -105,7 +105,7 @@ def located(array: Any, joined: bool = True) -> Located:
     """
     dims, n = list(array.dims), array.ndim
     every = {name: one for name, one in array.coords.items() if not _is_mapping(one)}
-    found = [Coordinate.of(name, one) for name, one in every.items() if one.dims]
+    found = [Labelled.of(name, one) for name, one in every.items() if one.dims]
     remarks: list[str] = []
     axes = [_along(dim, found, remarks) for dim in dims]
     nodes = _nodes(dims, found)
@@ -185,7 +185,7 @@ def _role(name: Any, attributes: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _along(dim: Any, found: Sequence[Coordinate], remarks: list[str]) -> Coordinate | None:
+def _along(dim: Any, found: Sequence[Labelled], remarks: list[str]) -> Labelled | None:
     """Coordinates along an axis: those of its name, or others that vary along it alone."""
     some = [one for one in found if one.dims == (dim,) and (one.name == dim or one.role)]
     one = min(some, key=lambda one: (one.name != dim, not one.globe), default=None)
@@ -218,9 +218,9 @@ def _filled(values: Any) -> NDArray[Any]:
     return np.asarray(out)
 
 
-def _nodes(dims: Sequence[Any], found: Sequence[Coordinate]) -> dict[str, Coordinate]:
+def _nodes(dims: Sequence[Any], found: Sequence[Labelled]) -> dict[str, Labelled]:
     """x and y (and z) of each sample, if the array has both."""
-    nodes: dict[str, Coordinate] = {}
+    nodes: dict[str, Labelled] = {}
     for one in sorted(found, key=lambda one: not one.globe):
         if one.role and one.values is not None and len(one.dims) > 1 and {*one.dims} <= {*dims}:
             nodes.setdefault(one.role, one)
@@ -230,7 +230,7 @@ def _nodes(dims: Sequence[Any], found: Sequence[Coordinate]) -> dict[str, Coordi
 
 
 def _at_nodes(
-    dims: Sequence[Any], shape: Sequence[int], axes: Sequence[Coordinate | None], nodes: Mapping[str, Coordinate],
+    dims: Sequence[Any], shape: Sequence[int], axes: Sequence[Labelled | None], nodes: Mapping[str, Labelled],
     system: str | None, remarks: list[str],
 ) -> Located:
     """Place samples at longitude and latitude, or others, of each of them; z is that of the axis that is left."""
@@ -290,7 +290,7 @@ def _units(units: Sequence[str]) -> str | None:
     return " ".join(words) if all(words) else None
 
 
-def _metres(one: Coordinate | None, values: NDArray[Any], mapping: Mapping[str, Any]) -> NDArray[Any]:
+def _metres(one: Labelled | None, values: NDArray[Any], mapping: Mapping[str, Any]) -> NDArray[Any]:
     """Coordinates in metres, as projected systems have them, of those in kilometres or angles of a satellite."""
     if one is None or one.role not in ("x", "y"):
         return values

@@ -21,9 +21,9 @@ from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from .arrays import VALUES, check_kind
 from .conventions import _is_mapping, is_globe, is_time, located
+from .in_turn import InTurn, check_frame, placed_field, unjoined
 from .libraries import choose, library, reading
 from .packing import Packing, restored
-from .series import Series, check_frame, placed_field, unjoined
 from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
 
 SUFFIXES = (*HDF5, *ZARR)
@@ -141,7 +141,7 @@ def of_labelled(
         place, _ = unjoined(field.placement)
         return replace(field, placement=place, notes={**field.notes, **({FRAME_STEP: step} if step else {})})
 
-    return Frames(Series(array.sizes[dim], make, array.shape, (*first.remarks, *further)))
+    return Frames(InTurn(array.sizes[dim], make, array.shape, (*first.remarks, *further)))
 
 
 class Windows:
@@ -266,7 +266,7 @@ def _array(arrays: Arrays, key: str | None, dataset: Any = None) -> tuple[Any, t
     around_it = [arrays.attributes.get(folders[key], {}), main.attrs] if dataset is None else [main.attrs]
     stated = [f"{name} = {one_line(str(value), 40)}" for attributes in around_it
               for name, value in attributes.items() if _PLACING.search(str(name))]
-    remarks = (f"its attributes {', '.join(map(plain, stated))} are left out, as no convention says what they are; "
+    remarks = (f"its attributes {', '.join(map(plain, stated))} are left out, as no convention defines them; "
                "place samples with --spacing and --origin",) if stated else ()
     return main.assign_coords({**coordinates, **arrays.along.get(key, {})}), remarks
 

@@ -23,9 +23,9 @@ from ..field.meshed import Mesh
 from ..field.missing import missing_samples
 from ..field.sampled import Field
 from ..storage.content import is_file, is_url, local
-from . import arrays, labelled, pictures, points, raster
+from . import arrays, clouds, images, labelled, rasters
+from .in_turn import InTurn
 from .libraries import library
-from .series import Series
 from .stores import is_store
 
 Found: TypeAlias = Field | Frames | Mesh
@@ -35,8 +35,8 @@ VTK = (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvd", ".vtm", ".pvti", 
        ".xdmf", ".xmf", ".vtkhdf", ".ply", ".stl", ".obj", ".msh")
 NUMPY = (".npy", ".npz")
 GRIB = (".grib", ".grib2", ".grb", ".grb2")
-SUFFIXES = (*NUMPY, *labelled.SUFFIXES, *pictures.FORMATS, *raster.DRIVERS, *VOLUMES, *DICOM, *VTK,
-            *(each for each in points.SUFFIXES if each not in raster.DRIVERS))
+SUFFIXES = (*NUMPY, *labelled.SUFFIXES, *images.FORMATS, *rasters.DRIVERS, *VOLUMES, *DICOM, *VTK,
+            *(each for each in clouds.SUFFIXES if each not in rasters.DRIVERS))
 """Suffixes of the formats that are read."""
 _PAIRED = (".hdr", ".img")
 _NIFTI, _ENVI = 348, b"ENVI"
@@ -135,7 +135,7 @@ def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
     """
     if choice.band is not None and choice.band < 1:
         raise OptionError("bands are counted from 1", code="channel")
-    if is_url(source) or (is_file(source) and not raster.is_raster(source)):
+    if is_url(source) or (is_file(source) and not rasters.is_raster(source)):
         name = source if isinstance(source, str) else getattr(source, "name", "")
         with ExitStack() as held, _about(name if isinstance(name, str) else ""):
             path = held.enter_context(local(source, _recognised))
@@ -164,17 +164,17 @@ def of_object(thing: Any, choice: Choice | None = None, lazy: bool = False) -> F
         return thing
     if labelled.is_labelled(thing):
         return labelled.of_labelled(thing, key, frame, frames, choice.nodata, lazy)
-    if raster.is_raster(thing):
-        return raster.of_dataset(thing, band, choice.nodata)
-    if points.is_table(thing):
+    if rasters.is_raster(thing):
+        return rasters.of_dataset(thing, band, choice.nodata)
+    if clouds.is_table(thing):
         if hasattr(thing, "geom_type"):
-            return points.of_shapes(thing, key)
+            return clouds.of_shapes(thing, key)
         table = library("xarray", extra="labelled", purpose="reading a DataFrame").DataArray(thing)
         return labelled.of_labelled(table, None, frame, frames, choice.nodata, lazy)
-    if points.is_cloud(thing):
-        return points.of_cloud(thing, key)
-    if pictures.is_picture(thing):
-        return pictures.of_picture(thing, band, frame)
+    if clouds.is_cloud(thing):
+        return clouds.of_cloud(thing, key)
+    if images.is_picture(thing):
+        return images.of_picture(thing, band, frame)
     if not isinstance(thing, np.ndarray | list | tuple):
         from . import slices, volumes, vtk
 
@@ -201,7 +201,7 @@ def is_described(thing: Any) -> bool:
     """Whether something holds more than an array does, which would be lost if it were taken for one."""
     if isinstance(thing, np.ndarray | list | tuple | int | float):
         return False
-    tests = [labelled.is_labelled, raster.is_raster, points.is_table, points.is_cloud, pictures.is_picture]
+    tests = [labelled.is_labelled, rasters.is_raster, clouds.is_table, clouds.is_cloud, images.is_picture]
     from . import slices, volumes, vtk
 
     tests += [volumes.is_itk, volumes.is_nibabel, slices.is_volume, vtk.is_vtk, vtk.is_meshio]
@@ -246,17 +246,17 @@ def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
     elif ends(*NUMPY):
         only("key", "frame", "frames")
         found = arrays.open_(path, key, frame, frames)
-    elif ends(*pictures.FORMATS):
+    elif ends(*images.FORMATS):
         only("band", "frame")
-        found = pictures.open_(at, band, frame)
-    elif ends(*raster.TIFF):
-        found = pictures.open_tiff(path, key, band, frame, frames, choice.nodata)
-    elif ends(*points.SUFFIXES) and not (ends(".gpkg") and points.holds_raster(path)):
+        found = images.open_(at, band, frame)
+    elif ends(*rasters.TIFF):
+        found = images.open_tiff(path, key, band, frame, frames, choice.nodata)
+    elif ends(*clouds.SUFFIXES) and not (ends(".gpkg") and clouds.holds_raster(path)):
         only("key")
-        found = points.open_(path, key)
-    elif ends(*raster.DRIVERS):
+        found = clouds.open_(path, key)
+    elif ends(*rasters.DRIVERS):
         only("key", "band")
-        found = raster.of_dataset(raster.open_(path, key), band, choice.nodata)
+        found = rasters.of_dataset(rasters.open_(path, key), band, choice.nodata)
     else:
         found = _tried(path, choice)
     return _finished(found, choice, lazy)
@@ -267,7 +267,7 @@ def _tried(path: str, choice: Choice) -> Found:
     if path.lower().endswith(_PAIRED[0]) and _headed(Path(path)) == _ENVI:
         raise InputError("is a header", code="other-file", remedy="give the file with the samples")
     with suppress(InputError, MissingExtraError):
-        return raster.of_dataset(raster.open_(path, choice.key), choice.band, choice.nodata)
+        return rasters.of_dataset(rasters.open_(path, choice.key), choice.band, choice.nodata)
     from . import vtk
 
     with suppress(InputError, MissingExtraError):
@@ -288,7 +288,7 @@ def _finished(found: Found, choice: Choice, lazy: bool) -> Found:
         fields: Any = found.fields
         if choice.bbox is None and choice.nodata is None:
             return found
-        return replace(found, fields=Series(
+        return replace(found, fields=InTurn(
             len(fields), lambda at: _part(fields[at], choice, False), fields.whole, fields.remarks))
     return _part(found, choice, lazy)
 

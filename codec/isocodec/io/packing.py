@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import one_line
-from .placing import as_integers
+from .places import as_integers
 
 _MARKERS, _RANGE = ("_FillValue", "missing_value", "nodata"), ("valid_min", "valid_max")
 _FACTORS = {"scale_factor": 1.0, "add_offset": 0.0}

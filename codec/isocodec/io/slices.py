@@ -22,7 +22,7 @@ from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
 from ..field.sampled import Field
 from .libraries import choose, library, reading
-from .placing import EVEN, by_matrix, in_body, kept_axes
+from .places import EVEN, by_matrix, in_body, kept_axes
 from .volumes import component, of_frames, placed_field, scaled
 
 Array = NDArray[Any]

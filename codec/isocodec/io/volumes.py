@@ -16,9 +16,9 @@ from ..errors import InputError, OptionError, plain
 from ..field.framed import Frames
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
+from .in_turn import InTurn, check_frame
 from .libraries import choose, library, reading
-from .placing import by_matrix, in_body, kept_axes
-from .series import Series, check_frame
+from .places import by_matrix, in_body, kept_axes
 
 Array = NDArray[Any]
 _NRRD = "NrrdImageIO"
@@ -60,14 +60,14 @@ def of_frames(
     if not frames:
         return first
     if frame is None and count > 1:
-        return Frames(Series(count, at, (*first.shape, count), first.remarks))
+        return Frames(InTurn(count, at, (*first.shape, count), first.remarks))
     remarks = [*first.remarks, "the position of a slice in space is ignored"]
 
     def part(number: int) -> Field:
         gone = None if first.mask is None else first.mask[number]
         return placed_field(first.values[number], gone, None, remarks, name=first.name, unit=first.unit)
 
-    return Frames(Series(len(first.values), part, first.shape, remarks))
+    return Frames(InTurn(len(first.values), part, first.shape, remarks))
 
 
 def component(count: int, band: int | None) -> int:

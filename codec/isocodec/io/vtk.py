@@ -23,9 +23,9 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
+from .in_turn import check_frame
 from .libraries import choose, library, reading
-from .placing import along_axes, at_nodes, by_matrix, even_steps
-from .series import check_frame
+from .places import along_axes, at_nodes, by_matrix, even_steps
 from .volumes import of_frames, placed_field
 
 Array = NDArray[Any]
@@ -260,7 +260,7 @@ def _chosen(data: Any, key: str | None) -> tuple[Any, str | None]:
 
 
 def _scalars(attributes: Any) -> dict[str, Callable[[], Array]]:
-    """What gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
+    """Find what gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
     arrays = {name: np.asarray(array) for name, array in attributes.items() if not name.startswith("vtk")}
     out = dict[str, Callable[[], Array]]()
     for name, array in arrays.items():

@@ -11,7 +11,7 @@ from ..field.placement import Placement
 from ..field.sampled import Field
 
 
-class Series:
+class InTurn:
     """Fields in order, made one by one.
 
     Parameters

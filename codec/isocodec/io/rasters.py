@@ -15,8 +15,8 @@ from ..field.placement import Placement
 from ..field.reference_system import crs_text
 from ..field.sampled import Field
 from ..limits import patience
+from .in_turn import placed_field
 from .libraries import choose, library, reading
-from .series import placed_field
 
 TIFF = (".tif", ".tiff")
 DRIVERS: dict[str, tuple[str, ...]] = {
@@ -83,7 +83,7 @@ def open_(path: str, key: str | None = None, drivers: Sequence[str] | None = Non
         return rasterio.open(name, driver=file.driver)
 
 
-class Band:
+class RasterBand:
     """A band of a raster by slices, scaled as the file states, masked where samples are missing.
 
     What other processes receive is no more than the name of the file, which they open again.
@@ -150,9 +150,9 @@ def of_dataset(dataset: Any, band: int | None = None, nodata: float | None = Non
     Raises
     ------
     InputError, OptionError
-        As `Band`.
+        As `RasterBand`.
     """
-    samples: Any = Band(dataset, band, nodata)
+    samples: Any = RasterBand(dataset, band, nodata)
     with _gdal():
         where, remark = place_of(dataset)
     at = samples.band - 1

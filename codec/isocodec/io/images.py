@@ -16,10 +16,10 @@ from ..field.framed import Frames
 from ..field.missing import missing_samples
 from ..field.placement import Placement
 from ..field.sampled import Field
-from . import raster
+from . import rasters
 from .arrays import numbers, of_array
+from .in_turn import check_frame, placed_field
 from .libraries import library, reading
-from .series import check_frame, placed_field
 
 FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".gif": "GIF", ".pgm": "PPM", ".ppm": "PPM",
            ".webp": "WEBP"}
@@ -101,8 +101,8 @@ def open_(path: Path, band: int | None = None, frame: int | None = None) -> Fiel
     beside = (f".{suffix[1]}{suffix[-1]}w", f"{suffix}w", ".wld", f"{suffix}.aux.xml")
     where: Placement | None = None
     if any(path.with_suffix(each).exists() for each in beside):
-        with closing(raster.open_(str(path), drivers=(kind,))) as file:
-            where, remark = raster.place_of(file)
+        with closing(rasters.open_(str(path), drivers=(kind,))) as file:
+            where, remark = rasters.place_of(file)
             said += [remark] if remark else []
     with image:
         found = of_picture(image, band, frame, where is None)
@@ -128,7 +128,7 @@ def open_tiff(
     OSError, InputError, OptionError, MissingExtraError
     """
     if path.startswith("/vsi"):
-        return _raster(raster.open_(path, key), band, nodata, frame, frames)
+        return _raster(rasters.open_(path, key), band, nodata, frame, frames)
     tifffile = library("tifffile", extra="raster", purpose="reading TIFF")
     with reading("TIFF", "is it whole?"):
         tiff = tifffile.TiffFile(path, is_ndtiff=False)  # the index of an NDTiff names further files
@@ -138,10 +138,10 @@ def open_tiff(
             turn = page.tags.valueof(_ORIENTATION)
             several = len(tiff.pages) == 1 and np.prod(tiff.series[0].shape) != np.prod(page.shape)
         if key is not None or not (tiff.is_ome or tiff.is_imagej or several):
-            file = raster.open_(path, key) if key is not None else None
+            file = rasters.open_(path, key) if key is not None else None
             if file is None:
                 try:
-                    file = raster.open_(path)
+                    file = rasters.open_(path)
                 except InputError:
                     if len(tiff.pages) == 1:
                         raise
@@ -157,7 +157,7 @@ def open_tiff(
 def _raster(file: Any, band: int | None, nodata: float | None, frame: int | None, frames: bool) -> Field:
     if frames or frame is not None:
         check_frame(frame or 0, 0)
-    return raster.of_dataset(file, band, nodata)
+    return rasters.of_dataset(file, band, nodata)
 
 
 def _stack(
