@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import warnings
 from pathlib import Path
 from random import Random
 
@@ -10,10 +12,12 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import run
+from commands import HILLS, run
 from home import ROOT
 from isocodec.api.thinned import thin
+from isocodec.api.verification import Verified
 from isocodec.cli import main
+from isocodec.cli.report import own_warnings
 from isoconform.damage import damaged
 from tables import looped
 
@@ -86,3 +90,29 @@ def test_a_scale_bar_has_a_unit(tmp_path: Path, unit: str | None, written: str) 
     (tmp_path / "a.iso").write_bytes(data)
     assert run("plot", tmp_path / "a.iso", "--map", "-o", tmp_path / "a.svg").exit_code == 0
     assert re.search(rf">\d+ {written}<", (tmp_path / "a.svg").read_text())
+
+
+def test_a_file_is_kept_if_all_of_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One isovalue without a promise: not known; one that is not kept: not."""
+    isocodec.save(tmp_path / "a.iso", HILLS, 80.5)
+    np.save(tmp_path / "a.npy", HILLS)
+    for each, kept, code in (([True, None], None, 0), ([True, None, False], False, 9), ([True, True], True, 0)):
+        found = [Verified(80.5, None, 0.0, 0.0, 0, one) for one in each]
+        monkeypatch.setattr(isocodec.IsoFile, "verify", lambda *_, found=found, **__: found)
+        result = run("verify", tmp_path / "a.iso", tmp_path / "a.npy", "--json")
+        assert result.exit_code == code and json.loads(result.stdout)["kept"] is kept
+
+
+def test_limits_hold_for_files_that_are_merged(tmp_path: Path) -> None:
+    for name, isovalue in (("a", 80.5), ("b", 60.5)):
+        isocodec.save(tmp_path / f"{name}.iso", HILLS, isovalue, precision="exact")
+    words = ["edit", tmp_path / "a.iso", tmp_path / "b.iso", "-o", tmp_path / "c.iso"]
+    assert run(*words).exit_code == 0
+    assert run(*words, "--limit-memory", 1000).exit_code == 6
+
+
+def test_each_warning_is_shown_once(capsys: pytest.CaptureFixture[str]) -> None:
+    with own_warnings("a.iso"):
+        for text in ("one", "two", "one"):
+            warnings.warn(text, stacklevel=1)
+    assert capsys.readouterr().err.splitlines() == [f"isocodec: a.iso: warning: {text}" for text in ("one", "two")]
