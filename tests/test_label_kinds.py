@@ -34,7 +34,7 @@ from isocodec.drawing.pictures import picture
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
-from isocodec.io.writing import FORMATS
+from isocodec.io.formats import FORMATS
 
 LABELS = (3, -2, 300)
 KINDS = {"one": LABELS[:1], "several": LABELS, "series": LABELS}

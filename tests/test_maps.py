@@ -23,7 +23,7 @@ import isocodec
 from commands import BALL as SHELL
 from commands import HILLS, ok
 from isocodec.errors import OptionError
-from isocodec.io.writing import write
+from isocodec.io.formats import write
 from written import Y_UP, rendered
 
 BALL = int(SHELL.max()) - SHELL

@@ -25,7 +25,7 @@ from isocodec.cli import report
 from isocodec.drawing.contour import Contour
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
-from isocodec.io.writing import FORMATS, OutputOptions
+from isocodec.io.formats import FORMATS, OutputOptions
 
 ROWS, COLUMNS = np.mgrid[:33, :41]
 HOLES = np.zeros(HILLS.shape, bool)
@@ -271,7 +271,7 @@ def test_data_frames_are_neither_loaded_nor_lost(tmp_path: Path) -> None:
     """A map takes no geopandas; whoever writes one can read it with geopandas afterwards."""
     program = f"""
 import sys, isocodec, numpy
-from isocodec.io.writing import write
+from isocodec.io.formats import write
 contour = isocodec.decode(isocodec.encode(numpy.load({str(tmp_path / 'in.npy')!r}), 60.5))
 write({str(tmp_path / 'a.gpkg')!r}, contour)
 assert not {{"geopandas", "pandas", "pyarrow"}} & sys.modules.keys()

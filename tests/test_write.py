@@ -20,7 +20,7 @@ from isocodec.drawing.pictures.picture import Step, contour_picture, steps_pictu
 from isocodec.drawing.pictures.shading import Solid, shade
 from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.errors import MissingExtraError
-from isocodec.io.writing import write
+from isocodec.io.formats import write
 from isocodec.storage.atomic import check_target, write_bytes
 from written import rendered
 

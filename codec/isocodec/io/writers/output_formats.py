@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from ..writing import Cost, OutputOptions
+from ..cost import Cost
 
 __all__ = ["Cost", "Output", "OutputOptions"]
+
+OutputOptions = Any
 
 
 class Output(NamedTuple):
