@@ -22,7 +22,7 @@ import isocodec
 from commands import BALL as SHELL
 from commands import HILLS, ok
 from isocodec.errors import OptionError
-from isocodec.io.writing import write
+from isocodec.io.formats import write
 from written import Y_UP
 
 BALL = int(SHELL.max()) - SHELL

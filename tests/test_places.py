@@ -32,7 +32,7 @@ import isocodec
 from commands import ok
 from isocodec.errors import OptionError
 from isocodec.field.placement import LPS, Placement
-from isocodec.io.writing import OutputOptions, SampleMask, write
+from isocodec.io.formats import OutputOptions, SampleMask, write
 
 Array = np.ndarray
 SHAPE = (6, 7, 5)

@@ -14,7 +14,7 @@ import trimesh
 from files import same
 from isocodec.drawing.contour import Contour
 from isocodec.errors import MissingExtraError
-from isocodec.io.writing import write
+from isocodec.io.formats import write
 from isocodec.storage.atomic import check_target, write_bytes
 from written import rendered
 

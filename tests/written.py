@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from isocodec.io.writing import OutputOptions, SampleMask, write
+from isocodec.io.formats import OutputOptions, SampleMask, write
 
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From coordinates to those of GLB."""

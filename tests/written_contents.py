@@ -10,7 +10,7 @@ import numpy as np
 
 import isocodec
 from isocodec.field.placement import LPS, RAS, Placement
-from isocodec.io.writing import Areas, OutputOptions, SampleMask, Written, write
+from isocodec.io.formats import Areas, OutputOptions, SampleMask, Written, write
 
 CELL = 30.0
 

@@ -32,7 +32,7 @@ from isocodec.cli.option_records import PART
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
-from isocodec.io.writing import FORMATS
+from isocodec.io.formats import FORMATS
 from isocodec.plotting import panels
 from libraries import Late
 from tables import looped

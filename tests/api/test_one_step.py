@@ -22,7 +22,7 @@ from isocodec.cli import report
 from isocodec.drawing.contour import Contour
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
-from isocodec.io.writing import FORMATS, OutputOptions
+from isocodec.io.formats import FORMATS, OutputOptions
 from libraries import Late
 from tables import looped
 
@@ -274,7 +274,7 @@ def test_data_frames_are_neither_loaded_nor_lost(tmp_path: Path) -> None:
     """A map takes no geopandas; whoever writes one can read it with geopandas afterwards."""
     program = f"""
 import sys, isocodec, numpy
-from isocodec.io.writing import write
+from isocodec.io.formats import write
 contour = isocodec.decode(isocodec.encode(numpy.load({str(tmp_path / 'in.npy')!r}), 60.5))
 write({str(tmp_path / 'a.gpkg')!r}, contour)
 assert not {{"geopandas", "pandas", "pyarrow"}} & sys.modules.keys()

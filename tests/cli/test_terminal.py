@@ -164,11 +164,11 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
 
 
 WRITERS = {
-    "isocodec.io.writing.beside": ("decode", "c.iso", "-o", "o.npz"),
+    "isocodec.io.formats.beside": ("decode", "c.iso", "-o", "o.npz"),
     "isocodec.io.surfaces.write_meshes": ("decode", "c.iso", "-o", "o.ply", "--what", "mesh"),
     "isocodec.api.plots.panels_picture": ("plot", "c.iso", "-o", "o.png"),
     "isocodec.api.plots.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
-    "isocodec.io.sampled.volume_matrix": ("decode", "--what", "above", "v.iso", "-o", "o.nii"),
+    "isocodec.io.masks.volume_matrix": ("decode", "--what", "above", "v.iso", "-o", "o.nii"),
 }
 
 

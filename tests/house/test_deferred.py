@@ -11,7 +11,7 @@ import pytest
 
 from isocodec import deferred
 from isocodec.deferred import dataclass
-from isocodec.io.writing import Cost
+from isocodec.io.cost import Cost
 from tables import looped
 
 

@@ -148,7 +148,7 @@ def suffixes(path: Path) -> set[str]:
     return {text for text in strings if re.fullmatch(r"\.(?![0-9]+g)[a-z0-9]{2,7}(\.gz)?", text)}
 
 
-WRITING = [HOME / "io" / f"{name}.py" for name in ("writing", "tables", "surfaces", "sampled")]
+WRITING = [HOME / "io" / f"{name}.py" for name in ("formats", "map_tables", "surfaces", "masks")]
 
 
 @pytest.mark.parametrize("paths", [[*(HOME / "io" / "readers").glob("*.py")], WRITING], ids=["read", "written"])

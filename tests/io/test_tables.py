@@ -11,7 +11,7 @@ import pytest
 
 import isocodec
 from isocodec.errors import InputError, OptionError
-from isocodec.io import tables
+from isocodec.io import map_tables as tables
 from written_contents import PLACES, bumps, content, plane, written
 
 NAMED = [place for place, (_, crs) in PLACES.items() if crs is not None and place != "plane"]

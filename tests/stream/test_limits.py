@@ -21,7 +21,8 @@ from isocodec import limits as module
 from isocodec.entropy import run
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
-from isocodec.io.writing import COST, Areas
+from isocodec.io.cost import COST
+from isocodec.io.formats import Areas
 from isocodec.limits import Budget, in_units
 from isocodec.stream.inspect import inspect
 from isoconform import hostile

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..drawing.contour import Contour
 from ..field.labelling import noun_of
-from ..io.writing import COST
+from ..io.cost import COST
 
 if TYPE_CHECKING:
     from ..stream.decoder import Decoder

@@ -14,8 +14,8 @@ from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import FormatError, InputError, OptionError
 from ..field.labelling import caption
-from ..io.writing import (
-    COST,
+from ..io.cost import COST
+from ..io.formats import (
     USUAL,
     Areas,
     Kind,
@@ -89,7 +89,7 @@ class Exported:
     Attributes
     ----------
     thing : object
-        Content that `isocodec.io.writing.write` takes.
+        Content that `isocodec.io.formats.write` takes.
     facts : dict
         Counts, for programs.
     text : str

@@ -14,7 +14,7 @@ from ..errors import OptionError
 from ..storage.atomic import check_target, undo_all, undoing, write_bytes
 
 if TYPE_CHECKING:
-    from ..io.writing import Kind
+    from ..io.formats import Kind
     from .isofile import IsoFile
 
 __all__ = [
@@ -67,7 +67,7 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
         raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
     _, dot, ending = target.name.lower().rpartition(".")
     if iso and dot and ending != "iso":
-        from ..io.writing import Thing, suffixes_of
+        from ..io.formats import Thing, suffixes_of
 
         raise OptionError(
             f"the output is an .iso file, not .{ending}", code="suffix", remedy="choose a name that ends in .iso; "
@@ -77,22 +77,22 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
 
 def other_format(name: str) -> str | None:
     """The suffix of a name, if it is that of another format."""
+    from ..io.formats import SUFFIXES
     from ..io.opener import SUFFIXES as FIELD_SUFFIXES
-    from ..io.writing import SUFFIXES
 
     return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
 
 
 def is_converted(output: str | os.PathLike[str]) -> bool:
     """Whether the suffix of a name is that of a format of other tools."""
-    from ..io.writing import suffix_of
+    from ..io.formats import suffix_of
 
     return suffix_of(output) is not None
 
 
 def formats() -> dict[str, str]:
     """Lists of suffixes for help texts, by the names that help texts have in braces."""
-    from ..io.writing import PICTURES, Thing, suffixes_of
+    from ..io.formats import PICTURES, Thing, suffixes_of
 
     def listed(kind: Kind, n: int | None = None, several: bool = False) -> str:
         return ", ".join(suffixes_of(Thing(kind, n, several)))

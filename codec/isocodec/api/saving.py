@@ -155,7 +155,7 @@ def save_tiles(
 
 def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str, options: bool) -> bool:
     """Write contours or a surface in another format than .iso; returns whether ``what`` is such."""
-    from ..io.writing import Thing, check, write
+    from ..io.formats import Thing, check, write
     from ..tin.tin import Tin
 
     contours = _contours(what)

@@ -26,7 +26,8 @@ from ..field.labelling import is_of_labels
 from ..field.placement import Placement, unplaced
 from ..field.reference_system import is_named, short_name
 from ..storage.atomic import beside
-from . import sampled, surfaces, tables
+from . import map_tables as tables
+from . import masks, surfaces
 from .libraries import library
 
 Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin"]
@@ -65,31 +66,6 @@ class OutputOptions:
 
 
 USUAL = OutputOptions()
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Most memory, in bytes, that writing takes: for each point, for each cell, and in any case.
-
-    ``kept`` bytes for each point are held until the file is complete; all of them if None.
-    """
-
-    point: int
-    cell: int
-    fixed: int = 0
-    kept: int | None = None
-
-    def peak(self, points: int, cells: int) -> int:
-        """Memory while one drawing is written."""
-        return self.point * points + self.cell * cells + self.fixed
-
-    def after(self, points: int, cells: int) -> int:
-        """Memory after a drawing has been written, while others follow."""
-        return self.point * points + self.cell * cells if self.kept is None else self.kept * points
-
-
-COST = Cost(300, 240, 1 << 24, kept=150)
-"""Memory of the writers, that of the most expensive ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +244,7 @@ def write_picture(what: Any, path: Path, _: OutputOptions, suffix: str) -> None:
     """Draw contours as a picture."""
     from ..plotting.panels import contour_picture
 
-    path.write_bytes(contour_picture(list(what), suffix))
+    path.write_bytes(contour_picture(what if suffix == ".svg" else list(what), suffix))
 
 
 def _as_picture(mask: SampleMask, path: Path, *_: Any) -> None:
@@ -301,11 +277,11 @@ FORMATS: tuple[Format, ...] = (
     Format({".3mf": "3mf"}, libraries=("trimesh", "networkx", "lxml"), several=True, **_TRIMESH),
     Format({".off": "off"}, libraries=("trimesh",), **_TRIMESH),
     Format({".ply": "ply", ".stl": "stl"}, libraries=("trimesh",), states="space", single=True, **_TRIMESH),
-    Format({".tif": ""}, {"mask": (2,), "labels": (2,)}, partial(_samples, sampled.write_raster), ("rasterio",),
+    Format({".tif": ""}, {"mask": (2,), "labels": (2,)}, partial(_samples, masks.write_raster), ("rasterio",),
            "raster", states="crs"),
-    Format({".nii": "", ".nii.gz": ""}, _GRIDS, partial(_samples, sampled.write_nifti), ("nibabel",), "volumes",
+    Format({".nii": "", ".nii.gz": ""}, _GRIDS, partial(_samples, masks.write_nifti), ("nibabel",), "volumes",
            states="space"),
-    Format({".nrrd": "", ".mha": ""}, _GRIDS, partial(_samples, sampled.write_itk), ("SimpleITK",), "volumes",
+    Format({".nrrd": "", ".mha": ""}, _GRIDS, partial(_samples, masks.write_itk), ("SimpleITK",), "volumes",
            states="space"),
     Format({".npy": ""}, {**_GRIDS, "mask": (1, 2, 3), "tin": (2,)}, _as_array, states="samples"),
     Format({".npz": ""}, {"contour": (2, 3), "tin": (2,)}, _as_arrays, states="samples"),
@@ -322,7 +298,7 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str | None:
-    """The longest suffix of a name that belongs to a format; None without one."""
+    """Find the longest suffix of a name that belongs to a format; None without one."""
     name = Path(path).name.lower()
     found = [suffix for suffix in SUFFIXES if name.endswith(suffix) and len(name) > len(suffix)]
     return max(found, key=len, default=None)
@@ -501,7 +477,7 @@ def _raised(contour: Contour) -> Contour:
 
 
 class Losses:
-    """What a format loses of the coordinates that have been written so far; losses that were asked for do not count."""
+    """Losses of a format in the coordinates that have been written so far, but for those that were asked for."""
 
     def __init__(self, form: Format, suffix: str, options: OutputOptions) -> None:
         self._form, self._suffix, self._options = form, suffix, options

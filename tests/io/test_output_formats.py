@@ -14,7 +14,7 @@ import pytest
 import isocodec
 from commands import run
 from isocodec.errors import InputError, MissingExtraError, OptionError
-from isocodec.io.writing import FORMATS, SUFFIXES, OutputOptions, Thing, check, suffix_of, suffixes_of, write
+from isocodec.io.formats import FORMATS, SUFFIXES, OutputOptions, Thing, check, suffix_of, suffixes_of, write
 from isocodec.storage.atomic import beside
 from written_contents import content, plane, volume, written
 

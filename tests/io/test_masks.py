@@ -11,7 +11,7 @@ import pytest
 import isocodec
 from isocodec.errors import OptionError
 from isocodec.field.placement import LPS
-from isocodec.io.writing import SampleMask
+from isocodec.io.formats import SampleMask
 from written_contents import content, written
 
 VOLUMES = (".nii", ".nii.gz", ".nrrd", ".mha")
