@@ -381,7 +381,7 @@ def test_extreme_sizes(size: float) -> None:
                 files = {suffix: rendered(contour, suffix) for suffix in suffixes}
             if n == 2:
                 line = json.loads(files[".geojson"])["features"][0]["geometry"]["coordinates"]
-                assert np.array_equal(np.sort(line[:-1], axis=0), np.sort(contour.placed, axis=0))
+                assert np.allclose(np.sort(line[:-1], axis=0), np.sort(contour.placed, axis=0), rtol=1e-14, atol=0)
             else:
                 for suffix in (".ply", ".obj"):
                     surface = trimesh.load(io.BytesIO(files[suffix]), file_type=suffix[1:], process=False)
