@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import time
 import weakref
@@ -100,8 +99,7 @@ def test_contours_are_those_of_the_exact_file(name: str) -> None:
 def test_areas_are_those_of_the_exact_file(tmp_path: Path, name: str, what: str) -> None:
     field, isovalue = FIELDS[name]
     (tmp_path / "a.iso").write_bytes(isocodec.encode(field, isovalue, **exact(field, name)))
-    holes = ["--along-holes"] if name == "holes" else []
-    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.gpkg", "--what", what, *holes)
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.gpkg", "--what", what)
     drawn(field, "b.gpkg", Wanted(what=what), isovalue).write(tmp_path / "b.gpkg")
     tables = [geopandas.read_file(tmp_path / each) for each in ("a.gpkg", "b.gpkg")]
     assert tables[0].drop(columns="geometry").equals(tables[1].drop(columns="geometry"))
@@ -148,31 +146,6 @@ def test_more_isovalues_than_a_file_holds(tmp_path: Path) -> None:
     assert sorted(set(found.isovalue)) == [v + 0.5 for v in range(int(HILLS.min()), int(HILLS.max()))]
     assert "100,000" in fails(3, "encode", tmp_path / "hills.npy", "-o", tmp_path / "b.gpkg", "--interval", 1e-4)
     assert not (tmp_path / "b.gpkg").exists()
-
-
-@looped("verb", ["encode", "decode"])
-@looped("suffix", [".gpkg", ".fgb", ".shp", ".parquet", ".geojson"])
-def test_names_of_columns_and_layers_index_contours_and_heights(tmp_path: Path, suffix: str, verb: str) -> None:
-    field = isocodec.Field(HILLS, placement=UTM, crs="EPSG:32631")
-    if verb == "decode":
-        (tmp_path / "in.iso").write_bytes(isocodec.encode(field, "every 20", precision="exact"))
-        words: list[Any] = ["decode", tmp_path / "in.iso"]
-    else:
-        np.save(tmp_path / "in.npy", HILLS)
-        words = ["encode", tmp_path / "in.npy", "--interval", 20, *PLACED]
-    path = tmp_path / f"map{suffix}"
-    named = suffix in (".gpkg", ".fgb")
-    layer = ["--layer", "heights"] if named else []
-    ok(*words, "-o", path, "--attribute", "elev", "--index", 5, "--3d", *layer)
-    table = geopandas.read_parquet(path) if suffix == ".parquet" else geopandas.read_file(path)
-    assert set(table.elev) == set(range(0, int(HILLS.max()), 20)) and "isovalue" not in table
-    assert table.crs.to_epsg() in ((4326, 4979) if suffix == ".geojson" else (32631,))
-    for elevation, index, shape in zip(table.elev, table["index"], table.geometry, strict=True):
-        assert bool(index) == (elevation % 100 == 0)
-        points = shapely.get_coordinates(shape, include_z=True)
-        assert len(points) and (points[:, 2] == elevation).all()
-    if named:
-        assert [name for name, _ in pyogrio.list_layers(path)] == ["heights"]
 
 
 @looped("option", [["--attribute", "z"], ["--layer", "z"], ["--3d"]])
@@ -268,21 +241,3 @@ def test_seconds_are_those_that_a_user_waits_for(tmp_path: Path) -> None:
     record = json.loads(process("encode", tmp_path / "in.npy", "-o", tmp_path / "a.gpkg", "--interval", 10, "--json")
                         .stdout)
     assert record["seconds"] > (time.perf_counter() - began) / 2
-
-
-def test_data_frames_are_neither_loaded_nor_lost(tmp_path: Path) -> None:
-    """A map takes no geopandas; whoever writes one can read it with geopandas afterwards."""
-    program = f"""
-import sys, isocodec, numpy
-from isocodec.io.formats import write
-contour = isocodec.decode(isocodec.encode(numpy.load({str(tmp_path / 'in.npy')!r}), 60.5))
-write({str(tmp_path / 'a.gpkg')!r}, contour)
-assert not {{"geopandas", "pandas", "pyarrow"}} & sys.modules.keys()
-import pyogrio, geopandas
-assert len(pyogrio.read_dataframe({str(tmp_path / 'a.gpkg')!r})) == len(contour.walks)
-assert len(geopandas.read_file({str(tmp_path / 'a.gpkg')!r})) == len(contour.walks)
-write({str(tmp_path / 'b.gpkg')!r}, contour)
-"""
-    np.save(tmp_path / "in.npy", HILLS)
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
-    assert (tmp_path / "a.gpkg").read_bytes() == (tmp_path / "b.gpkg").read_bytes()

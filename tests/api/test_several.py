@@ -65,22 +65,6 @@ def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> N
         isocodec.open(data).contours(max_bytes=0)
 
 
-def test_geojson_has_a_feature_for_each(several: Path, data: bytes, tmp_path: Path) -> None:
-    out = tmp_path / "all.geojson"
-    contours = isocodec.open(data).contours()
-    record = json.loads(ok("decode", several, "-o", out, "--json", "--keep-crs"))
-    assert record["isovalues"] == ISOVALUES and record["points"] == sum(len(c.points) for c in contours)
-    whole = json.loads(out.read_text())
-    assert whole["type"] == "FeatureCollection" and whole["crs"]["properties"]["name"].endswith("EPSG::32613")
-    assert [feature["properties"]["isovalue"] for feature in whole["features"]] == ISOVALUES
-    for feature, contour in zip(whole["features"], contours, strict=True):
-        assert feature["type"] == "Feature" and "crs" not in feature
-        assert shape_of(feature["geometry"]).equals(shape_of(contour.__geo_interface__))
-    ok("decode", several, "-o", out, "--isovalue", 80.5, "--keep-crs")
-    one = json.loads(out.read_text())
-    assert one["type"] == "Feature" and one["properties"]["isovalue"] == 80.5
-
-
 def test_areas_of_higher_isovalues_lie_within_those_of_lower_ones(several: Path, tmp_path: Path) -> None:
     out = tmp_path / "areas.geojson"
     ok("decode", several, "-o", out, "--what", "areas", "--side", "above", "--keep-crs")

@@ -44,8 +44,7 @@ VALUES = {
     "within": "2", "what": "mesh", "side": "below", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
     "steps": "2", "index": "2", "title": "t", "dpi": "50", "seen_from": "top", "map_interval": "20", "offset": "1",
     "limit_memory": "900M", "limit_work": "100000000", "limit_samples": "100000", "mesh": "known.npz", "kind": "iso",
-    "key": "a", "nodata": "1", "metadata": "a=b",
-    "decimals": "3", "higher_on": "right", "layer": "a", "attribute": "a",
+    "key": "a", "nodata": "1", "metadata": "a=b", "layer": "a", "attribute": "a",
     "slice_tolerance": "1", "band": "1", "bbox": "0,0,9,9",
 }
 """A value for each option that takes one."""
@@ -192,10 +191,9 @@ EFFECTS: dict[str, Callable[[], Any]] = {
 }
 """Fields, so that each option changes something of what is decoded."""
 EFFECTIVE = {
-    "frame": 1, "layers": 1, "max_bytes": 0, "window": "4:20,4:20", "within": 16, "smooth": None, "along_holes": None,
-    "through_holes": None, "capped": None, "whole": None, "isovalue": 120.5, "in_samples": None, "keep_crs": None,
-    "partial": None, "side": "below", "layer": "mine", "attribute": "height", "index": 2, "raised": None,
-    "higher_on": "right", "decimals": 2,
+    "frame": 1, "layers": 1, "max_bytes": 0, "window": "4:20,4:20", "within": 16, "smooth": None,
+    "through_holes": None, "capped": None, "isovalue": 120.5, "in_samples": None, "keep_crs": None,
+    "partial": None, "side": "below", "layer": "mine", "attribute": "height", "raised": None,
 }
 """Values that change what is decoded of these; ``max_bytes`` is a quarter of the file."""
 OF_KIND = {
@@ -204,7 +202,7 @@ OF_KIND = {
 }
 NO_EFFECT = {
     ("any", "partial"), ("volume", "in_samples"), ("mesh", "in_samples"), ("volume", "keep_crs"),
-    ("labels", "through_holes"), ("volume", "through_holes"), ("labels", "along_holes"), ("mesh", "layers"),
+    ("labels", "through_holes"), ("volume", "through_holes"), ("mesh", "layers"),
     ("mesh", "keep_crs"),
 }
 """Of whole files, of files without a placement, holes or more than one layer."""
@@ -271,7 +269,7 @@ WORDS: dict[str, list[object]] = {
     "plot": ["grid.iso"], "thin": ["hills.npy", "--points", 30],
 }
 _CURVES = [".geojson", ".svg", ".npz"]
-FORMATS = {"encode": [".iso", *_CURVES], "decode": _CURVES, "plot": [".png"], "thin": [".ply"]}
+FORMATS = {"encode": [".iso"], "decode": _CURVES, "plot": [".png"], "thin": [".ply"]}
 
 
 @looped("as_json", [False, True])

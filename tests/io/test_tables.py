@@ -17,7 +17,7 @@ from written_contents import PLACES, bumps, content, plane, written
 NAMED = [place for place, (_, crs) in PLACES.items() if crs is not None and place != "plane"]
 CLOSE = 60.0
 """Metres of two pixels."""
-BY_GDAL = (".gpkg", ".fgb", ".shp", ".gml", ".sqlite", ".gmt", ".mif")
+BY_GDAL = (".gpkg", ".fgb", ".shp", ".gml", ".sqlite", ".gmt")
 
 
 def back(path: Path) -> Any:

@@ -119,39 +119,14 @@ def test_triangles_keep_their_winding(stored: str, turned: bool) -> None:
     assert np.cross(b - a, c - a).sum(axis=0)[2] > 0
 
 
-@looped("suffix", OF_CURVES)
-@looped("stored", STORED)
-def test_curves_in_files(stored: str, suffix: str, tmp_path: Path) -> None:
-    file, data = opened(stored)
-    out = tmp_path / f"out{suffix}"
-    (tmp_path / "a.iso").write_bytes(data)
-    contour = file.contour(LEVELS[0])
-    isocodec.save(out, contour)
-    length = np.linalg.norm(np.diff(contour.points[contour.cells], axis=1), axis=2).sum()
-    if suffix in (".vtp", ".vtu", ".obj"):
-        found = pv.read(out)
-        assert np.isclose(found.compute_cell_sizes()["Length"].sum(), length, rtol=1e-5)
-        isocodec.save(out, file.contours())
-        both = pv.read(out)
-        assert both.n_points == sum(len(one.points) for one in file.contours())
-    elif suffix == ".ply":
-        content = out.read_bytes()
-        head, body = content.split(b"end_header\n")
-        assert f"element edge {len(contour.cells)}".encode() in head
-        assert np.array_equal(np.frombuffer(body[: contour.points.nbytes]).reshape(-1, 3), contour.points)
-    if stored != "known":
-        ok("decode", tmp_path / "a.iso", "--isovalue", LEVELS[0], "-o", out)
-
-
 @pytest.mark.parametrize("suffix", OF_MESHES)
-@pytest.mark.parametrize("whole", [False, True])
-def test_meshes_in_files(whole: bool, suffix: str, tmp_path: Path) -> None:
+def test_meshes_in_files(suffix: str, tmp_path: Path) -> None:
     file, data = opened("whole")
     (tmp_path / "a.iso").write_bytes(data)
     out = tmp_path / f"out{suffix}"
-    ok("decode", tmp_path / "a.iso", "--what", "mesh", *["--whole"] * whole, "--isovalue", LEVELS[0], "-o", out)
+    ok("decode", tmp_path / "a.iso", "--what", "mesh", "--isovalue", LEVELS[0], "-o", out)
     found = pv.read(out)
-    mesh = file.mesh(LEVELS[0], whole=whole)
+    mesh = file.mesh(LEVELS[0], whole=False)
     assert found.n_cells == len(mesh.cells) and np.allclose(found.points, mesh.points, atol=1e-5)
     isocodec.save(tmp_path / f"other{suffix}", mesh)
     assert (tmp_path / f"other{suffix}").read_bytes() == out.read_bytes()

@@ -312,5 +312,5 @@ def test_commands(tmp_path: Path) -> None:
     few, all_ = (json.loads(ok("info", tmp_path / name, "--json")) for name in ("few.iso", "all.iso"))
     assert (tmp_path / "few.iso").read_bytes() == (tmp_path / "same.iso").read_bytes()
     assert few["bytes"] < all_["bytes"]
-    ok("decode", tmp_path / "few.iso", "-o", tmp_path / "mesh.geojson", "--what", "mesh", "--whole")
+    ok("decode", tmp_path / "few.iso", "-o", tmp_path / "mesh.geojson", "--what", "mesh")
     assert "choose one of: delaunay, whole" in fails(2, *given, "-o", tmp_path / "x.iso", "--stored", "coded")

@@ -326,7 +326,7 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Expor
         if isovalue is None:
             with suppress(FormatError):  # isovalues that follow may be damaged
                 isovalue = next(iter(file.isovalues), None)
-        view = {key: wanted.view[key] for key in ("frame", "partial") if key in wanted.view and file.kind != "tiles"}
+        view = {key: wanted.view[key] for key in ("frame", "partial") if key in wanted.view}
         values = file.above(wanted.isovalue, **view)
         remarks = _others_in(file, isovalue) if wanted.isovalue is None and isovalue is not None else []
     count = int(np.count_nonzero(values))

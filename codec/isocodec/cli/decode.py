@@ -86,7 +86,9 @@ class DecodeArguments(Converting, Viewing):
             self.refuse("apply with --capped", "window")
         self.check_converting(self.what)
         if self.what in ("above", "valid", "labels", "surface", "mesh"):
-            self.refuse(f"apply to --what {self.what}", "smooth", "through_holes")
+            self.refuse(f"apply to --what {self.what}", "smooth")
+        if self.what not in (None, "curve"):
+            self.refuse(f"apply to --what {self.what}", "through_holes")
         if self.what in ("above", "valid", "labels"):
             self.refuse(f"apply to --what {self.what}", "keep_crs")
         if self.what in ("valid", "labels", "surface"):

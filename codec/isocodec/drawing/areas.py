@@ -36,7 +36,7 @@ def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | N
     if contour.masked:
         raise OptionError(
             "areas are not closed where samples are missing", code="holes",
-            remedy="--along-holes closes them there, too (in Python contour(through_holes=True) and areas(valid=))",
+            remedy="draw curves through them: contour(through_holes=True).areas(valid=file.valid())",
         )
     if valid is not None and np.shape(valid) != contour.shape:
         raise OptionError(f"valid has shape {np.shape(valid)}, but the field has {contour.shape}", code="valid")

@@ -263,7 +263,7 @@ FORMATS: tuple[Format, ...] = (
     Format({".geojson": "GeoJSON", ".geojsonl": "GeoJSONSeq", ".geojsonseq": "GeoJSONSeq"}, _MAPS, states="degrees",
            **_PYOGRIO),
     Format({".gpkg": "GPKG", ".fgb": "FlatGeobuf", ".shp": "ESRI Shapefile", ".gml": "GML", ".sqlite": "SQLite",
-            ".gmt": "OGR_GMT", ".mif": "MapInfo File"}, _MAPS, states="crs", **_PYOGRIO),
+            ".gmt": "OGR_GMT"}, _MAPS, states="crs", **_PYOGRIO),
     Format({".parquet": "Parquet"}, _MAPS, states="crs", **_PYOGRIO | {"libraries": ("geopandas", "pyarrow")}),
     Format({".csv": "CSV"}, _MAPS, **_PYOGRIO),
     Format({".kml": "LIBKML"}, _MAPS, states="crs", **_PYOGRIO),
@@ -345,10 +345,12 @@ def check(
         else:
             message = f"{suffix} cannot hold {thing.text}"
         raise OptionError(message, code="suffix", remedy=f"one of {', '.join(listed)}" if listed else "no format can")
-    on_map = chosen.write is _as_table
+    name = chosen.suffixes[suffix]
     refused = {
-        "layer": options.layer is not None and not on_map, "attribute": options.attribute is not None and not on_map,
-        "3d": options.raised and (thing.kind != "contour" or thing.n == 3 or chosen.states == "samples"),
+        "layer": options.layer is not None and name not in tables.LAYERED,
+        "attribute": options.attribute is not None and (chosen.write is not _as_table or name in tables.UNNAMED),
+        "3d": options.raised and (thing.kind != "contour" or thing.n == 3 or chosen.states == "samples"
+                                  or name in tables.FLAT),
     }
     for name in (name for name, wrong in refused.items() if wrong):
         raise OptionError(f"--{name} does not apply to {thing.text} in {suffix}", code=name, remedy="leave it out")

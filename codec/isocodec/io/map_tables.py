@@ -28,6 +28,11 @@ TAKEN = ("geometry", "geom", "fid", "ogc_fid", "wkt", "closed", "complete", "sid
 """Columns, in any case, that tables or files have beside those of isovalues."""
 LOCATED = ("LIBKML", "PMTiles", "MBTiles")
 """Drivers of GDAL whose files are in longitude and latitude by definition."""
+LAYERED = ("GPKG", "SQLite", "GeoJSON", "FlatGeobuf", "GML", *LOCATED)
+FLAT = ("DXF", "PMTiles", "MBTiles")
+"""Drivers whose layers have names, and those without a height of choice."""
+UNNAMED = ("DXF",)
+"""Drivers without columns."""
 DEGREES = ("GeoJSON", "GeoJSONSeq", *LOCATED)
 EMPTY: Mapping[str, str] = MappingProxyType({})
 _DATE = "2000-01-01T00:00:00.000Z"
