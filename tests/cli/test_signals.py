@@ -143,6 +143,7 @@ def test_too_late(folder: Path, number: signal.Signals) -> None:
     assert (folder / "out.iso").read_bytes() == isocodec.encode(HILLS, 80.5)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("trials", [3, pytest.param(100, marks=pytest.mark.heavy)])
 def test_while_kernels_are_compiled(folder: Path, trials: int) -> None:
     """The compiler is left where it is."""

@@ -10,6 +10,7 @@ import pytest
 
 from isocodec.errors import InputError
 from isocodec.tin.delaunay import delaunay, remove, triangles, triangulate
+from isocodec.tin.points import points_of
 from isocodec.tin.rank import by_rank, ranks
 from libraries import Late
 from tables import looped
@@ -156,3 +157,16 @@ def test_what_is_no_triangulation(points: list[tuple[int, int]], code: str):
     with pytest.raises(InputError) as caught:
         triangulate(np.array(points))
     assert caught.value.code == code
+
+
+def test_means_of_points_that_coincide_do_not_depend_on_their_order() -> None:
+    """Sums of floats do."""
+    points = np.array([[0, 0], [5, 1], [2, 7], *[[3, 3]] * 5], float)
+    values = np.array([1, 2, 3, 1e16, 1, -1e16, 3, 1e-3])
+    found = set()
+    for seed in range(30):
+        order = np.random.default_rng(seed).permutation(len(points))
+        made = points_of(points[order], values[order])
+        found.add(tuple(made.value.tolist()))
+        assert made.merged == 4
+    assert len(found) == 1
