@@ -13,10 +13,6 @@ from commands import BALL, HILLS
 from isocodec.drawing.tessellation import Tessellation, tessellated
 from isoconform.meshes import chosen
 
-meshio = Late("meshio")
-shapely = Late("shapely")
-trimesh = Late("trimesh")
-
 # Two triangles of a square of 4 samples a side, split along the diagonal from (0, 0); one vertex lies above.
 SQUARE = Tessellation(
     points=np.array([(0, 0), (0, 3), (3, 0), (3, 3)]),

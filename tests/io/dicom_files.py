@@ -14,7 +14,6 @@ from pydicom.uid import (
     EnhancedCTImageStorage,
     ExplicitVRLittleEndian,
     PositronEmissionTomographyImageStorage,
-    SegmentationStorage,
     generate_uid,
 )
 
@@ -126,40 +125,28 @@ def _grouped(flat: Dataset, groups: dict[str, str]) -> Dataset:
 
 
 def segmentation(
-    path: Path, labels: Any, how: str = "BINARY", *, step: Sequence[float] = STEP,
-    change: Change = lambda made, number: None,
+    path: Path, labels: Any, how: str = "BINARY", *, step: Sequence[float] = STEP, most: int = 255,
 ) -> Path:
-    """Write a segmentation of labels (slices, rows, columns), without frames that would be empty."""
-    made = header(SegmentationStorage, *labels.shape[1:], np.dtype("u1"))
-    made.Modality, made.SegmentationType, made.InstanceNumber = "SEG", how, 1
+    """Write a segmentation of labels (slices, rows, columns), without frames that would be empty.
+
+    Fractions are a quarter where labels are.
+    """
+    import highdicom
+    from pydicom import dcmread
+    from pydicom.sr.codedict import codes
+
+    def named(made: Dataset, number: int) -> None:
+        for name in ("PatientBirthDate", "PatientSex", "StudyDate", "StudyTime", "AccessionNumber", "StudyID",
+                     "ReferringPhysicianName", "PositionReferenceIndicator", "Manufacturer"):
+            setattr(made, name, "")
+
+    folder = slices(path.parent / f"{path.stem}-source", stored(labels.shape), named, step=step)
     numbers = [int(each) for each in np.unique(labels) if each]
-    made.SegmentSequence = []
-    for number in numbers:
-        one = Dataset()
-        one.SegmentNumber, one.SegmentLabel = number, f"organ {number}"
-        made.SegmentSequence.append(one)
-    frames = []
-    for number in range(len(labels)):
-        for segment in numbers if how != "LABELMAP" else [None]:
-            inside = labels[number] == segment if segment else labels[number]
-            if inside.any():
-                flat = Dataset()
-                flat.PixelSpacing, flat.SliceThickness, flat.SpacingBetweenSlices = [*BETWEEN], 2.5, 2.5
-                flat.ImageOrientationPatient, flat.ImagePositionPatient = [*AXIAL], corner(number, step)
-                if segment:
-                    flat.ReferencedSegmentNumber = segment
-                frames.append((flat, inside))
-    made.NumberOfFrames = len(frames)
-    every = np.array([inside for _, inside in frames])
-    if how == "BINARY":
-        made.BitsAllocated = made.BitsStored = 1
-        made.HighBit = 0
-        packed = np.packbits(every.reshape(-1), bitorder="little")
-        pixels(made, packed)
-    else:
-        pixels(made, every.astype("u1"))
-    made.PerFrameFunctionalGroupsSequence = [_grouped(flat, OF_FRAME) for flat, _ in frames]
-    made.SharedFunctionalGroupsSequence = [_grouped(frames[0][0], SHARED)]
-    change(made, 0)
-    made.save_as(path, enforce_file_format=True)
+    described = [
+        highdicom.seg.SegmentDescription(number, f"organ {number}", codes.SCT.Tissue, codes.SCT.Bone, "MANUAL")
+        for number in (numbers if how == "LABELMAP" else range(1, max(numbers) + 1))]
+    fractions = np.stack([labels == number for number in range(1, max(numbers) + 1)], -1) / 4
+    highdicom.seg.Segmentation(
+        [dcmread(each) for each in sorted(folder.iterdir())], fractions if how == "FRACTIONAL" else labels, how,
+        described, "1.2.9", 2, "1.2.10", 1, "m", "n", "1", "1", max_fractional_value=most).save_as(path)
     return path

@@ -291,22 +291,16 @@ SEGMENTS = ["Segment0_ID:=Segment_1", "Segment0_Name:=liver", "Segment0_LabelVal
             "Segment1_ID:=Segment_2", "Segment1_Name:=tumor", "Segment1_LabelValue:=2", "Segment1_Layer:=1"]
 
 
-def test_segments_in_layers(tmp_path: Path) -> None:
+def test_segments_are_layers(tmp_path: Path) -> None:
+    """Of 3D Slicer: a layer is a frame, with labels."""
     layers = np.stack([VALUES % 2, VALUES % 3], 0).astype("u1")
     path = nrrd(tmp_path / "a.seg.nrrd", SPACE[0], f"space directions: none {SPACE[1].partition(': ')[2]}", SPACE[2],
                 "kinds: list domain domain domain", *SEGMENTS, values=layers, sizes="2 5 4 3")
-    for key, right in (("liver", layers[0] == 1), ("tumor", (layers[1] == 2) * 2), ("Segment_2", (layers[1] == 2) * 2)):
-        assert np.array_equal(isocodec.read(path, key=key).values, right)
     assert np.array_equal(isocodec.read(path, frame=1).values, layers[1])
-    for key in (None, "spleen"):
-        with pytest.raises(InputError, match="liver, Segment_1, tumor"):
-            isocodec.read(path, key=key)
-
-
-def test_segments_in_one_layer(tmp_path: Path) -> None:
-    path = nrrd(tmp_path / "a.seg.nrrd", *SPACE, *SEGMENTS[:4], values=(VALUES % 3).astype("u1"))
-    assert np.array_equal(isocodec.read(path).values, VALUES % 3)
-    assert np.array_equal(isocodec.read(path, key="liver").values, VALUES % 3 == 1)
+    with pytest.raises(InputError, match="series of 2"):
+        isocodec.read(path)
+    with pytest.raises(InputError, match=r"'liver'.* choose a layer by --frame"):
+        isocodec.read(path, key="liver")
 
 
 @pytest.mark.parametrize("name", ["a.mha", "a.mhd", "a.nrrd"])

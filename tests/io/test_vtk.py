@@ -66,7 +66,7 @@ def written(data: Any, form: str, suffix: str, folder: Path) -> Any:
     elif form == "legacy":
         writer, suffix = vtk.vtkDataSetWriter(), "vtk"
         writer.SetFileTypeToBinary()
-    elif form == "pieces" and suffix in ("vti", "vtr", "vts"):
+    elif form == "pieces" and suffix in ("vti", "vtr"):
         writer, suffix = getattr(vtk, f"vtkXMLP{KIND[suffix]}Writer")(), f"p{suffix}"
         writer.SetNumberOfPieces(2)
         writer.SetStartPiece(0)
@@ -95,7 +95,7 @@ def wanted(data: Any, asked: str) -> tuple[Any, Any, int]:
     if asked == "c":
         return data.cell_centers().points, data.cell_data["c"], 1
     vector = data.point_data["v"]
-    values = {"p": data.point_data["p"], "v:x": vector[:, 0], "v:1": vector[:, 1],
+    values = {"p": data.point_data["p"], "v:x": vector[:, 0], "v:y": vector[:, 1],
               "v:magnitude": np.linalg.norm(vector, axis=1)}
     return data.points, values[asked], 0
 
@@ -109,7 +109,7 @@ def samples(field: Field) -> tuple[Any, Any]:
 
 
 FORMS = ["object", "xml", "text", "legacy", "pieces", "collection", "blocks"]
-ASKED = ["p", "v:x", "v:1", "v:magnitude", "c"]
+ASKED = ["p", "v:x", "v:y", "v:magnitude", "c"]
 CELLS = [(kind, FORMS[(number + at) % 7], ASKED[(number * 2 + at) % 5], bool((number + at) % 2))
          for at, kind in enumerate(SUFFIX) for number in range(7)]
 """Forms and values in turn, so that each form meets each kind, and each value each form."""
@@ -137,7 +137,10 @@ def test_planes_in_space(pv: Any, kind: str, normal: int) -> None:
     data["p"] = np.arange(data.n_points, dtype=np.int16)
     field = isocodec.read(data)
     places, values = samples(field)
-    assert field.placement.in_space and np.allclose(places, data.points)
+    if kind == "image":
+        assert field.placement.in_space and np.allclose(places, data.points)
+    else:  # the third coordinate is named
+        assert np.allclose(places, np.delete(data.points, normal, axis=1)) and f"{'xyz'[normal]} =" in field.remarks[0]
     assert np.array_equal(values, data["p"]) and field.values.dtype == np.int16
 
 
@@ -161,7 +164,7 @@ def test_an_array_named_as_a_component(last: bool) -> None:
 
 
 def test_values_that_leave_a_choice(pv: Any) -> None:
-    with pytest.raises(InputError, match="p, v:x"):
+    with pytest.raises(InputError, match="v:magnitude, p, c"):
         isocodec.read(grid("image"))
     with pytest.raises(InputError, match="no arrays named 'q'"):
         isocodec.read(grid("image"), key="q")
@@ -187,7 +190,8 @@ def test_blanked_samples() -> None:
         field = isocodec.read(data, key=asked)
         found = set() if field.mask is None else {tuple(map(int, each)) for each in np.argwhere(field.mask)}
         assert found == gone
-        assert any("1 hidden cells" in remark for remark in field.remarks) == (bits == {5: 1})
+        hidden = asked == "p" and ghosts_of == "cell" and bits != {0: 8}
+        assert any("hidden cells are left out only where" in remark for remark in field.remarks) == hidden
 
 
 def test_blanked_planes(pv: Any) -> None:
@@ -248,7 +252,7 @@ def test_meshes(kind: str, form: str, tmp_path: Path) -> None:
     """Cells fill what VTK's fill, and values are those of the points."""
     data = mesh(kind)
     source = written(data, form, "vtp" if kind in ("surface", "polygons") else "vtu", tmp_path)
-    for asked in ("p", "v:x", "v:1", "v:magnitude"):
+    for asked in ("p", "v:x", "v:y", "v:magnitude"):
         found = isocodec.read(source, key=asked)
         assert isinstance(found, Mesh)
         places, values, _ = wanted(data, asked)
@@ -359,12 +363,14 @@ def test_pieces_are_joined(tmp_path: Path) -> None:
 
 
 def test_seams_of_values(pv: Any) -> None:
-    """Values that differ where points coincide are named when they go."""
+    """Points that coincide are one, unless their values differ."""
     data = pv.PolyData(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]]),
                        np.array([3, 0, 1, 2, 3, 3, 5, 4]))
     data["same"], data["other"] = data.points[:, 0].copy(), np.arange(6.0)
     found = isocodec.read(data, key="same")
-    assert len(found.points) == 4 and "left out: other" in found.remarks[0]
+    assert len(found.points) == 4 and not found.remarks
+    found = isocodec.read(data, key="other")
+    assert len(found.points) == 6 and "not joined" in found.remarks[0]
 
 
 # ---- times and blocks -----------------------------------------------------------------------------------------------
@@ -385,7 +391,7 @@ def in_time(make: Callable[[], Any], suffix: str, folder: Path, times: tuple[flo
 
 
 @pytest.mark.parametrize(("times", "step", "words"), [
-    ((0, 0.5, 1), "0.5", None), ((3, 5, 7), "2", "but for their step: 3, 5, 7"),
+    ((0, 0.5, 1), "0.5", None), ((3, 5, 7), "2", "left out: 3, 5, 7"),
     ((0, 0.5, 10), None, "left out: 0, 0.5"),
 ])
 def test_times_of_grids(tmp_path: Path, times: Any, step: str | None, words: str | None) -> None:
@@ -432,10 +438,10 @@ def test_blocks(pv: Any, tmp_path: Path) -> None:
 # ---- XDMF and meshio ------------------------------------------------------------------------------------------------
 
 
-def xdmf(item: str = "") -> str:
+def xdmf(item: str = "", time: str = '<Time Value="0"/>') -> str:
     numbers = " ".join(map(str, range(12)))
     return (
-        '<?xml version="1.0"?><Xdmf Version="3.0"><Domain><Grid Name="g" GridType="Uniform"><Topology '
+        '<?xml version="1.0"?><Xdmf Version="3.0"><Domain><Grid Name="g" GridType="Uniform">' + time + '<Topology '
         'TopologyType="2DRectMesh" Dimensions="4 3"/><Geometry GeometryType="VXVY"><DataItem Dimensions="3" '
         'Format="XML">0 1 3</DataItem><DataItem Dimensions="4" Format="XML">5 6 7 9</DataItem></Geometry><Attribute '
         'Name="p" Center="Node">' + (item or f'<DataItem Dimensions="4 3" Format="XML">{numbers}</DataItem>')
@@ -444,7 +450,7 @@ def xdmf(item: str = "") -> str:
 
 
 @pytest.mark.parametrize("form", ["XML", "HDF", "Binary"])
-def test_xdmf_without_times(tmp_path: Path, form: str) -> None:
+def test_xdmf_of_a_grid(tmp_path: Path, form: str) -> None:
     numbers, item = np.arange(12.0).reshape(4, 3), ""
     if form != "XML":
         import h5py
@@ -456,6 +462,9 @@ def test_xdmf_without_times(tmp_path: Path, form: str) -> None:
                 f'{"s.h5:/p" if form == "HDF" else "s.bin"}</DataItem>')
     (tmp_path / "a.xdmf").write_text(xdmf(item))
     assert np.array_equal(isocodec.read(tmp_path / "a.xdmf").values, numbers.T)
+    (tmp_path / "b.xdmf").write_text(xdmf(item, ""))
+    with pytest.raises(InputError, match="need a Time"):
+        isocodec.read(tmp_path / "b.xdmf")
 
 
 def test_xdmf_with_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

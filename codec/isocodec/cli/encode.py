@@ -56,7 +56,7 @@ OF_WHOLE = ("labels", "order", "keep_topology", "layers", "frames", "frame_inter
 """Options that do not apply to tiles."""
 CODED = ("tile", "frames", "layers", "order", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
-CONVERTED = ("what", "side", "layer", "attribute", "raised", "keep_crs", "in_samples")
+CONVERTED = ("what", "side", "layer", "attribute", "keep_crs", "in_samples")
 """Options of other formats."""
 
 
@@ -218,7 +218,7 @@ def encode_command(options: EncodeArguments) -> None:
 
     If OUT has the suffix of another format, contours of the samples are written there (with --precision or
     --keep-topology those of an .iso file), of any number of isovalues, and no .iso file is kept: encode dem.tif -o
-    map.gpkg --interval 20. See decode for its options --side, --layer, --attribute, --3d, --keep-crs, --in-samples.
+    map.gpkg --interval 20. See decode for its options --side, --layer, --attribute, --keep-crs, --in-samples.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, a picture, TIFF (a stack is a volume), another raster that GDAL reads
     (.asc, .hgt, .img, .vrt, ..), NIfTI, NRRD, MetaImage, DICOM (a folder of slices, or a file), or a grid of VTK, XDMF;

@@ -19,12 +19,10 @@ if TYPE_CHECKING:
 class InfoArguments(Opening):
     """Options of ``info``."""
 
-    symbols: bool = option("--symbols", heading=OUTPUT, is_flag=True,
-                           help="Also count symbols by syntax element (decodes the file).")
     statistics: bool = option(
         "--statistics", heading=OUTPUT, is_flag=True,
-        help="Also count bits per crossed pixel, vertex and face, and how many signs were predicted correctly (decodes "
-        "the file).",
+        help="Also count symbols by syntax element, bits per crossed pixel, vertex and face, and how many signs were "
+        "predicted correctly (decodes the file).",
     )
 
 
@@ -33,7 +31,7 @@ def info_command(options: InfoArguments) -> None:
     """Show version, profile, shape, isovalues and the layers of IN.iso."""
     file = options.opened()
     with concerning(options.source):
-        if options.symbols:
+        if options.statistics:
             from ..api.export import counted
 
             info = counted(file)
@@ -68,7 +66,7 @@ def _print(source: str, info: FileInfo, complete: bool, promise: str | None) -> 
         print("within: in the unit of the points; files on meshes state it of the last layer of an isovalue only.")
     if not info.frames and any(layer.bytes is None for layer in info.layers):
         why = "is too small for an index of its layers" if complete else "has no index of its layers, or not all of it"
-        print(f"- : unknown, because the file {why}; --symbols decodes the file to find out.")
+        print(f"- : unknown, because the file {why}; --statistics decodes the file to find out.")
 
 
 def _facts(info: FileInfo) -> list[tuple[str, str]]:

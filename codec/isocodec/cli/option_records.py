@@ -309,8 +309,6 @@ class Converting(Writing):
         "--attribute", heading=OUTPUT, metavar="NAME",
         help="Name of the column of isovalues; of bands LOWER,UPPER.  [default: isovalue; label; lower,upper]",
     )
-    raised: bool = option("--3d", heading=OUTPUT, is_flag=True,
-                          help="Write curves with a third coordinate, the isovalue.")
     keep_crs: bool = option(
         "--keep-crs", heading=OUTPUT, is_flag=True,
         help="Write .geojson in the reference system of the file, not in longitude and latitude.",
@@ -323,8 +321,7 @@ class Converting(Writing):
         """Attributes of what is wanted, as the library takes it."""
         from ..api.export import OutputOptions
 
-        options = OutputOptions(self.keep_crs, self.in_samples, getattr(self, "to", None), self.layer, self.attribute,
-                                self.raised)
+        options = OutputOptions(self.keep_crs, self.in_samples, getattr(self, "to", None), self.layer, self.attribute)
         return {"side": self.side, "options": options}
 
     def check_converting(self, what: str | None) -> None:
@@ -334,8 +331,6 @@ class Converting(Writing):
         ------
         UsageError
         """
-        if what not in (None, "curve"):
-            self.refuse(f"apply to --what {what}", "raised")
         if what not in (None, "curve", "areas", "bands"):
             self.refuse(f"apply to --what {what}", "attribute")
 

@@ -22,8 +22,7 @@ from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
 from ..errors import IsoError, OptionError, one_line
 from ..extras import check_installed
-from ..field.labelling import is_of_labels
-from ..field.placement import Placement, unplaced
+from ..field.placement import Placement
 from ..field.reference_system import is_named, short_name
 from ..storage.atomic import beside
 from . import map_tables as tables
@@ -53,8 +52,6 @@ class OutputOptions:
         Name of the layer; if not given, ``isolines``, ``areas``, ``bands`` or ``triangles``.
     attribute : str or None
         Name of the column of isovalues, or of the two of bands: ``"low,high"``.
-    raised : bool
-        Give points of curves a third coordinate, the isovalue.
     """
 
     keep_crs: bool = False
@@ -62,7 +59,6 @@ class OutputOptions:
     to: str | None = None
     layer: str | None = None
     attribute: str | None = None
-    raised: bool = False
 
 
 USUAL = OutputOptions()
@@ -349,8 +345,6 @@ def check(
     refused = {
         "layer": options.layer is not None and name not in tables.LAYERED,
         "attribute": options.attribute is not None and (chosen.write is not _as_table or name in tables.UNNAMED),
-        "3d": options.raised and (thing.kind != "contour" or thing.n == 3 or chosen.states == "samples"
-                                  or name in tables.FLAT),
     }
     for name in (name for name, wrong in refused.items() if wrong):
         raise OptionError(f"--{name} does not apply to {thing.text} in {suffix}", code=name, remedy="leave it out")
@@ -438,11 +432,10 @@ def write(target: str | os.PathLike[str] | BinaryIO, what: Any, options: OutputO
 
 
 def _prepared(what: Any, form: Format, options: OutputOptions, losses: Losses) -> Any:
-    """Convert content to what writers take, in samples or raised if that is asked for."""
+    """Convert content to what writers take, in samples if that is asked for."""
 
     def moved(one: Any) -> Any:
         one = replace(one, placement=None) if options.in_samples else one
-        one = _raised(one) if options.raised else one
         losses.see(one)
         return one
 
@@ -465,17 +458,6 @@ def _prepared(what: Any, form: Format, options: OutputOptions, losses: Losses) -
         return map(turned, [what] if isinstance(what, Contour) else what)
     losses.see(placed := surfaces.Simplices.of_tin(what, options.in_samples), free=what.shape is None)
     return what if form.states == "samples" else placed
-
-
-def _raised(contour: Contour) -> Contour:
-    """Place a curve at the height of its isovalue: on a plane in space."""
-    placement = contour.placement or Placement(unplaced(2))
-    matrix = placement.matrix
-    if not contour.shape or matrix is None or placement.in_space or is_of_labels(contour.metadata):
-        raise OptionError("--3d needs curves of values on a plane whose samples are evenly spaced", code="3d",
-                          remedy="leave it out")
-    height = [0, 0, np.nan_to_num(float(contour.isovalue))]
-    return replace(contour, placement=replace(placement, matrix=np.vstack([matrix, height])))
 
 
 class Losses:

@@ -29,8 +29,6 @@ TAKEN = ("geometry", "geom", "fid", "ogc_fid", "wkt", "closed", "complete", "sid
 LOCATED = ("LIBKML", "PMTiles", "MBTiles")
 """Drivers of GDAL whose files are in longitude and latitude by definition."""
 LAYERED = ("GPKG", "SQLite", "GeoJSON", "FlatGeobuf", "GML", *LOCATED)
-FLAT = ("DXF", "PMTiles", "MBTiles")
-"""Drivers whose layers have names, and those without a height of choice."""
 UNNAMED = ("DXF",)
 """Drivers without columns."""
 DEGREES = ("GeoJSON", "GeoJSONSeq", *LOCATED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import zlib
 from collections.abc import Callable, Sequence
@@ -16,8 +15,9 @@ from ..errors import InputError, OptionError, plain
 from ..field.framed import Frames
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
+from .arrays import of_array
 from .in_turn import InTurn, check_frame
-from .libraries import choose, library, reading
+from .libraries import library, reading
 from .places import by_matrix, in_body, kept_axes
 
 Array = NDArray[Any]
@@ -56,18 +56,15 @@ def of_frames(
     elif count > 1 and not frames:
         raise InputError(f"holds a series of {count}" + f", which differ by {differ}" * bool(differ), code="shape",
                          remedy=f"take one with --frame 0 to {count - 1}, or all with --frames")
+    if frame is None and count > 1:
+        first = at(0)
+        return Frames(InTurn(count, at, (*first.shape, count), first.remarks))
     first = at(frame or 0)
     if not frames:
         return first
-    if frame is None and count > 1:
-        return Frames(InTurn(count, at, (*first.shape, count), first.remarks))
-    remarks = [*first.remarks, "the position of a slice in space is ignored"]
-
-    def part(number: int) -> Field:
-        gone = None if first.mask is None else first.mask[number]
-        return placed_field(first.values[number], gone, None, remarks, name=first.name, unit=first.unit)
-
-    return Frames(InTurn(len(first.values), part, first.shape, remarks))
+    values = first.values if first.mask is None else np.ma.masked_array(first.values, first.mask)
+    remarks = *first.remarks, "the position of a slice in space is ignored"
+    return of_array(values, frames=True, remarks=remarks, name=first.name, unit=first.unit)
 
 
 def component(count: int, band: int | None) -> int:
@@ -96,15 +93,12 @@ def scaled(raw: Array, slope: float, intercept: float) -> Array:
     """Rescale samples: integers by whole numbers to int32 or int64, others to float64; unscaled ones stay."""
     if (slope, intercept) == (1.0, 0.0):
         return raw
-    if raw.dtype.kind in "iu" and slope.is_integer() and intercept.is_integer():
-        ends = np.iinfo(raw.dtype)
-        most = max(abs(int(end) * int(slope) + int(intercept)) for end in (ends.min, ends.max))
-        kind = np.result_type(np.int32, np.min_scalar_type(-most - 1))
-        if kind.kind == "i":  # beyond int64 it is that of Python's objects
-            values: Array = raw.astype(kind)
-            values *= int(slope)
-            values += int(intercept)
-            return values
+    most = 2.0 ** (8 * raw.itemsize) * abs(slope) + abs(intercept)
+    if raw.dtype.kind in "iu" and slope.is_integer() and intercept.is_integer() and most < 2.0**63:
+        values: Array = raw.astype(np.int32 if most < 2.0**31 else np.int64)
+        values *= int(slope)
+        values += int(intercept)
+        return values
     return raw * np.float64(slope) + np.float64(intercept)
 
 
@@ -113,36 +107,31 @@ def open_(
 ) -> Field | Frames:
     """Read MetaImage and NRRD by SimpleITK, NIfTI and Analyze by nibabel; parameters as of `of_itk`."""
     kind = path.suffix.lower()
+    if key is not None:
+        raise InputError(f"holds no parts named '{plain(key)}'", code="key",
+                         remedy="of segments in layers choose a layer by --frame")
     if kind not in (".mha", ".mhd", ".nrrd", ".nhdr"):
-        if key is not None:
-            choose([], key)
         nibabel = library("nibabel", extra="volumes", purpose="reading NIfTI")
         with reading("NIfTI volume"):
             return of_nibabel(nibabel.load(path), frame, frames, band)
     sitk = library("SimpleITK", extra="volumes", purpose="reading volumes")
     with path.open("rb") as file:
         header = file.read(_HEADER)
+    packed = re.search(rb"^CompressedData *= *True[^\0]*?^ElementDataFile *= *([^\r\n]*)\r?\n", header, re.M)
     with reading("volume", "check that the files that its header names lie beside it, and that an axis of volumes has "
                  "the kind 'list'"):
-        # left to itself ITK tries all formats that it knows
-        image = sitk.ReadImage(path, imageIO=_NRRD if kind[1] == "n" else "MetaImageIO")
         if re.search(rb"^ElementDataFile *=.*%.* -\d+\s*$", header, re.M):
             raise InputError("names files by falling numbers, which ITK does not read", code="unreadable",
                              remedy="list them: ElementDataFile = LIST")
-        packed = re.search(rb"^CompressedData *= *True[^\0]*?^ElementDataFile *= *([^\r\n]*)", header, re.M)
-        if packed and kind[1] == "m":
+        if packed:  # of damaged samples ITK takes what there is
             name = packed[1].strip().decode()
-            with (path if name == "LOCAL" else path.parent / name).open("rb") as file:
-                file.seek(-4, os.SEEK_END)
-                total = int.from_bytes(file.read(), "big")
-            stored: Any = sitk.GetArrayViewFromImage(image)
-            if total != zlib.adler32(stored.byteswap() if b"MSB = True" in header else stored):
-                # ITK takes them as far as they go
-                raise InputError("is damaged: its packed samples do not have the sum that it states", code="unreadable")
+            zlib.decompress(path.read_bytes()[packed.end() :] if name == "LOCAL" else (path.parent / name).read_bytes())
+        # left to itself ITK tries all formats that it knows
+        image = sitk.ReadImage(path, imageIO=_NRRD if kind[1] == "n" else "MetaImageIO")
     # ITK does not give it
     units = re.search(rb"^space units:(.*)$", header, re.M | re.I)
     unit = " ".join(dict.fromkeys(units[1].decode("latin-1").replace('"', " ").split())) if units else None
-    return of_itk(image, frame, frames, band, key, unit)
+    return of_itk(image, frame, frames, band, unit)
 
 
 def is_itk(thing: Any) -> bool:
@@ -151,8 +140,7 @@ def is_itk(thing: Any) -> bool:
 
 
 def of_itk(
-    image: Any, frame: int | None = None, frames: bool = False, band: int | None = None, key: str | None = None,
-    unit: str | None = None,
+    image: Any, frame: int | None = None, frames: bool = False, band: int | None = None, unit: str | None = None
 ) -> Field | Frames:
     """Read an image of SimpleITK of two to four axes.
 
@@ -166,8 +154,6 @@ def of_itk(
         Give all of these.
     band : int, optional
         Component of vectors and colours, counted from 1.
-    key : str, optional
-        Segment of a segmentation of 3D Slicer, by its name or number.
     unit : str, optional
         Unit of the coordinates; without it that of an NRRD, or mm.
 
@@ -210,25 +196,12 @@ def of_itk(
         place = None  # what ITK has where a file states nothing
     else:
         place = in_body(matrix, axes, lps=True, unit=unit)
-    layer, label, segments = None, 0, _segments(known)
-    if key is not None or (segments and several > 1 and frame is None and not frames):
-        layer, label = segments[choose([*segments], key, "segments")]
 
     def at(number: int, _: Any = image) -> Field:  # the view needs the image
         part = np.array(values[..., number] if several > 1 else values, order="C")
-        part = part.reshape([values.shape[axis] for axis in axes])
-        return placed_field(part if layer is None else np.where(part == label, part, 0), None, place, remarks)
+        return placed_field(part.reshape([values.shape[axis] for axis in axes]), None, place, remarks)
 
-    return of_frames(at, several, frame, frames) if layer is None else at(layer)
-
-
-def _segments(known: dict[str, str]) -> dict[str, tuple[int, int]]:
-    """Layer and label of each segment of 3D Slicer, by name and by number."""
-    found = dict[str, tuple[int, int]]()
-    for each in (name[:-2] for name in known if re.fullmatch("Segment[0-9]+_ID", name)):
-        where = int(known.get(f"{each}Layer", 0)), int(known.get(f"{each}LabelValue", 1))
-        found |= dict.fromkeys((known.get(f"{each}Name", "?"), known[f"{each}ID"]), where)
-    return found
+    return of_frames(at, several, frame, frames)
 
 
 def is_nibabel(thing: Any) -> bool:

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -33,16 +33,9 @@ _Numbers = Mapping[str, Callable[[], Array]]
 _GHOSTS = "vtkGhostType"
 _HIDDEN_POINT, _LEFT_OUT_CELL = 2, 1 | 32
 """Bits of ghosts: points that are blanked; cells that another piece holds, or that are blanked."""
-_LOWER = {0, 1, 2, 3, 4, 21, 35}
-"""Types of cells that are points and lines; meshes hold them beside, often as boundaries."""
-_SOLID = {*range(10, 17), *range(24, 28), 29, 32, 33}
-_FLAT = {*range(5, 10), 22, 23, 28, 30, 34}
-"""Types of cells in space and in a plane; those above 21 have points between their corners."""
-_BY_VTK = {
-    ".xdmf": ("vtkIOXdmf2", "vtkXdmfReader"), ".xmf": ("vtkIOXdmf2", "vtkXdmfReader"),
-    ".pvts": ("vtkIOXML", "vtkXMLPStructuredGridReader"), ".pvtp": ("vtkIOXML", "vtkXMLPPolyDataReader"),
-}
-"""Modules and readers of files that PyVista does not take, or not without times."""
+_SOLID, _FLAT = {*range(10, 17), *range(24, 28), 29, 32, 33}, {*range(5, 10), 22, 23, 28, 30, 34}
+_LOWER = {*range(5), 21, 35}
+"""Types of cells in space, in a plane and of lower dimension; those above 21 have points between their corners."""
 _BY_MESHIO = ".ply", ".obj", ".stl", ".off", ".inp"
 """Suffixes whose files VTK reads without their values, or not as a mesh."""
 
@@ -86,10 +79,7 @@ def open_(path: Path, key: str | None = None, frame: int | None = None, frames: 
     OptionError, MissingExtraError
     """
     with _complaints():
-        found = _steps(path, key)
-    if found is None:
-        return of_meshio(_meshio(path), key)
-    times, read = found
+        times, read = _steps(path, key)
     count, notes, remarks = len(times), {}, list[str]()
     if frame is not None:
         check_frame(frame, count if count > 1 else 0)
@@ -98,9 +88,9 @@ def open_(path: Path, key: str | None = None, frame: int | None = None, frames: 
         if even is not None:
             notes[FRAME_STEP] = f"{even[1]:g}"
         if even is None or even[0]:
-            listed = one_line(", ".join(f"{time:g}" for time in times))
-            remarks.append(f"its times are left out{' but for their step' * (even is not None)}: {listed}")
+            remarks.append(f"its times are left out: {one_line(', '.join(f'{time:g}' for time in times))}")
 
+    @lru_cache(1)
     def at(number: int) -> Any:
         with _complaints():
             data = read(number)
@@ -109,14 +99,14 @@ def open_(path: Path, key: str | None = None, frame: int | None = None, frames: 
 
     first = at(frame or 0)
     if isinstance(first, Field):
-        return of_frames(lambda number: first if number == (frame or 0) else at(number), count, frame, frames, "time")
-    if count == 1 or frame is not None:
-        return first
-    meshes = [first, *map(at, range(1, count))]
+        return of_frames(at, count, frame, frames, "time")
+    meshes = [first, *(map(at, range(1, count)) if frame is None else ())]
     names = "points", "cells"
     if not all(np.array_equal(getattr(each, name), getattr(first, name)) for each in meshes for name in names):
         raise InputError("its mesh changes in time", code="mesh", remedy="choose a time: --frame N")
-    return first if first.values is None else replace(first, values=np.stack([each.values for each in meshes]))
+    if len(meshes) == 1 or first.values is None:
+        return first
+    return replace(first, values=np.stack([each.values for each in meshes]))
 
 
 def of_vtk(data: Any, key: str | None = None) -> Field | Mesh:
@@ -140,11 +130,16 @@ def of_vtk(data: Any, key: str | None = None) -> Field | Mesh:
     InputError, MissingExtraError
     """
     with reading("VTK data"):
-        data, key = _chosen(data, key)
+        data, blocks = _vtk("pyvista").wrap(data), {"": data}
+        if hasattr(data, "recursive_iterator"):
+            blocks = dict(data.recursive_iterator("items", skip_none=True, prepend_names=True, separator="/"))
+        named = [name for name in blocks if key is not None and f"{key}/".startswith(f"{name}/")]
+        name = max(named, key=len) if named else choose([*blocks], None, "blocks")
+        data, key = blocks[name], (key or "")[len(name) + 1 :] or None if named else key
+        if not hasattr(data, "n_cells"):
+            raise InputError(f"holds {plain(type(data).__name__)}, not a grid or a mesh", code="mesh")
         at_points, of_cells = _scalars(data.point_data), _scalars(data.cell_data)
         of_cells = {name: each for name, each in of_cells.items() if name not in at_points}
-        if key is not None and key not in at_points | of_cells and key[-2:] in (":0", ":1", ":2"):
-            key = key[:-1] + "xyz"[int(key[-1])]
         grid = hasattr(data, "dimensions") and not (
             data.IsA("vtkStructuredGrid") and data.dimensions.count(1) == 1 and np.ptp(data.points, axis=0).all())
         return (_field if grid else _mesh)(data, at_points, of_cells, key)
@@ -161,125 +156,80 @@ def of_meshio(mesh: Any, key: str | None = None) -> Field | Mesh:
 
 @contextmanager
 def _complaints() -> Iterator[None]:
-    """Raise an error for what VTK only complains about, before it gives zeros."""
+    """Raise an error for what VTK only complains about, before it gives zeros, and what meshio prints."""
     core = _vtk("vtkmodules.vtkCommonCore")
-    before, window, logger = core.vtkOutputWindow.GetInstance(), core.vtkStringOutputWindow(), core.vtkLogger
-    logged = logger.GetCurrentVerbosityCutoff()
-    core.vtkOutputWindow.SetInstance(window)
+    remedy = "check it, or convert it to .vtu or .vti; grids of XDMF need a Time"
+    logger, printed = core.vtkLogger, io.StringIO()
+    level = logger.GetCurrentVerbosityCutoff()
     logger.SetStderrVerbosity(logger.VERBOSITY_OFF)
     try:
-        with reading("file of VTK"):
+        with (reading("grid or mesh", remedy), redirect_stdout(printed), redirect_stderr(printed),
+              _vtk("pyvista").VtkErrorCatcher(send_to_logging=False)):
             yield
+            if "error" in (said := core.vtkOutputWindow.GetInstance().GetOutput()).lower():
+                raise ValueError(said.partition("): ")[2])
     finally:
-        core.vtkOutputWindow.SetInstance(before)
-        logger.SetStderrVerbosity(logged)
-    errors = [part for part in window.GetOutput().split("\n\n") if "error" in part.lower()]
-    if errors:
-        text = one_line(errors[0].rpartition("): ")[2]) or "damaged"
-        raise InputError(f"cannot be read as file of VTK ({text})", code="unreadable")
+        logger.SetStderrVerbosity(level)
 
 
-def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int], Any]] | None:
-    """Times of a file and what reads one of them; None of a file for meshio."""
+def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int], Any]]:
+    """Times of a file and what reads one of them."""
     pyvista, suffix, series = _vtk("pyvista"), path.suffix.lower(), list[Any]()
-    if suffix in _BY_VTK:
-        for each in ElementTree.parse(path).iter():
+    known = suffix in pyvista.core.utilities.reader.CLASS_READERS and suffix not in _BY_MESHIO
+    if suffix in (".xdmf", ".xmf"):
+        every, known = [*ElementTree.parse(path).iter()], False
+        for each in every:
             if each.get("Format", "XML").upper() not in ("XML", "ASCII", "APPENDED"):
                 (path.parent / str(each.text).strip().partition(":")[0]).stat()  # VTK crashes where it is missing
             if each.get("CollectionType") == "Temporal":
                 series.append(each.get("Name"))
-        module, name = _BY_VTK[suffix]
-        reader = getattr(_vtk(f"vtkmodules.{module}"), name)()
-        reader.SetFileName(str(path))
-        reader.UpdateInformation()
-        known = _vtk("vtkmodules.vtkCommonExecutionModel").vtkStreamingDemandDrivenPipeline.TIME_STEPS()
-        about = reader.GetOutputInformation(0)
-        times = about.Get(known) if about.Has(known) else (0.0,)
-    elif suffix in _BY_MESHIO or suffix not in pyvista.core.utilities.reader.CLASS_READERS:
-        return None
-    else:
-        reader = pyvista.get_reader(path)
-        for kind in ("point", "cell"):
-            names = getattr(reader, f"{kind}_array_names", [])
-            named = [name for name in names if name in (key or "")]
-            for name in {*names} - {*named, _GHOSTS} if named else ():
-                getattr(reader, f"disable_{kind}_array")(name)
-        times = getattr(reader, "time_values", None) or (0.0,)
+            known |= each.tag == "Time"  # PyVista does not read others
+    if not known:
+        meshio = _vtk("meshio")
+        # of files of ANSYS its reader may not come to an end
+        return (0.0,), lambda _: pyvista.from_meshio(meshio.read(path, "gmsh" if suffix == ".msh" else None))
+    reader = pyvista.get_reader(path)
+    for kind in ("point", "cell"):
+        names = getattr(reader, f"{kind}_array_names", [])
+        named = [name for name in names if name in (key or "")]
+        for name in {*names} - {*named, _GHOSTS} if named else ():
+            getattr(reader, f"disable_{kind}_array")(name)
+    times = getattr(reader, "time_values", None) or (0.0,)
 
     def read(number: int) -> Any:
-        if suffix in _BY_VTK:
-            reader.UpdateTimeStep(times[number])
-            found = reader.GetOutputDataObject(0)
-            # beside a series is often its mesh
-            return _blocks(found).get(series[0], found) if len(series) == 1 else found
         if len(times) > 1:
             reader.set_active_time_point(number)
         data = reader.read()
         if suffix == ".pvti":  # its pieces state how the image is turned, and VTK does not look there
             piece = next(ElementTree.parse(path).iter("Piece")).attrib["Source"]
             data.direction_matrix = pyvista.read(path.parent / piece).direction_matrix
-        return data
+        # beside a series is often its mesh
+        return data[series[0]] if len(series) == 1 and series[0] in getattr(data, "keys", list)() else data
 
     return times, read
-
-
-def _meshio(path: Path) -> Any:
-    meshio = _vtk("meshio")
-    with path.open("rb") as file:
-        gmsh = file.read(1) == b"$" and path.suffix.lower() == ".msh"
-    # the library prints its complaint on the console, and then ends the process
-    with reading("mesh"), redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-        return meshio.read(path, "gmsh" if gmsh else None)
 
 
 # ---- data sets -------------------------------------------------------------------------------------------------------
 
 
-def _blocks(data: Any) -> dict[str, Any]:
-    """Data sets by the names of blocks; a single one has the name ''."""
-    if not hasattr(data, "GetNumberOfBlocks"):
-        return {"": data}
-    out: dict[str, Any] = {}
-    for number in range(data.GetNumberOfBlocks()):
-        block = data.GetBlock(number)
-        name = data.GetMetaData(number).Get(data.NAME()) if data.HasMetaData(number) else None
-        for inner, each in ({} if block is None else _blocks(block)).items():
-            out["/".join(filter(None, (name or f"block {number}", inner)))] = each
-    return out
-
-
-def _chosen(data: Any, key: str | None) -> tuple[Any, str | None]:
-    """The block that a key names, or the only one, as PyVista has it, and the rest of the key."""
-    blocks = _blocks(data)
-    matching = [name for name in blocks if key is not None and f"{key}/".startswith(f"{name}/")]
-    name = max(matching, key=len) if matching else choose([*blocks], None, "blocks")
-    found = _vtk("pyvista").wrap(blocks[name])
-    if not hasattr(found, "n_cells"):
-        raise InputError(f"holds {plain(type(found).__name__)}, not a grid or a mesh", code="mesh")
-    return found, (key or "")[len(name) + 1 :] or None if matching else key
-
-
 def _scalars(attributes: Any) -> dict[str, Callable[[], Array]]:
-    """Find what gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
-    arrays = {name: np.asarray(array) for name, array in attributes.items() if not name.startswith("vtk")}
-    out = dict[str, Callable[[], Array]]()
-    for name, array in arrays.items():
-        if array.dtype.kind not in "biuf":
+    """What gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
+    out, parts = dict[str, Callable[[], Array]](), dict[str, Callable[[], Array]]()
+    for name, array in attributes.items():
+        array = np.asarray(array)
+        if array.dtype.kind not in "biuf" or name.startswith("vtk"):
             continue
         if array.size == len(array):
             out[name] = array.ravel
             continue
         names = "xyz" if array.shape[1] <= len("xyz") else map(str, range(array.shape[1]))
-        parts = {f"{name}:{part}": each.ravel for each, part in zip(array.T, names, strict=False)}
-        parts[f"{name}:magnitude"] = partial(np.linalg.norm, array.astype(np.float64, copy=False), axis=1)
-        out |= {part: values for part, values in parts.items() if part not in arrays}
-    return out
+        parts |= {f"{name}:{part}": each.ravel for each, part in zip(array.T, names, strict=False)}
+        parts[f"{name}:magnitude"] = partial(_magnitude, array)
+    return parts | out
 
 
-def _ghosts(attributes: Any, bits: int) -> Array | None:
-    """Find the points or cells that have one of these bits; None without any."""
-    found = (np.asarray(attributes[_GHOSTS]) & bits) != 0 if _GHOSTS in attributes else None
-    return found if found is not None and found.any() else None
+def _magnitude(array: Array) -> Array:
+    return np.asarray(np.linalg.norm(array.astype(np.float64), axis=1))
 
 
 def _field(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) -> Field:
@@ -294,80 +244,63 @@ def _field(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) 
     shape, remarks = [sides[axis] for axis in kept], list[str]()
     values = (of_cells if centred else at_points)[name]().reshape(shape, order="F")
     gone, place = _hidden(data, centred, remarks), _place_of(data, kept, shape, centred, remarks)
-    return placed_field(values, None if gone is None else gone.reshape(shape), place, remarks)
+    return placed_field(values, None if gone is None else gone.reshape(shape, order="F"), place, remarks)
 
 
 def _hidden(data: Any, centred: bool, remarks: list[str]) -> Array | None:
     """Find samples that are blanked, or whose cells or points are."""
-    points, cells = _ghosts(data.point_data, _HIDDEN_POINT), _ghosts(data.cell_data, _LEFT_OUT_CELL)
-    if points is None and cells is None:
+    if _GHOSTS not in data.point_data and _GHOSTS not in data.cell_data:
         return None
-    shape = data.dimensions
-    points = np.zeros(shape, np.bool_) if points is None else points.reshape(shape, order="F")
-    between = [max(1, count - 1) for count in shape]
-    cells = np.zeros(between, np.bool_) if cells is None else cells.reshape(between, order="F")
+    points = np.asarray(data.point_data.get(_GHOSTS, np.zeros(data.n_points, np.uint8))) & _HIDDEN_POINT > 0
+    cells = np.asarray(data.cell_data.get(_GHOSTS, np.zeros(data.n_cells, np.uint8))) & _LEFT_OUT_CELL > 0
+    grid = data.copy(deep=False)
+    grid.clear_data()
+    grid.point_data["part"], grid.cell_data["part"] = points.astype(np.float64), cells.astype(np.float64)
     if centred:
-        return cells | _over(points, np.logical_or)
-    around = np.pad(cells, [(int(count > 1),) * 2 for count in shape], constant_values=True)
-    gone = points | _over(around, np.logical_and)
-    if count := int((cells & ~_over(gone, np.logical_or)).sum()):
-        remarks.append(f"{count:,} hidden cells between points of others are not left out")
-    return gone
-
-
-def _over(array: Array, join: Any) -> Array:
-    """Join neighbours along each axis of several."""
-    for axis, count in enumerate(array.shape):
-        if count > 1:
-            array = join(array.take(range(count - 1), axis), array.take(range(1, count), axis))
-    return array
+        return np.asarray(cells | (grid.point_data_to_cell_data()["part"] > 0))
+    if cells.any():
+        remarks.append("hidden cells are left out only where no other cell has their points")
+    return np.asarray(points | (grid.cell_data_to_point_data()["part"] == 1))
 
 
 def _place_of(
     data: Any, kept: Sequence[int], shape: Sequence[int], centred: bool, remarks: list[str]
 ) -> Placement | None:
     """Place the samples of a grid."""
-    n, place, matrix, fixed = len(kept), None, np.zeros((3, 4)), dict[str, float]()
     if data.IsA("vtkImageData"):
-        matrix = np.array(data.index_to_physical_matrix)[:3]
-        first = np.array(data.extent[::2], float)
+        matrix, first = np.array(data.index_to_physical_matrix)[:3], np.array(data.extent[::2], np.float64)
         first[kept] += centred * 0.5
         matrix[:, 3] += matrix[:, :3] @ first
-    elif data.IsA("vtkRectilinearGrid"):
+        # a picture lies in the plane, other slices in space
+        flat = [*kept] == [0, 1] and not matrix[2, [0, 1, 3]].any()
+        return by_matrix(matrix[:2] if flat else matrix, kept)
+    place = None
+    if data.IsA("vtkRectilinearGrid"):
         along = [np.asarray(each, np.float64) for each in (data.x, data.y, data.z)]
         along = [(each[1:] + each[:-1]) / 2 if centred and len(each) > 1 else each for each in along]
-        even = [even_steps(each) for each in along]
-        if None in even:
-            place = along_axes([along[axis] for axis in kept], range(n))
-            fixed = {name: each[0] for name, each in zip("xyz", along, strict=True) if len(each) == 1}
-        else:
-            starts, steps = np.array(even).T
-            matrix = np.column_stack([np.diag(steps), starts])
+        place = along_axes([along[axis] for axis in kept], range(len(kept)))
     else:
         along = [*np.asarray((data.cell_centers() if centred else data).points, np.float64).T]
         vary = [each.reshape(shape, order="F") for each in along if np.ptp(each)]
-        place = at_nodes(vary) if len(vary) == n else Placement()
-        fixed = {name: each[0] for name, each in zip("xyz", along, strict=True) if not np.ptp(each)}
-    if place is None:
-        # a picture lies in the plane, other slices in space
-        flat = n == 2 and kept == [0, 1] and not matrix[2, [0, 1, 3]].any()
-        return by_matrix(matrix[:2] if flat else matrix, kept)
+        place = at_nodes(vary) if len(vary) == len(kept) else None
+    fixed = {name: each[0] for name, each in zip("xyz", along, strict=True) if not np.ptp(each)}
     if any(name != "z" or value for name, value in fixed.items()):
         remarks.append(f"its place in space is left out: {', '.join(f'{c} = {value:g}' for c, value in fixed.items())}")
-    return place if place.placed else None
+    return place
 
 
 # ---- meshes ----------------------------------------------------------------------------------------------------------
 
 
 def _mesh(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) -> Mesh:
-    """Triangles, tetrahedra or points, with values at points."""
+    """Triangles, tetrahedra or points, with values at points; points that coincide, as where pieces meet, are one."""
     if key is None:
         key = next(iter(at_points)) if len(at_points) == 1 else "z" if "z" in at_points else None
-    remarks = list[str]()
-    data = _joined(data, remarks)
+    data, remarks = data.cast_to_unstructured_grid(), list[str]()
+    if _GHOSTS in data.cell_data:
+        data.RemoveGhostCells()
     if key in of_cells:
-        data = data.cell_data_to_point_data()
+        data = data.clean(produce_merge_map=False, average_point_data=False).cell_data_to_point_data()
         remarks.append("values of cells are averaged at points")
     cells, data = _cells_of(data, remarks)
     points, values = np.asarray(data.points, np.float64), _scalars(data.point_data)
@@ -375,28 +308,15 @@ def _mesh(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) -
         values = {name: each.ravel for name, each in zip("xyz", points.T, strict=True)} | values
         key = "z" if key is None and cells is None and len(values) == 3 else key
     flat = cells is None or (cells.shape[1] == 3 and not points[:, 2].any())
-    return Mesh(points[:, : 2 if flat else 3], cells, None if key is None else values[choose([*values], key)](),
-                remarks=remarks)
-
-
-def _joined(data: Any, remarks: list[str]) -> Any:
-    """The cells of any data set without those that another piece holds.
-
-    Points that coincide, as those where pieces meet, are joined, unless all values differ there.
-    """
-    grid = data.cast_to_unstructured_grid()
-    first, number = np.unique(grid.points, axis=0, return_index=True, return_inverse=True)[1:]
-    arrays = {name: np.asarray(each) for name, each in grid.point_data.items() if not name.startswith("vtk")}
-    apart = [name for name, each in arrays.items()
-             if not np.array_equal(each[first][number.ravel()], each, each.dtype.kind == "f")]
-    if len(first) < grid.n_points and (not arrays or len(apart) < len(arrays)):
-        grid = grid.clean(produce_merge_map=False, average_point_data=False)
-        for name in apart:
-            del grid.point_data[name]
-            remarks.append(f"values that differ where points coincide are left out: {plain(name)}")
-    if _ghosts(grid.cell_data, _LEFT_OUT_CELL) is not None:
-        grid.RemoveGhostCells()
-    return grid
+    chosen = None if key is None else values[choose([*values], key)]()
+    first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
+    if len(first) < len(points):
+        if chosen is not None and not np.array_equal(chosen[first][number.ravel()], chosen, equal_nan=True):
+            remarks.append("points that coincide have different values, and are not joined")
+        else:
+            points, chosen = points[first], None if chosen is None else chosen[first]
+            cells = None if cells is None else number.ravel()[cells]
+    return Mesh(points[:, : 2 if flat else 3], cells, chosen, remarks=remarks)
 
 
 def _cells_of(data: Any, remarks: list[str]) -> tuple[Array | None, Any]:
