@@ -42,10 +42,10 @@ OUTPUTS = {"decode": "o.npz", "edit": "o.iso", "plot": "o.png"}
 VALUES = {
     "isovalue": "80.5", "isovalues": "80.5", "frame": "0", "layers": "1", "max_bytes": "1M", "window": "4:20,4:20",
     "within": "2", "what": "mesh", "side": "below", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
-    "steps": "2", "index": "2", "title": "t", "dpi": "50", "seen_from": "top", "map_interval": "20", "offset": "1",
-    "limit_memory": "900M", "limit_work": "100000000", "limit_samples": "100000", "mesh": "known.npz", "kind": "iso",
-    "key": "a", "nodata": "1", "metadata": "a=b", "layer": "a", "attribute": "a",
-    "slice_tolerance": "1", "band": "1", "bbox": "0,0,9,9",
+    "steps": "2", "title": "t", "seen_from": "top", "map_interval": "20", "offset": "1",
+    "limits": "memory=900M,work=100000000,samples=100000", "mesh": "known.npz",
+    "key": "a", "nodata": "1", "layer": "a", "attribute": "a",
+    "band": "1", "bbox": "0,0,9,9",
 }
 """A value for each option that takes one."""
 
@@ -98,23 +98,21 @@ def test_every_option_has_a_value_here() -> None:
     assert not missing
 
 
-DECODING = [name for name in main.commands if any(each.name == "limit_memory" for each in main.commands[name].params)]
+DECODING = [name for name in main.commands if any(each.name == "limits" for each in main.commands[name].params)]
 
 
 def test_commands_that_decode_have_the_limits() -> None:
     assert set(DECODING) == {"decode", "edit", "info", "verify", "plot"}
-    for name in DECODING:
-        assert {"limit_memory", "limit_work", "limit_samples"} <= {each.name for each in main.commands[name].params}
 
 
 @looped("name", DECODING)
 def test_the_limit_of_memory_holds_for_each_command(files: Path, tmp_path: Path, name: str) -> None:
-    words = [name, files / "grid.iso", *([files / "hills.npy"] if name == "verify" else []), "--limit-memory", 100]
+    words = [name, files / "grid.iso", *([files / "hills.npy"] if name == "verify" else []), "--limits", "memory=100"]
     words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
     words += {"edit": ["--precision", "signs"], "info": ["--statistics"]}.get(name, [])
     result = run(*words)
     assert result.exit_code == 6, result.output
-    assert "--limit-memory" in result.stderr and not list(tmp_path.iterdir())
+    assert "--limits" in result.stderr and not list(tmp_path.iterdir())
 
 
 ERRORS = [
@@ -193,7 +191,7 @@ EFFECTS: dict[str, Callable[[], Any]] = {
 EFFECTIVE = {
     "frame": 1, "layers": 1, "max_bytes": 0, "window": "4:20,4:20", "within": 16, "smooth": None,
     "through_holes": None, "capped": None, "isovalue": 120.5, "in_samples": None, "keep_crs": None,
-    "partial": None, "side": "below", "layer": "mine", "attribute": "height", "raised": None,
+    "partial": None, "side": "below", "layer": "mine", "attribute": "height",
 }
 """Values that change what is decoded of these; ``max_bytes`` is a quarter of the file."""
 OF_KIND = {
@@ -206,7 +204,7 @@ NO_EFFECT = {
     ("mesh", "keep_crs"),
 }
 """Of whole files, of files without a placement, holes or more than one layer."""
-WITHOUT = ("output", "what", "to", "mesh", "as_json", "limit_memory", "limit_work", "limit_samples")
+WITHOUT = ("output", "what", "to", "mesh", "as_json", "limits")
 """Options that choose what is decoded, or have tests of their own."""
 (WHAT,) = (each for each in main.commands["decode"].params if each.name == "what")
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from isocodec.errors import InputError
+from isocodec.tin import points as table
 from isocodec.tin.delaunay import delaunay, remove, triangles, triangulate
-from isocodec.tin.points import points_of as merged
 from isocodec.tin.rank import by_rank, ranks
 from libraries import Late
 from tables import looped
@@ -166,7 +166,7 @@ def test_means_of_points_that_coincide_do_not_depend_on_their_order() -> None:
     found = set()
     for seed in range(30):
         order = np.random.default_rng(seed).permutation(len(points))
-        made = merged(points[order], values[order])
+        made = table.points_of(points[order], values[order])
         found.add(tuple(made.value.tolist()))
         assert made.merged == 4
     assert len(found) == 1

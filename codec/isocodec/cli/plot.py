@@ -100,7 +100,8 @@ def plot_command(options: PlotArguments) -> None:
     with concerning(options.source), one_warning(options.output, "writing"), progress_bar("drawing") as progress:
         if options.map:
             drawn = plot_map(
-                what, suffix, every or [*options.isovalue] or None, options.frame, options.title, options.size, progress,
+                what, suffix, every or [*options.isovalue] or None, options.frame, options.title, options.size,
+                progress,
             )
         else:
             drawn = plot_steps(
