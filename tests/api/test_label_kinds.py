@@ -690,7 +690,6 @@ def test_words_in_notebooks_and_tables(tmp_path: Path) -> None:
     ok("decode", Case("several", 2, tmp_path).path, "-o", tmp_path / "a.geojson", "--attribute", "organ")
     found = json.loads((tmp_path / "a.geojson").read_text())["features"]
     assert [feature["properties"]["organ"] for feature in found] == list(LABELS)
-    assert "--3d" in run("decode", Case("several", 2, tmp_path).path, "-o", tmp_path / "b.geojson", "--3d").stderr
 
 
 def test_captions() -> None:

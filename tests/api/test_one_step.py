@@ -35,7 +35,7 @@ HOLES[10:14, 8:20] = HOLES[30, 40] = True
 CAVE = np.zeros(BALL.shape, bool)
 CAVE[3:6, 3:6, 3:9] = True
 UTM = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
-PLACED = ["--transform", "30,0,499985,0,-20,5000010", "--crs", "EPSG:32631"]
+PLACED = ["--spacing", "-20,30", "--origin", "500000,5000000", "--crs", "EPSG:32631"]
 BENT = Placement(coordinates=(COLUMNS + 0.1 * np.sin(ROWS / 5), 2.0 * ROWS + 0.05 * COLUMNS), crs="EPSG:32631")
 GLOBE = Placement(coordinates=(np.arange(33) * 5.0 - 80, np.arange(40) * 9.0 - 180), periodic=(1,), periods=(360, 0),
                   crs="EPSG:4326")
@@ -148,7 +148,7 @@ def test_more_isovalues_than_a_file_holds(tmp_path: Path) -> None:
     assert not (tmp_path / "b.gpkg").exists()
 
 
-@looped("option", [["--attribute", "z"], ["--layer", "z"], ["--3d"]])
+@looped("option", [["--attribute", "z"], ["--layer", "z"]])
 @looped("suffix", sorted({s for o in FORMATS if "contour" in o.holds for s in o.suffixes}))
 def test_what_a_format_does_not_have_is_refused(tmp_path: Path, suffix: str, option: list[Any]) -> None:
     """No option is ignored: it has an effect, or one line says that it has none."""
@@ -165,8 +165,7 @@ def test_what_a_format_does_not_have_is_refused(tmp_path: Path, suffix: str, opt
 
 
 @looped("option", [
-    ["--what", "areas"], ["--layer", "a"], ["--attribute", "a"], ["--index", 2], ["--3d"], ["--keep-crs"],
-    ["--in-samples"],
+    ["--what", "areas"], ["--layer", "a"], ["--attribute", "a"], ["--keep-crs"], ["--in-samples"],
 ])
 def test_options_of_other_formats_do_not_apply_to_iso(tmp_path: Path, option: list[Any]) -> None:
     np.save(tmp_path / "in.npy", HILLS)
@@ -175,7 +174,7 @@ def test_options_of_other_formats_do_not_apply_to_iso(tmp_path: Path, option: li
 
 @looped("option", [
     ["--tile", 32], ["--frames"], ["--order", "independent"], ["--profile", "baseline"], ["--metadata", "a=b"],
-    ["--layers", 2], ["--surface"],
+    ["--layers", 2],
 ])
 def test_options_of_iso_do_not_apply_to_other_formats(tmp_path: Path, option: list[Any]) -> None:
     np.save(tmp_path / "in.npy", HILLS)

@@ -14,7 +14,6 @@ import pytest
 
 import isocodec
 from commands import HILLS, fails, ok, run
-from isocodec.api.export import counted
 from libraries import Late
 
 Image = Late("PIL.Image")
@@ -110,7 +109,6 @@ def test_isovalue_that_is_no_number(hills: Path, tmp_path: Path, isovalue: str) 
 def test_contradictory_options(hills: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.iso"
     for options, named in (
-        (["--spacing", "1,1", "--no-placement"], "--spacing and --no-placement cannot be combined"),
         (["--precision", "2,1", "--layers", "3"], "cannot be combined"),
     ):
         assert named in fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
@@ -278,19 +276,6 @@ def test_info(curve: Path, curve_data: bytes) -> None:
     assert json.loads(ok("info", curve, "--json")) == json.loads(
         json.dumps({**info.as_dict(), "promise": "all values exactly"})
     )
-
-
-def test_info_with_symbols(curve: Path, curve_data: bytes) -> None:
-    symbols_of = counted(isocodec.open(curve_data))
-    more = {"promise": "all values exactly"}
-    assert json.loads(ok("info", curve, "--symbols", "--json")) == json.loads(
-        json.dumps({**symbols_of.as_dict(), **more})
-    )
-    symbols = {element: count for layer in symbols_of.layers for element, count in (layer.symbols or {}).items()}
-    assert symbols
-    shown = ok("info", curve, "--symbols")
-    for element in symbols:
-        assert element in shown
 
 
 def test_metadata_goes_into_the_file(hills: Path, tmp_path: Path) -> None:

@@ -40,14 +40,6 @@ def test_an_option_that_is_given_twice_is_said(tmp_path: Path) -> None:
     assert done.exit_code == 0 and "--precision is given twice; the last one counts" in done.stderr
 
 
-@pytest.mark.parametrize("layers", ["crossing", "0", "-1", "1.5"])
-def test_layers_of_a_surface_are_a_number(tmp_path: Path, layers: str) -> None:
-    np.save(tmp_path / "a.npy", np.arange(64).reshape(8, 8) ** 2)
-    done = run("encode", tmp_path / "a.npy", "-o", tmp_path / "a.iso", "--surface", "--error", 5, f"--layers={layers}")
-    assert done.exit_code == 2 and "--layers" in done.stderr and "internal" not in done.stderr
-    assert not (tmp_path / "a.iso").exists()
-
-
 def test_isovalues_in_notes_are_short() -> None:
     data = isocodec.encode(thin(np.arange(64).reshape(8, 8) / 10.0, contours=[0.3, 0.7], tolerance=0.2))
     assert isocodec.open(data).metadata["promise"].endswith(" at 0.3 0.7")
@@ -108,7 +100,7 @@ def test_limits_hold_for_files_that_are_merged(tmp_path: Path) -> None:
         isocodec.save(tmp_path / f"{name}.iso", HILLS, isovalue, precision="exact")
     words = ["edit", tmp_path / "a.iso", tmp_path / "b.iso", "-o", tmp_path / "c.iso"]
     assert run(*words).exit_code == 0
-    assert run(*words, "--limit-memory", 1000).exit_code == 6
+    assert run(*words, "--limits", "memory=1000").exit_code == 6
 
 
 def test_each_warning_is_shown_once(capsys: pytest.CaptureFixture[str]) -> None:

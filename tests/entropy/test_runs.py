@@ -282,7 +282,7 @@ def test_symbols_and_work_bound_every_run(kind: str, ended: list[tuple[int, int]
         ended.clear()
         with pytest.raises(LimitError) as caught:
             decode(kind, data, Limits(work=(before + units) // 2))
-        assert caught.value.code == "limit-work" and "--limit-work" in str(caught.value)
+        assert caught.value.code == "limit-work" and "--limits work=" in str(caught.value)
         assert kind == "coordinates" or len(ended) == number
         before = 0 if kind == "coordinates" else units
 

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import grids
 import isocodec
@@ -66,8 +65,6 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     plan = "--key", "f", "--layers", tmp_path / "plan"
     contour, said = encoded(path, 0.9, *plan)
     assert contour.shape == (13, 36) and "not treated as periodic" in said
-    contour, said = encoded(path, 0.9, "--key", "f", "--no-placement")
-    assert contour.shape == (13, 36) and contour.placement is None and not said
     refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, *plan, "--periodic", 1)
     assert refused.exit_code == 2 and "cannot be combined" in refused.stderr
 
@@ -119,10 +116,6 @@ def test_periodic_axis_by_option(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", field)
     contour, _ = encoded(tmp_path / "a.npy", 0.05, "--periodic", 1)
     assert contour.shape == (24, 61) and on_nodes(contour)
-    contour, _ = encoded(tmp_path / "a.npy", 0.05, "--periodic", 1, "--spacing", "0.1,6", "--period", 360)
-    assert on_nodes(contour) and contour.placement.periods == pytest.approx((360, 0))
-    assert np.abs(contour.placed - contour.points[:, ::-1] * (6, 0.1)).max() < 0.03
-    assert run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--period", "x").exit_code == 2
 
 
 def test_what_files_say(tmp_path: Path) -> None:

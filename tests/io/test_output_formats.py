@@ -156,7 +156,7 @@ def coded(tmp_path: Path) -> Path:
     (["--what", "areas", "--side", "below"], {"isovalue", "side", "complete"}),
     (["--what", "bands", "--attribute", "low,high"], {"low", "high"}),
     (["--attribute", "elev", "--layer", "lines"], {"elev", "closed", "complete"}),
-    (["--3d"], {"isovalue", "closed", "complete"}), (["--in-samples"], {"isovalue", "closed", "complete"}),
+    (["--in-samples"], {"isovalue", "closed", "complete"}),
 ])
 def test_decode_to_a_table(coded: Path, arguments: list[str], columns: set[str]) -> None:
     import geopandas
@@ -165,12 +165,12 @@ def test_decode_to_a_table(coded: Path, arguments: list[str], columns: set[str])
     done = run("decode", str(coded), "-o", str(out), *arguments)
     assert done.exit_code == 0, done.stderr
     table = geopandas.read_file(out)
-    assert set(table.columns) == columns | {"geometry"} and table.geometry.has_z.all() == ("--3d" in arguments)
+    assert set(table.columns) == columns | {"geometry"}
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--attribute", "a,b"], "names 1 column"), (["--what", "bands", "--attribute", "a"], "names 2 columns"),
-    (["--what", "above", "--3d"], "does not apply"), (["--attribute", "closed"], "taken"),
+    (["--attribute", "closed"], "taken"),
 ])
 def test_decode_refuses(coded: Path, arguments: list[str], message: str) -> None:
     done = run("decode", str(coded), "-o", str(coded.with_suffix(".gpkg")), *arguments)

@@ -146,7 +146,7 @@ def test_the_encoder_warns_of_files_that_default_limits_refuse(monkeypatch):
         except LimitError:
             refused = True
         assert bool(caught) or not refused
-        assert all("--limit-memory" in str(each.message) for each in caught)
+        assert all("--limits memory=" in str(each.message) for each in caught)
     assert not caught and not refused
 
 
@@ -194,7 +194,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
                 list(decoder)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        assert peak < 41 * MIB and caught.value.code == "limit-memory" and "--limit-memory" in str(caught.value)
+        assert peak < 41 * MIB and caught.value.code == "limit-memory" and "--limits memory=" in str(caught.value)
         assert decoder.memory == 0
         ends.append((caught.value.offset, decoder.symbols))
         with pytest.raises(LimitError):
@@ -357,14 +357,14 @@ def test_every_command_that_decodes_has_the_limits(tmp_path):
     commands = (
         ("decode", source, "-o", tmp_path / "a.npz"), ("decode", "--what", "above", source, "-o", tmp_path / "a.npy"),
         ("plot", source, "-o", tmp_path / "a.png"), ("edit", source, "-o", tmp_path / "b.iso", "--size", 9000),
-        ("info", source, "--symbols"),
+        ("info", source, "--statistics"),
     )
     for command in commands:
-        ok(*command, "--limit-memory", "1.5G", "--limit-work", 1 << 24)
-        assert "more than 2 MiB of memory" in fails(6, *command, "--limit-memory", "2M")
-        assert "'much' is not a size" in fails(2, *command, "--limit-memory", "much")
-    ok(*commands[0], "--limit-work", 1)
-    assert "0 is less than 1" in fails(2, *commands[0], "--limit-work", 0)
+        ok(*command, "--limits", f"memory=1.5G,work={1 << 24}")
+        assert "more than 2 MiB of memory" in fails(6, *command, "--limits", "memory=2M")
+        assert "'much' is not a size" in fails(2, *command, "--limits", "memory=much")
+    ok(*commands[0], "--limits", "work=1")
+    assert "0 is less than 1" in fails(2, *commands[0], "--limits", "work=0")
 
 
 def test_large_masks_are_written_when_asked_for(tmp_path):
@@ -375,8 +375,8 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     large = isocodec.encode(np.repeat(np.repeat(step, 64, 0), 64, 1), 4, precision="signs")
     source.write_bytes(large)
     samples = 4096 * 4096
-    assert "--limit-samples" in fails(
-        6, "decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limit-samples", samples - 1,
+    assert "--limits samples=" in fails(
+        6, "decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limits", f"samples={samples - 1}",
     )
     assert not (tmp_path / "m.npy").exists()
     decoder = Decoder()
@@ -388,7 +388,7 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert above == samples * 24 // 64 and peak < samples / 2
-    ok("decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limit-samples", samples)
+    ok("decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limits", f"samples={samples}")
     assert np.array_equal(np.load(tmp_path / "m.npy")[:, ::64], np.repeat(step, 64, 0) > 4)
 
 

@@ -20,7 +20,6 @@ from isocodec.search.original import original
 from isocodec.search.promise import Promise
 from isocodec.search.proof import hausdorff
 from isocodec.stream.plan_file import _LINES, check_plan, read_plan
-from isocodec.stream.plan_file import __doc__ as LANGUAGE
 from isospec.container import SIGNATURE
 from libraries import Late
 from tables import looped
@@ -373,13 +372,6 @@ def test_a_plan_is_checked_before_the_field_is_encoded() -> None:
     plan = read_plan("base 3\nvalues left=2\nrefine 9\noffsets 3")
     with pytest.raises(OptionError, match="line 4, 'offsets 3': offsets after values"):
         check_plan(plan, [60.5], FULL)
-
-
-def test_help_and_the_module_name_the_same_lines() -> None:
-    shown = ok("encode", "--plan-help")
-    assert "--plan-help" in ok("encode", "--help")
-    for word in _LINES:
-        assert word in shown and f"``{word}" in (LANGUAGE or "")
 
 
 JUST = float(np.nextafter(1.0, 9.0))

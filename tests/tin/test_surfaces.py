@@ -242,17 +242,17 @@ def test_command(tmp_path):
 
 def test_samples_that_are_missing_and_points_that_coincide(tmp_path):
     """A surface spans holes, of which the user is warned, as of points that are merged."""
-    holed, table = HILL.astype(float), tmp_path / "points.npy"
+    holed, table = HILL.astype(float), tmp_path / "points.xyz"
     holed[3:9, 4:8] = np.nan
     np.save(tmp_path / "holed.npy", holed)
-    np.save(table, [(0, 0, 1), (9, 0, 2), (0, 9, 3), (9, 9, 4), (4, 4, 5), (4, 4, 7)])
+    np.savetxt(table, [(0, 0, 1), (9, 0, 2), (0, 9, 3), (9, 9, 4), (4, 4, 5), (4, 4, 7)])
     for out in ("out.iso", "out.npz"):
         result = run("thin", tmp_path / "holed.npy", "-o", tmp_path / out, "--error", 2)
         assert result.exit_code == 0 and "24 missing samples: the triangulation covers them" in result.stderr
     tin = isocodec.open(tmp_path / "out.iso").surface()
     there = holed[tuple(tin.points.T.astype(int))]
     assert tin.shape is None and np.abs(there - tin.values).max() <= 2
-    result = run("thin", table, "-o", tmp_path / "out.ply", "--scattered", "--points", 5, "--json")
+    result = run("thin", table, "-o", tmp_path / "out.ply", "--points", 5, "--json")
     assert "1 points coincide with others: each group is merged" in result.stderr
     record = json.loads(result.stdout)
     assert (record["merged"], record["removed"], record["criterion"]) == (1, 0, "AT1")

@@ -222,9 +222,9 @@ def test_command(tmp_path):
 def test_command_with_a_table(tmp_path):
     points, values = terrain()
     table = np.column_stack([points, values])
-    source, out = tmp_path / "table.npy", tmp_path / "out.ply"
-    np.save(source, np.concatenate([table, table[:5]]))
-    done = run("thin", source, "-o", out, "--scattered", "--points", 50, "--criterion", "AT3")
+    source, out = tmp_path / "table.xyz", tmp_path / "out.ply"
+    np.savetxt(source, np.concatenate([table, table[:5]]))
+    done = run("thin", source, "-o", out, "--points", 50, "--criterion", "AT3")
     assert done.exit_code == 0, done.output
     assert "5 points coincide" in done.stderr
     assert "50 of" in done.stdout
@@ -273,7 +273,7 @@ def test_archives_of_arrays_are_read_as_they_are_written(tmp_path, command: str)
     source, found = tmp_path / "dem.npz", {}
     if command == "decode":
         source = tmp_path / "dem.iso"
-        ok("encode", tmp_path / "dem.npz", "-o", source, "--surface", "--points", 80)
+        ok("thin", tmp_path / "dem.npz", "-o", source, "--points", 80)
     for suffix, name in ((".npz", "values"), (".vtu", "z")):
         out = tmp_path / f"tin{suffix}"
         ok(command, source, "-o", out, *(("--points", 80) if command == "thin" else ()))
@@ -292,13 +292,9 @@ def test_archives_of_arrays_are_read_as_they_are_written(tmp_path, command: str)
 def test_contours_of_points_are_not_kept_by_thinning(tmp_path, distance: str):
     points, values = terrain()
     np.savetxt(tmp_path / "points.csv", np.c_[points, values], delimiter=",", header="x,y,z", comments="")
-    for command in ("thin",), ("encode", "--surface"):
-        line = fails(2, *command, tmp_path / "points.csv", "-o", tmp_path / "a.iso", "--isovalue", 50.5,
-                     "--tolerance", distance)
-        assert "of a field only" in line and "--precision" in line
-    line = fails(2, "encode", tmp_path / "points.csv", "-o", tmp_path / "a.iso", "--values", "z", "--isovalue", 50.5,
+    line = fails(2, "thin", tmp_path / "points.csv", "-o", tmp_path / "a.iso", "--isovalue", 50.5,
                  "--tolerance", distance)
-    assert f"--precision {distance}" in line
+    assert "of a field only" in line and "--precision" in line
 
 
 def triangulated(points: np.ndarray) -> set[tuple[int, ...]]:
@@ -325,7 +321,7 @@ def test_points_of_any_criterion_can_be_coded(tmp_path, criterion: str, layers: 
         out.write_bytes(isocodec.encode(tin))
     else:
         np.savetxt(tmp_path / "points.csv", np.c_[points, values], delimiter=",", header="x,y,z", comments="")
-        ok("thin", tmp_path / "points.csv", "-o", out, "--scattered", "--criterion", criterion, "--points", 70,
+        ok("thin", tmp_path / "points.csv", "-o", out, "--criterion", criterion, "--points", 70,
            "--layers", layers)
     ok("decode", out, "-o", tmp_path / "tin.npz")
     with np.load(tmp_path / "tin.npz") as read:
