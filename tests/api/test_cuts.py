@@ -16,6 +16,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from test_hierarchy import MESHES, Cell, Replay
+from test_levels import middles
 
 import isocodec
 from brute import examples
@@ -31,8 +33,6 @@ from isocodec.mesh.hierarchy import hierarchy_of
 from isocodec.stream.encoder import encoder_of
 from isoconform.streams import split
 from isospec.container import ChunkType
-from test_hierarchy import MESHES, Cell, Replay
-from test_levels import middles
 
 Nodes = NDArray[np.bool_]
 LARGER = 100

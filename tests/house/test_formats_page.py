@@ -12,27 +12,29 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import ezdxf
-import geopandas
-import nibabel
 import numpy as np
 import pytest
-import rasterio
-import rasterio.transform
-import shapely
-import SimpleITK
-import tifffile
-import trimesh
-import vtk
-import xarray
-from scipy.spatial import KDTree
-from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 import isocodec
 from commands import BALL, HILLS, ok
+from libraries import Late
 from written import Y_UP
 
-PAGE = (Path(__file__).resolve().parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")
+ezdxf = Late("ezdxf")
+geopandas = Late("geopandas")
+nibabel = Late("nibabel")
+rasterio = Late("rasterio")
+KDTree = Late("scipy.spatial.KDTree")
+shapely = Late("shapely")
+SimpleITK = Late("SimpleITK")
+tifffile = Late("tifffile")
+trimesh = Late("trimesh")
+vtk = Late("vtk")
+numpy_to_vtk = Late("vtk.util.numpy_support.numpy_to_vtk")
+vtk_to_numpy = Late("vtk.util.numpy_support.vtk_to_numpy")
+xarray = Late("xarray")
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 STATED = {
     name: (0.0 if bound == "none" else float(bound), bool(of_size))
     for names, bound, of_size in re.findall(

@@ -21,22 +21,10 @@ HEADS = {
     "pyvista", "rasterio", "rioxarray", "scipy", "shapely", "skimage", "tifffile", "trimesh", "vtk", "xarray", "zarr",
 }
 """Libraries that take a tenth of a second and more to load, in every process that collects tests."""
-STILL = {
-    "dicom_files", "foreign", "inputs", "test_alpha", "test_bare_dicom", "test_contour_map", "test_cuts", "test_dicom",
-    "test_foreign_files", "test_formats_page", "test_globe", "test_grib_rows", "test_labelled_files", "test_maps",
-    "test_mesh_files", "test_nrrd_axes", "test_other_files", "test_panels", "test_place", "test_places", "test_pmtiles",
-    "test_point_files", "test_rasters", "test_read", "test_readers", "test_sources", "test_tiff_compressions",
-    "test_view", "test_volume_frames", "test_vtk_files", "test_write", "test_writers",
-}
-"""Modules that do so as long as they read and write other programs' files by today's code."""
-
-
 def test_no_library_is_loaded_by_a_head() -> None:
     """`Late` stands in for it until it is used."""
     found = []
     for path in sorted((ROOT / "tests").rglob("*.py")):
-        if path.stem in STILL:
-            continue
         for node in ast.parse(path.read_text()).body:
             names = [each.name for each in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []

@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydicom import Dataset
-from pydicom.dataset import FileMetaDataset
-from pydicom.uid import (
-    CTImageStorage,
-    EnhancedCTImageStorage,
-    ExplicitVRLittleEndian,
-    PositronEmissionTomographyImageStorage,
-    generate_uid,
-)
+
+from libraries import Late
+
+Dataset = Late("pydicom.Dataset")
+FileMetaDataset = Late("pydicom.dataset.FileMetaDataset")
+CTImageStorage = Late("pydicom.uid.CTImageStorage")
+EnhancedCTImageStorage = Late("pydicom.uid.EnhancedCTImageStorage")
+ExplicitVRLittleEndian = Late("pydicom.uid.ExplicitVRLittleEndian")
+generate_uid = Late("pydicom.uid.generate_uid")
+PositronEmissionTomographyImageStorage = Late("pydicom.uid.PositronEmissionTomographyImageStorage")
 
 SHAPE = (5, 6, 7)
 """Slices, rows, columns."""

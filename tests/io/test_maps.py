@@ -7,23 +7,25 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-import geopandas
 import numpy as np
-import pyogrio
 import pytest
-import shapely
-import trimesh
-import vtk
-from lxml import etree
-from shapely.geometry import shape as shape_of
-from vtk.util.numpy_support import vtk_to_numpy
 
 import isocodec
 from commands import BALL as SHELL
 from commands import HILLS, ok
 from isocodec.errors import OptionError
 from isocodec.io.formats import write
+from libraries import Late
 from written import Y_UP
+
+geopandas = Late("geopandas")
+etree = Late("lxml.etree")
+pyogrio = Late("pyogrio")
+shapely = Late("shapely")
+shape_of = Late("shapely.geometry.shape")
+trimesh = Late("trimesh")
+vtk = Late("vtk")
+vtk_to_numpy = Late("vtk.util.numpy_support.vtk_to_numpy")
 
 BALL = int(SHELL.max()) - SHELL
 VALUES = [60.5, 80.5, 100.5]

@@ -9,14 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from files import same
 from isocodec.drawing.contour import Contour
 from isocodec.errors import MissingExtraError
 from isocodec.io.formats import write
 from isocodec.storage.atomic import check_target, write_bytes
+from libraries import Late
 from written import rendered
+
+trimesh = Late("trimesh")
 
 # A diamond around sample (2, 3), closed, and one segment that leaves the grid.
 SQUARE = [(1.0, 3.0), (2.0, 2.0), (3.0, 3.0), (2.0, 4.25)]
