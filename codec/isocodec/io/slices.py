@@ -190,8 +190,8 @@ def open_(
                     gone.append(np.broadcast_to(plane.padded(raw), raw.shape[:2]).T)
             samples, missing = np.stack(values, -1).reshape(shape), np.stack(gone, -1).reshape(shape)
         # all volumes have one type
-        samples = samples.astype(np.float64) if mixed else samples
-        return placed_field(samples, missing, place if known else None, remarks, unit=unit)
+        samples = np.ma.masked_array(samples.astype(np.float64) if mixed else samples, missing)
+        return placed_field(samples, place if known else None, remarks, unit=unit)
 
     return of_frames(at, len(volumes), frame, frames, differ)
 
@@ -216,7 +216,7 @@ def of_volume(volume: Any) -> Field:
     axes, matrix = kept_axes(values.shape), np.asarray(volume.affine)[:3, [2, 1, 0, 3]]
     body = volume.coordinate_system.name == "PATIENT"
     place = in_body(matrix, axes, lps=True) if body else by_matrix(matrix, axes, unit="mm")
-    return placed_field(values.reshape([values.shape[axis] for axis in axes]), None, place)
+    return placed_field(values.reshape([values.shape[axis] for axis in axes]), place)
 
 
 # ---- files and series ------------------------------------------------------------------------------------------------
@@ -241,12 +241,11 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
         if "TotalPixelMatrixRows" in header or described != count:
             raise InputError(f"is a picture of tiles, or states {count} frames and the places of {described}",
                              code="shape")
-        if syntax.is_deflated:
-            raise InputError("is deflated as a whole", code="unreadable", remedy="unpack it first: dcmconv +te IN OUT")
+        if syntax.is_deflated or int(header.get("HighBit") or 0) >= int(header.get("BitsStored") or 64):
+            raise InputError("is deflated as a whole, or has samples in high bits of words", code="unreadable",
+                             remedy="write it in another way first, as by dcmconv +te IN OUT")
         held = [each for tag, each in header.items() if tag in _SAMPLES]
         if held and (syntax.is_encapsulated or held[0].value_tell + held[0].length <= one.stat().st_size):
-            if int(header.get("HighBit") or 0) >= int(header.get("BitsStored") or 64):
-                raise InputError("has samples in high bits of words", code="unreadable", remedy="write them to the low")
             found += [_Plane(one, number, _flat(header, number)) for number in range(count)]
         elif "Rows" in header:
             raise InputError(f"is cut short: {plain(one.name)} does not have all samples", code="unreadable")
