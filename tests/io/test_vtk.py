@@ -475,7 +475,9 @@ def test_xdmf_with_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         series.write_points_cells(points, [("triangle", cells)])
         for time in (0.0, 1.5, 3.0):
             series.write_data(time, point_data={"depth": points[:, 0] + time})
-    found = isocodec.read(tmp_path / "a.xdmf")
+    with pytest.raises(InputError, match="TimeSeries_meshio"):  # beside a series is its mesh
+        isocodec.read(tmp_path / "a.xdmf")
+    found = isocodec.read(tmp_path / "a.xdmf", key="TimeSeries_meshio")
     assert np.array_equal(found.values, points[:, 0] + np.array([[0], [1.5], [3]]))
     assert np.array_equal(found.cells, cells)
     assert found.notes == {"frame_step": "1.5"}

@@ -78,8 +78,8 @@ def component(count: int, band: int | None) -> int:
 
 
 def placed_field(values: Array, place: Placement | None, remarks: Sequence[str] = (), **more: Any) -> Field:
-    """Make a field of samples, which may be masked; a placement that is no such thing becomes a remark."""
-    values = numbers(values)
+    """Make a field of samples, which may be masked, without axes of one; a placement that is none becomes a remark."""
+    values = numbers(values.reshape([values.shape[axis] for axis in kept_axes(values.shape)]))
     try:
         return Field(values, None, place, remarks=remarks, **more)
     except OptionError as error:
@@ -178,8 +178,7 @@ def of_itk(
         kinds = [known.get(f"NRRD_kinds[{axis}]", "domain") for axis in range(4)]
         apart = next((axis for axis, kind in enumerate(kinds) if kind not in ("domain", "space")), 3)
         values = np.moveaxis(values, apart, -1)
-        if tuple(matrix[apart, [apart, 4]]) != (1, 0):
-            remarks.append("start and step of its fourth axis are left out, as their unit is not known")
+        remarks.append("start and step of its fourth axis are left out, as their unit is not known")
         matrix = np.delete(np.delete(matrix, apart, 0), apart, 1)
     several = values.shape[3] if values.ndim > 3 else 1
     axes = kept_axes(values.shape[:3])
@@ -193,7 +192,7 @@ def of_itk(
 
     def at(number: int, _: Any = image) -> Field:  # the view needs the image
         part = np.array(values[..., number] if several > 1 else values, order="C")
-        return placed_field(part.reshape([values.shape[axis] for axis in axes]), place, remarks)
+        return placed_field(part, place, remarks)
 
     return of_frames(at, several, frame, frames)
 
@@ -231,8 +230,7 @@ def of_nibabel(
         scaling = float(proxy.slope), float(proxy.inter)
         # the file stays open: of a packed one the next volume is then read without unpacking all before it
         raw = type(proxy)(proxy.file_like, (proxy.shape, proxy.dtype, proxy.offset, 1.0, 0.0), keep_file_open=True)
-    colours = proxy.dtype.names
-    channel = component(len(colours or "1"), band)
+    component(1, band)
     unit, time, remarks, notes = "unknown", "", [], {}
     if hasattr(header, "get_xyzt_units"):
         try:
@@ -249,8 +247,7 @@ def of_nibabel(
 
     def at(number: int) -> Field:
         with reading("NIfTI volume"):
-            part = np.asarray(raw[:, :, :, number] if several > 1 else raw[...]).reshape([whole[axis] for axis in axes])
-            part = scaled(part[colours[channel]] if colours else part, *scaling)
-        return placed_field(part, place, remarks, notes=notes)
+            part = np.asarray(raw[:, :, :, number] if several > 1 else raw[...]).reshape(whole[:3])
+        return placed_field(scaled(part, *scaling), place, remarks, notes=notes)
 
     return of_frames(at, several, frame, frames)

@@ -174,15 +174,13 @@ def _complaints() -> Iterator[None]:
 
 def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int], Any]]:
     """Times of a file and what reads one of them."""
-    pyvista, suffix, series = _vtk("pyvista"), path.suffix.lower(), list[Any]()
+    pyvista, suffix = _vtk("pyvista"), path.suffix.lower()
     known = suffix in pyvista.core.utilities.reader.CLASS_READERS and suffix not in _BY_MESHIO
     if suffix in (".xdmf", ".xmf"):
-        every, known = [*ElementTree.parse(path).iter()], False
-        for each in every:
+        known = False
+        for each in ElementTree.parse(path).iter():
             if each.get("Format", "XML").upper() not in ("XML", "ASCII", "APPENDED"):
                 (path.parent / str(each.text).strip().partition(":")[0]).stat()  # VTK crashes where it is missing
-            if each.get("CollectionType") == "Temporal":
-                series.append(each.get("Name"))
             known |= each.tag == "Time"  # PyVista does not read others
     if not known:
         meshio = _vtk("meshio")
@@ -203,8 +201,7 @@ def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int]
         if suffix == ".pvti":  # its pieces state how the image is turned, and VTK does not look there
             piece = next(ElementTree.parse(path).iter("Piece")).attrib["Source"]
             data.direction_matrix = pyvista.read(path.parent / piece).direction_matrix
-        # beside a series is often its mesh
-        return data[series[0]] if len(series) == 1 and series[0] in getattr(data, "keys", list)() else data
+        return data
 
     return times, read
 
