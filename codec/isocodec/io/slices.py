@@ -5,8 +5,6 @@ All lie in coordinates to the right, front and top of the body; axes are columns
 
 from __future__ import annotations
 
-import os
-import re
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -76,12 +74,10 @@ class _Plane:
     @cached_property
     def corner(self) -> Array | None:
         """Position of the first sample, if it is known."""
-        found, offsets, step = map(self.get, ("ImagePositionPatient", "GridFrameOffsetVector", "SpacingBetweenSlices"))
+        found, offsets = self.get("ImagePositionPatient"), self.get("GridFrameOffsetVector")
         count = int(self.get("NumberOfFrames") or 1)
         if count == 1 or "PerFrameFunctionalGroupsSequence" in self.header:
             offsets = [0.0] * count
-        elif offsets is None and step:
-            offsets = np.arange(count) * float(step)
         if not found or not self.get("ImageOrientationPatient") or offsets is None:
             return None
         return np.array(found, np.float64) + self.axes[:, 2] * float(offsets[self.number] - offsets[0])
@@ -98,23 +94,19 @@ class _Plane:
         return float(slope or 1), float(self.get("RescaleIntercept", "RealWorldValueIntercept") or 0)
 
     def values(self, raw: Array, channel: int) -> Array:
-        """Choose a colour of stored samples, or rescale them."""
+        """Choose a colour of stored samples, or rescale them and mask those that only fill the picture."""
         pixels = _library("pydicom.pixels")
         if self.get("PhotometricInterpretation") == "PALETTE COLOR":
             raw = pixels.apply_color_lut(raw, self.header)
         if raw.ndim > 2:
             return raw[..., channel]
-        if "ModalityLUTSequence" in self.header:
-            return np.asarray(pixels.apply_modality_lut(raw, self.header))
-        return scaled(raw, *self.scaling)
-
-    def padded(self, raw: Array) -> Array | bool:
-        """Find stored samples that only fill the picture."""
-        ends = [self.get(*(f"{name}{end}" for name in _PADDING)) for end in ("Value", "RangeLimit")]
-        if ends[0] is None or raw.ndim > 2:
-            return False
-        low, high = sorted(np.array([end for end in ends if end is not None] * 2)[:2].astype(raw.dtype))
-        return np.asarray((low <= raw) & (raw <= high))
+        table = "ModalityLUTSequence" in self.header
+        found = np.ma.asarray(pixels.apply_modality_lut(raw, self.header) if table else scaled(raw, *self.scaling))
+        low, high = (self.get(*(f"{name}{end}" for name in _PADDING)) for end in ("Value", "RangeLimit"))
+        if low is not None:
+            low, high = sorted(np.array([low, low if high is None else high]).astype(raw.dtype))
+            found[(low <= raw) & (raw <= high)] = np.ma.masked
+        return found
 
 
 _Arranged = tuple[list[list[_Plane]], Array, str]
@@ -164,8 +156,7 @@ def open_(
         colours = 3 if palette else int(first.get("SamplesPerPixel") or 1)
         channel = component(colours, band)
         volumes, matrix, differ = _arranged(planes)
-    whole = int(first.header.Columns), int(first.header.Rows), len(volumes[0])
-    axes = kept_axes(whole)
+    axes = kept_axes((first.header.Columns, first.header.Rows, len(volumes[0])))
     if first.corner is not None:
         place = in_body(matrix, axes, lps=True)
     else:
@@ -176,22 +167,19 @@ def open_(
     unit = first.get("RescaleType", "Units", "DoseUnits") if colours == 1 else None
     unit = None if unit in (None, "US") else one_line(str(unit))
     mixed = len(volumes) > 1 and len({each.scaling for each in planes}) > 1
-    shape = [whole[axis] for axis in axes]
 
     def at(number: int) -> Field:
-        values, gone = list[Array](), list[Array]()
+        values = list[Array]()
         with reading("DICOM"):
             warnings.filterwarnings("error", _CUT)
             for file, some in groupby(volumes[number], lambda each: each.path):
                 planes = [*some]
                 found = _library("pydicom.pixels").iter_pixels(file, indices=[each.number for each in planes])
-                for plane, raw in zip(planes, found, strict=True):
-                    values.append(plane.values(raw, channel).T)
-                    gone.append(np.broadcast_to(plane.padded(raw), raw.shape[:2]).T)
-            samples, missing = np.stack(values, -1).reshape(shape), np.stack(gone, -1).reshape(shape)
+                values += [plane.values(raw, channel).T for plane, raw in zip(planes, found, strict=True)]
+            samples: Array = np.ma.stack(values, -1)
         # all volumes have one type
         samples = samples.astype(np.float64) if mixed else samples
-        return placed_field(samples, missing, place if known else None, remarks, unit=unit)
+        return placed_field(samples, place if known else None, remarks, unit=unit)
 
     return of_frames(at, len(volumes), frame, frames, differ)
 
@@ -216,22 +204,16 @@ def of_volume(volume: Any) -> Field:
     axes, matrix = kept_axes(values.shape), np.asarray(volume.affine)[:3, [2, 1, 0, 3]]
     body = volume.coordinate_system.name == "PATIENT"
     place = in_body(matrix, axes, lps=True) if body else by_matrix(matrix, axes, unit="mm")
-    return placed_field(values.reshape([values.shape[axis] for axis in axes]), None, place)
+    return placed_field(values, place)
 
 
 # ---- files and series ------------------------------------------------------------------------------------------------
 
 
-def _counted(path: Path) -> list[str | int]:
-    """Key of names whose numbers are counted: IM2 before IM10."""
-    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", str(path))]
-
-
 def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
     """Frames of all files that hold samples."""
     pydicom, found, others = _library("pydicom"), list[_Plane](), list[str]()
-    files = [Path(folder, name) for folder, _, names in os.walk(path) for name in names] or [path]
-    for one in sorted(files, key=_counted):
+    for one in [each for each in sorted(path.rglob("*")) if each.is_file()] or [path]:
         if one != path and one.suffix.lower() != ".dcm" and not pydicom.misc.is_dicom(one):
             others.append("not DICOM")
             continue
@@ -241,12 +223,10 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
         if "TotalPixelMatrixRows" in header or described != count:
             raise InputError(f"is a picture of tiles, or states {count} frames and the places of {described}",
                              code="shape")
-        if syntax.is_deflated:
-            raise InputError("is deflated as a whole", code="unreadable", remedy="unpack it first: dcmconv +te IN OUT")
-        held = [each for tag, each in header.items() if tag in _SAMPLES]
-        if held and (syntax.is_encapsulated or held[0].value_tell + held[0].length <= one.stat().st_size):
-            if int(header.get("HighBit") or 0) >= int(header.get("BitsStored") or 64):
-                raise InputError("has samples in high bits of words", code="unreadable", remedy="write them to the low")
+        if syntax.is_deflated or int(header.get("HighBit") or 0) >= int(header.get("BitsStored") or 64):
+            raise InputError("is deflated as a whole, or has samples in high bits of words", code="unreadable",
+                             remedy="write it in another way first, as by dcmconv +te IN OUT")
+        if any(tag in header for tag in _SAMPLES):
             found += [_Plane(one, number, _flat(header, number)) for number in range(count)]
         elif "Rows" in header:
             raise InputError(f"is cut short: {plain(one.name)} does not have all samples", code="unreadable")
@@ -266,7 +246,6 @@ def _flat(header: Any, number: int) -> Any:
               if (some := header.get(f"{name}FunctionalGroupsSequence"))]
     nested = [each.value[0] for group in groups for each in group
               if each.VR == "SQ" and each.value and not each.tag.is_private]
-    nested += (header.get("DetectorInformationSequence") or [])[:1]
     flat = _library("pydicom").Dataset() if nested else header
     for each in [header, *nested] * bool(nested):
         flat.update(each)
@@ -310,10 +289,10 @@ def _stack(planes: list[_Plane], key: str | None, remarks: list[str]) -> list[_P
     larger = [some for some in stacks if len(some) > 1]
     if key is None and len(larger) == 1 and len(larger[0]) > 2:
         stacks = larger
-    called = dict[int, tuple[str, str, str]]()
+    called = dict[int, tuple[str, ...]]()
     for number, some in enumerate(stacks):
         way = ("sagittal", "coronal", "axial")[np.abs(some[0].axes[:, 2]).argmax()]
-        name = str(some[0].get("StackID") or way)
+        name = some[0].get("StackID") or way
         called[number] = name, f"{name}-{number}", f"'{name}-{number}' of {len(some)}"
     chosen = stacks[_named("stacks of different sizes or directions", called, key)]
     if key is None and len(chosen) < len(once):
@@ -343,7 +322,10 @@ def _arranged(planes: list[_Plane]) -> _Arranged:
     first, differ = planes[0], ""
     between = abs(float(first.get("SpacingBetweenSlices", "SliceThickness") or 1))
     if first.corner is None:
-        planes = sorted(planes, key=lambda each: int(each.get("InstanceNumber") or 0))
+        numbers = {(each.get("InstanceNumber"), each.number): each for each in planes}
+        if len(numbers) < len(planes):
+            raise InputError("holds slices without positions or numbers", code="slices", remedy="number them")
+        planes = [numbers[each] for each in sorted(numbers)]
         film = len(planes) > 1 and first.get(*_FILMED) is not None
         volumes = [[each] for each in planes] if film else [planes]
         return volumes, np.column_stack([first.axes * [1, 1, between], np.zeros(3)]), "time" * film
@@ -353,21 +335,18 @@ def _arranged(planes: list[_Plane]) -> _Arranged:
     planes = [planes[each] for each in order]
     differ, groups = _times(planes, where)
     for some in groups:
-        if absent := {*where} - {*where[some]}:
-            raise InputError(f"holds volumes (by {differ}) of different slices: not all have slice {min(absent)}",
-                             code="slices", remedy="add the missing slices")
+        if {*where} - {*where[some]}:
+            raise InputError(f"holds volumes (by {differ}) of different slices", code="slices",
+                             remedy="add those that are missing")
     volumes = [[planes[each] for each in some] for some in groups]
     first, corners = volumes[0][0], np.array([each.corner for each in volumes[0]])
-    gaps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    step = (corners[-1] - corners[0]) / len(gaps) if len(gaps) else first.axes[:, 2] * between
-    off = np.linalg.norm(corners - corners[0] - step * np.arange(len(corners))[:, None], axis=1).max()
-    if off > EVEN * np.linalg.norm(step):
-        usual = np.median(gaps)
-        at = int(np.abs(gaps - usual).argmax())
-        raise InputError(
-            f"holds slices with a gap or at uneven steps: {gaps[at]:g} mm between {volumes[0][at]} and "
-            f"{volumes[0][at + 1]}, {usual:g} mm between others", code="slices",
-            remedy="add the missing slices, or resample them at even steps, as dcm2niix does")
+    last = len(corners) - 1
+    step = (corners[-1] - corners[0]) / last if last else first.axes[:, 2] * between
+    off = np.linalg.norm(corners - corners[0] - step * np.arange(len(corners))[:, None], axis=1)
+    if off.max() > EVEN * np.linalg.norm(step):
+        near = volumes[0][int(off.argmax())]
+        raise InputError(f"holds slices with a gap or at uneven steps: {near} lies {off.max():g} mm off", code="slices",
+                         remedy="add the missing slices, or resample them at even steps, as dcm2niix does")
     return volumes, np.column_stack([first.axes[:, :2], step, corners[0]]), differ
 
 

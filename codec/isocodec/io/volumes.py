@@ -15,7 +15,7 @@ from ..errors import InputError, OptionError, plain
 from ..field.framed import Frames
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
-from .arrays import of_array
+from .arrays import numbers, of_array
 from .in_turn import InTurn, check_frame
 from .libraries import library, reading
 from .places import by_matrix, in_body, kept_axes
@@ -77,16 +77,13 @@ def component(count: int, band: int | None) -> int:
     return (band or 1) - 1
 
 
-def placed_field(
-    values: Array, mask: Array | None, place: Placement | None, remarks: Sequence[str] = (), **more: Any
-) -> Field:
-    """Make a field of samples, contiguous and native; a placement that is no such thing becomes a remark."""
-    values = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
-    mask = np.ascontiguousarray(mask) if mask is not None and mask.any() else None
+def placed_field(values: Array, place: Placement | None, remarks: Sequence[str] = (), **more: Any) -> Field:
+    """Make a field of samples, which may be masked, without axes of one; a placement that is none becomes a remark."""
+    values = numbers(values.reshape([values.shape[axis] for axis in kept_axes(values.shape)]))
     try:
-        return Field(values, mask, place, remarks=remarks, **more)
+        return Field(values, None, place, remarks=remarks, **more)
     except OptionError as error:
-        return Field(values, mask, remarks=[*remarks, f"its coordinates are ignored: {error.message}"], **more)
+        return Field(values, remarks=[*remarks, f"its coordinates are ignored: {error.message}"], **more)
 
 
 def scaled(raw: Array, slope: float, intercept: float) -> Array:
@@ -171,8 +168,7 @@ def of_itk(
     size, count = image.GetDimension(), image.GetNumberOfComponentsPerPixel()
     values: Array = sitk.GetArrayViewFromImage(image).T
     matrix = np.column_stack([np.reshape(image.GetDirection(), (size, size)) * image.GetSpacing(), image.GetOrigin()])
-    place: Placement | None
-    remarks = []
+    remarks = list[str]()
     if band is not None or known.get("NRRD_kinds[pixel]") != "list":
         channel = component(count, band)
         values = values[channel] if count > 1 else values
@@ -182,24 +178,21 @@ def of_itk(
         kinds = [known.get(f"NRRD_kinds[{axis}]", "domain") for axis in range(4)]
         apart = next((axis for axis, kind in enumerate(kinds) if kind not in ("domain", "space")), 3)
         values = np.moveaxis(values, apart, -1)
-        if tuple(matrix[apart, [apart, 4]]) != (1, 0):
-            remarks.append("start and step of its fourth axis are left out, as their unit is not known")
+        remarks.append("start and step of its fourth axis are left out, as their unit is not known")
         matrix = np.delete(np.delete(matrix, apart, 0), apart, 1)
     several = values.shape[3] if values.ndim > 3 else 1
-    axes, space = kept_axes(values.shape[:3]), known.get("NRRD_space", "left-posterior")
-    unit = unit or known.get("NRRD_units[0]") or "mm"
-    if size < 3 or not space.startswith("left-posterior"):
-        place = by_matrix(matrix, axes, unit=unit)
-        if size > 2:
-            remarks.append(f"its space '{plain(space)}' does not state sides of a body: its coordinates are in none")
-    elif known.get("ITK_InputFilterName") == _NRRD and "NRRD_space" not in known and (matrix == np.eye(3, 4)).all():
-        place = None  # what ITK has where a file states nothing
+    axes = kept_axes(values.shape[:3])
+    space = known.get("NRRD_space", "" if known.get("ITK_InputFilterName") == _NRRD else "left-posterior")
+    unit = unit or known.get("NRRD_units[0]")
+    if size > 2 and space.startswith("left-posterior"):
+        place = in_body(matrix, axes, lps=True, unit=unit or "mm")
     else:
-        place = in_body(matrix, axes, lps=True, unit=unit)
+        place = by_matrix(matrix, axes, unit=unit or ("mm" if space else None))
+        remarks += [f"its coordinates are of no body: its space is '{plain(space)}'"] * (size > 2)
 
     def at(number: int, _: Any = image) -> Field:  # the view needs the image
         part = np.array(values[..., number] if several > 1 else values, order="C")
-        return placed_field(part.reshape([values.shape[axis] for axis in axes]), None, place, remarks)
+        return placed_field(part, place, remarks)
 
     return of_frames(at, several, frame, frames)
 
@@ -237,8 +230,7 @@ def of_nibabel(
         scaling = float(proxy.slope), float(proxy.inter)
         # the file stays open: of a packed one the next volume is then read without unpacking all before it
         raw = type(proxy)(proxy.file_like, (proxy.shape, proxy.dtype, proxy.offset, 1.0, 0.0), keep_file_open=True)
-    colours = proxy.dtype.names
-    channel = component(len(colours or "1"), band)
+    component(1, band)
     unit, time, remarks, notes = "unknown", "", [], {}
     if hasattr(header, "get_xyzt_units"):
         try:
@@ -255,8 +247,7 @@ def of_nibabel(
 
     def at(number: int) -> Field:
         with reading("NIfTI volume"):
-            part = np.asarray(raw[:, :, :, number] if several > 1 else raw[...]).reshape([whole[axis] for axis in axes])
-            part = scaled(part[colours[channel]] if colours else part, *scaling)
-        return placed_field(part, None, place, remarks, notes=notes)
+            part = np.asarray(raw[:, :, :, number] if several > 1 else raw[...]).reshape(whole[:3])
+        return placed_field(scaled(part, *scaling), place, remarks, notes=notes)
 
     return of_frames(at, several, frame, frames)

@@ -174,15 +174,13 @@ def _complaints() -> Iterator[None]:
 
 def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int], Any]]:
     """Times of a file and what reads one of them."""
-    pyvista, suffix, series = _vtk("pyvista"), path.suffix.lower(), list[Any]()
+    pyvista, suffix = _vtk("pyvista"), path.suffix.lower()
     known = suffix in pyvista.core.utilities.reader.CLASS_READERS and suffix not in _BY_MESHIO
     if suffix in (".xdmf", ".xmf"):
-        every, known = [*ElementTree.parse(path).iter()], False
-        for each in every:
+        known = False
+        for each in ElementTree.parse(path).iter():
             if each.get("Format", "XML").upper() not in ("XML", "ASCII", "APPENDED"):
                 (path.parent / str(each.text).strip().partition(":")[0]).stat()  # VTK crashes where it is missing
-            if each.get("CollectionType") == "Temporal":
-                series.append(each.get("Name"))
             known |= each.tag == "Time"  # PyVista does not read others
     if not known:
         meshio = _vtk("meshio")
@@ -203,8 +201,7 @@ def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int]
         if suffix == ".pvti":  # its pieces state how the image is turned, and VTK does not look there
             piece = next(ElementTree.parse(path).iter("Piece")).attrib["Source"]
             data.direction_matrix = pyvista.read(path.parent / piece).direction_matrix
-        # beside a series is often its mesh
-        return data[series[0]] if len(series) == 1 and series[0] in getattr(data, "keys", list)() else data
+        return data
 
     return times, read
 
@@ -212,9 +209,9 @@ def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int]
 # ---- data sets -------------------------------------------------------------------------------------------------------
 
 
-def _scalars(attributes: Any) -> dict[str, Callable[[], Array]]:
+def _scalars(attributes: Any) -> dict[str, Callable[[], Any]]:
     """What gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
-    out, parts = dict[str, Callable[[], Array]](), dict[str, Callable[[], Array]]()
+    out, parts = dict[str, Callable[[], Any]](), dict[str, Callable[[], Any]]()
     for name, array in attributes.items():
         array = np.asarray(array)
         if array.dtype.kind not in "biuf" or name.startswith("vtk"):
@@ -222,14 +219,10 @@ def _scalars(attributes: Any) -> dict[str, Callable[[], Array]]:
         if array.size == len(array):
             out[name] = array.ravel
             continue
-        names = "xyz" if array.shape[1] <= len("xyz") else map(str, range(array.shape[1]))
+        names = "xyz" if array.shape[1] < 4 else "012345678"
         parts |= {f"{name}:{part}": each.ravel for each, part in zip(array.T, names, strict=False)}
-        parts[f"{name}:magnitude"] = partial(_magnitude, array)
+        parts[f"{name}:magnitude"] = partial(np.linalg.norm, array, axis=1)
     return parts | out
-
-
-def _magnitude(array: Array) -> Array:
-    return np.asarray(np.linalg.norm(array.astype(np.float64), axis=1))
 
 
 def _field(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) -> Field:
@@ -244,7 +237,8 @@ def _field(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) 
     shape, remarks = [sides[axis] for axis in kept], list[str]()
     values = (of_cells if centred else at_points)[name]().reshape(shape, order="F")
     gone, place = _hidden(data, centred, remarks), _place_of(data, kept, shape, centred, remarks)
-    return placed_field(values, None if gone is None else gone.reshape(shape, order="F"), place, remarks)
+    values = values if gone is None else np.ma.masked_array(values, gone.reshape(shape, order="F"))
+    return placed_field(values, place, remarks)
 
 
 def _hidden(data: Any, centred: bool, remarks: list[str]) -> Array | None:
@@ -283,9 +277,9 @@ def _place_of(
         along = [*np.asarray((data.cell_centers() if centred else data).points, np.float64).T]
         vary = [each.reshape(shape, order="F") for each in along if np.ptp(each)]
         place = at_nodes(vary) if len(vary) == len(kept) else None
-    fixed = {name: each[0] for name, each in zip("xyz", along, strict=True) if not np.ptp(each)}
-    if any(name != "z" or value for name, value in fixed.items()):
-        remarks.append(f"its place in space is left out: {', '.join(f'{c} = {value:g}' for c, value in fixed.items())}")
+    fixed = [f"{name} = {each[0]:g}" for name, each in zip("xyz", along, strict=True)
+             if not np.ptp(each) and (name != "z" or each[0])]
+    remarks += [f"its place in space is left out: {', '.join(fixed)}"] * bool(fixed)
     return place
 
 
@@ -334,8 +328,6 @@ def _cells_of(data: Any, remarks: list[str]) -> tuple[Array | None, Any]:
     if left := int(np.isin(types, [*ours], invert=True).sum()):
         remarks.append(f"{left:,} cells of lower dimension are left out")
     if kinds & ours != {wanted}:
-        remarks.append(f"cells of other kinds are cut into {name}")
-        if max(kinds & ours) > 21:
-            remarks.append("values between the points of cells of higher order are taken as linear")
+        remarks.append(f"cells of other kinds are cut into {name}, those of higher order as linear")
         data = data.triangulate()
     return np.asarray(data.cells_dict[wanted], np.int64), data
