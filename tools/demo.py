@@ -28,7 +28,7 @@ from scipy.spatial import KDTree
 
 import isocodec
 from isocodec.cli import main as command_line
-from isocodec.plotting.panels import Panel, panels_picture
+from isocodec.plotting.panels import StepPanel, panels_picture
 from isocodec.stream.inspect import LayerInfo, inspect
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -289,7 +289,7 @@ def half_round(item: Item) -> bytes:
     for size in (begin, (begin + end) // 2, end):
         decoder = isocodec.Decoder()
         decoder.feed(data[:size])
-        steps.append(Panel([decoder.take().contour()], title(size, len(data))))
+        steps.append(StepPanel([decoder.take().contour()], title(size, len(data))))
     return panels_picture(steps)
 
 
@@ -304,10 +304,10 @@ def smoothing(item: Item) -> bytes:
     layers = inspect(data, symbols=True).layers
     signs = sum(layer.kind != "offsets" for layer in layers)
     steps = [
-        Panel([isocodec.open(data).contour(layers=signs, smooth=smooth)], title(layers[signs].offset or 0, len(data)))
+        StepPanel([isocodec.open(data).contour(layers=signs, smooth=smooth)], title(layers[signs].offset or 0, len(data)))
         for smooth in (False, True)
     ]
-    return panels_picture([*steps, Panel([isocodec.decode(data)], title(len(data), len(data)))])
+    return panels_picture([*steps, StepPanel([isocodec.decode(data)], title(len(data), len(data)))])
 
 
 def main() -> None:

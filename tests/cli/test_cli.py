@@ -185,7 +185,7 @@ def test_missing_extra(tmp_path: Path, surface: Path, monkeypatch: pytest.Monkey
     assert "'.[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
     # before any work: the file is not even looked at
     surface.write_bytes(b"no curve")
-    for out, *verb in (("s.ply", "decode"), ("s.png", "decode"), ("s.png", "plot"), ("s.png", "plot", "--map")):
+    for out, *verb in (("s.png", "plot"), ("s.png", "plot", "--map")):
         fails(7, *verb, surface, "-o", tmp_path / out)
 
 
@@ -201,7 +201,7 @@ def test_decode_curves(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
         assert np.array_equal(arrays["cells"], contour.cells)
     ok("decode", curve, "-o", tmp_path / "c.geojson")
     feature = json.loads((tmp_path / "c.geojson").read_text())
-    lines = shapely.geometry.shape(feature["geometry"]).geoms
+    lines = [shapely.geometry.shape(one["geometry"]) for one in feature["features"]]
     assert len(lines) == 2  # one ring around each hill
     assert all(line.is_ring for line in lines)
     ok("decode", curve, "-o", tmp_path / "c.svg")
@@ -241,8 +241,8 @@ def test_decode_json(surface: Path, tmp_path: Path, surface_data: bytes) -> None
 def test_decode_of_the_wrong_dimension(curve: Path, surface: Path, tmp_path: Path) -> None:
     line = fails(2, "decode", curve, "-o", tmp_path / "c.stl")
     assert line.startswith(f"isocodec: {tmp_path / 'c.stl'}: ")
-    assert ".npz, .png, .svg, .geojson" in line
-    assert ".npz, .png" in fails(2, "decode", surface, "-o", tmp_path / "s.svg")
+    assert ".geojson" in line and ".png" in line
+    assert ".npz" in fails(2, "decode", surface, "-o", tmp_path / "s.svg")
     assert ".geojson" in fails(2, "decode", surface, "-o", tmp_path / "s.xyz")
 
 
@@ -262,7 +262,7 @@ def test_decode_of_an_empty_curve(tmp_path: Path) -> None:
     (tmp_path / "e.iso").write_bytes(isocodec.encode(HILLS, 300.5))
     for suffix in (".npz", ".geojson", ".svg", ".png"):
         ok("decode", tmp_path / "e.iso", "-o", tmp_path / f"e{suffix}")
-    assert shapely.geometry.shape(json.loads((tmp_path / "e.geojson").read_text())["geometry"]).is_empty
+    assert json.loads((tmp_path / "e.geojson").read_text())["features"] == []
 
 
 # ---- info, truncate, plot -------------------------------------------------------------------------------------------

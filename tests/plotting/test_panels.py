@@ -17,7 +17,7 @@ from commands import BALL, HILLS, fails, ok, run
 from isocodec.api import plots
 from isocodec.api.plots import plot_steps
 from isocodec.errors import FormatError
-from isocodec.plotting.panels import Panel, colours_of, contour_picture, panels_figure
+from isocodec.plotting.panels import StepPanel, colours_of, contour_picture, panels_figure
 
 FEW = [20.5, 60.5, 100.5, 140.5]
 
@@ -42,11 +42,11 @@ def file_of(kind: str, folder: Path) -> isocodec.IsoFile:
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Panel]:
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[StepPanel]:
     """The panels of pictures made since."""
-    seen: list[Panel] = []
+    seen: list[StepPanel] = []
 
-    def noted(panels: list[Panel], *_: Any) -> bytes:
+    def noted(panels: list[StepPanel], *_: Any) -> bytes:
         seen.extend(panels)
         return b"picture"
 
@@ -54,7 +54,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Panel]:
     return seen
 
 
-def sizes(panels: list[Panel]) -> list[int]:
+def sizes(panels: list[StepPanel]) -> list[int]:
     return [int(panel.title.split()[0].replace(",", "")) for panel in panels]
 
 
@@ -62,7 +62,7 @@ def sizes(panels: list[Panel]) -> list[int]:
 
 
 @pytest.mark.parametrize("kind", ["grid", "one", "series", "mesh", "surface", "volume", "tiles", "promised"])
-def test_steps_of_each_kind(kind: str, tmp_path: Path, drawn: list[Panel]) -> None:
+def test_steps_of_each_kind(kind: str, tmp_path: Path, drawn: list[StepPanel]) -> None:
     """From the first that shows something to the whole file, each what so many bytes decode to."""
     file = file_of(kind, tmp_path)
     plotted = plot_steps(file, count=4)
@@ -76,7 +76,7 @@ def test_steps_of_each_kind(kind: str, tmp_path: Path, drawn: list[Panel]) -> No
         assert np.array_equal(one.points, other.points)
 
 
-def test_steps_are_the_promises_of_the_file(tmp_path: Path, drawn: list[Panel]) -> None:
+def test_steps_are_the_promises_of_the_file(tmp_path: Path, drawn: list[StepPanel]) -> None:
     file = file_of("promised", tmp_path)
     plot_steps(file)
     assert [re.findall(r"within ([\d.]+)", panel.title) for panel in drawn] == [["4"], ["1"], []]
@@ -85,7 +85,7 @@ def test_steps_are_the_promises_of_the_file(tmp_path: Path, drawn: list[Panel]) 
         assert np.array_equal(panel.contours[0].points, file.contour(layers=layer).points)
 
 
-def test_one_isovalue_or_frame_alone(tmp_path: Path, drawn: list[Panel]) -> None:
+def test_one_isovalue_or_frame_alone(tmp_path: Path, drawn: list[StepPanel]) -> None:
     plot_steps(file_of("grid", tmp_path), isovalue=60.5, count=2)
     assert [[one.isovalue for one in panel.contours] for panel in drawn] == [[60.5], [60.5]]
     drawn.clear()
@@ -95,7 +95,7 @@ def test_one_isovalue_or_frame_alone(tmp_path: Path, drawn: list[Panel]) -> None
     assert "only frame 0 of 2" in plot_steps(file, count=1).remarks[0]
 
 
-def test_a_truncated_file_is_drawn_as_far_as_it_goes(tmp_path: Path, drawn: list[Panel]) -> None:
+def test_a_truncated_file_is_drawn_as_far_as_it_goes(tmp_path: Path, drawn: list[StepPanel]) -> None:
     data = isocodec.encode(HILLS, 80.5)
     part = isocodec.open(data[:-9])
     plotted = plot_steps(part, count=3)
@@ -106,12 +106,12 @@ def test_a_truncated_file_is_drawn_as_far_as_it_goes(tmp_path: Path, drawn: list
         plot_steps(isocodec.open(data[:8]))
 
 
-def test_an_empty_curve_is_one_step(drawn: list[Panel]) -> None:
+def test_an_empty_curve_is_one_step(drawn: list[StepPanel]) -> None:
     plot_steps(isocodec.open(isocodec.encode(np.eye(20), 5)))
     assert len(drawn) == 1 and not len(drawn[0].contours[0].cells)
 
 
-def test_meshes_below(tmp_path: Path, drawn: list[Panel]) -> None:
+def test_meshes_below(tmp_path: Path, drawn: list[StepPanel]) -> None:
     file = file_of("one", tmp_path)
     plot_steps(file, count=2, mesh=True)
     (points, cells), = drawn[-1].meshes
@@ -122,13 +122,13 @@ def test_meshes_below(tmp_path: Path, drawn: list[Panel]) -> None:
 # ---- Figures --------------------------------------------------------------------------------------------------------
 
 
-def figure_of(panels: list[Panel], isovalues: list[float] | None = None) -> Any:
+def figure_of(panels: list[StepPanel], isovalues: list[float] | None = None) -> Any:
     return panels_figure(panels, "front", isovalues or [], 6, 2.6)
 
 
 def test_panels_lie_side_by_side_with_colours_and_a_legend(tmp_path: Path) -> None:
     contours = file_of("grid", tmp_path).contours()
-    figure = figure_of([Panel(contours[:2], "a"), Panel(contours, "b")], FEW)
+    figure = figure_of([StepPanel(contours[:2], "a"), StepPanel(contours, "b")], FEW)
     assert [axes.get_title() for axes in figure.axes] == ["a", "b"]
     for axes, count in zip(figure.axes, (2, 4), strict=True):
         found = [one.get_edgecolor()[0] for one in axes.collections]
@@ -143,16 +143,16 @@ def test_panels_lie_side_by_side_with_colours_and_a_legend(tmp_path: Path) -> No
 
 def test_many_panels_take_rows_and_many_isovalues_a_part_of_the_legend() -> None:
     contours = isocodec.open(isocodec.encode(HILLS, "every 5")).contours()
-    figure = figure_of([Panel(contours)] * 9, [one.isovalue for one in contours])
+    figure = figure_of([StepPanel(contours)] * 9, [one.isovalue for one in contours])
     assert figure.axes[0].get_subplotspec().get_gridspec().get_geometry() == (2, 6)
     assert len(contours) > 30 and 6 < len(figure.legends[0].texts) <= 12
 
 
 def test_proportions_of_the_placement() -> None:
     stretched = isocodec.decode(isocodec.encode(isocodec.Field(HILLS, placement=[[0, 30, 0], [-60, 0, 0]]), 80.5))
-    assert figure_of([Panel([stretched])]).axes[0].get_aspect() == 2
+    assert figure_of([StepPanel([stretched])]).axes[0].get_aspect() == 2
     flat = isocodec.open(isocodec.encode(mesh(), 60.5)).contour()
-    axes = figure_of([Panel([flat])]).axes[0]
+    axes = figure_of([StepPanel([flat])]).axes[0]
     assert not axes.yaxis_inverted() and axes.get_aspect() == 1
     assert np.allclose(np.concatenate(axes.collections[0].get_segments()), np.concatenate(flat.lines))
 
@@ -160,7 +160,7 @@ def test_proportions_of_the_placement() -> None:
 def test_the_mesh_below_a_curve_is_its_triangles(tmp_path: Path) -> None:
     file = file_of("one", tmp_path)
     found = file.mesh()
-    axes = figure_of([Panel([file.contour()], "", [(found.points, found.cells)])]).axes[0]
+    axes = figure_of([StepPanel([file.contour()], "", [(found.points, found.cells)])]).axes[0]
     (line,) = [one for one in axes.lines if len(one.get_xdata())]
     at = np.column_stack(line.get_data())
     sides = {tuple(sorted(side)) for a, b, c in found.cells for side in ((a, b), (b, c), (c, a))}

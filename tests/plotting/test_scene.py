@@ -10,7 +10,7 @@ import pytest
 import isocodec
 from commands import BALL
 from isocodec.errors import OptionError
-from isocodec.plotting.panels import Panel, panels_figure
+from isocodec.plotting.panels import StepPanel, panels_figure
 from isocodec.plotting.scene import USUAL, rotation, world
 
 # A cone in 33^3 samples: round about axis 1, its tip at the high end.
@@ -23,7 +23,7 @@ VIEWS = ("front", "back", "left", "right", "top", "bottom", USUAL, "200,-35")
 
 
 def axes_of(contours: list[Any], view: str = USUAL, meshes: Any = ()) -> Any:
-    return panels_figure([Panel(contours, "", meshes)], view, [], 6, 2.6).axes[0]
+    return panels_figure([StepPanel(contours, "", meshes)], view, [], 6, 2.6).axes[0]
 
 
 def covered(axes: Any) -> np.ndarray:
@@ -97,7 +97,7 @@ def test_near_triangles_come_last_and_the_light_from_above_left(field: Any, edge
 def test_surfaces_around_others_are_seen_through() -> None:
     """The smallest is opaque and drawn first, whatever its place in the file."""
     contours = isocodec.open(isocodec.encode(BALL, [60.5, 30.5, 1000.5])).contours()
-    axes = panels_figure([Panel(contours)], USUAL, [60.5, 30.5, 1000.5], 6, 2.6).axes[0]
+    axes = panels_figure([StepPanel(contours)], USUAL, [60.5, 30.5, 1000.5], 6, 2.6).axes[0]
     inner, outer = axes.collections
     assert len(inner._triangulation.triangles) == len(contours[1].cells)
     assert inner.get_agg_filter() is None

@@ -7,7 +7,7 @@ from pathlib import Path
 import isocodec
 from figures.apart import surfaces_apart
 from figures.corpus import Y_UP, Z_UP, load, original_of, stages
-from isocodec.plotting.panels import Panel, panels_picture
+from isocodec.plotting.panels import StepPanel, panels_picture
 
 COARSE, FINE = 3.0, 0.2
 """Thresholds of the paper's figure 8, in cells of 257 samples a side, each of a mesh with its geometry."""
@@ -40,7 +40,7 @@ def surfaces(folder: Path, out: Path) -> None:
             contour = stage.decoder.contour()
             mesh = stage.decoder.grid.mesh(whole=False)
             title = f"{stage.bytes:,} bytes\n{stage.bytes / len(data):.1%} of the file"
-            steps.append(Panel([contour], title, [(mesh.points, mesh.cells)] if number < 2 else []))
+            steps.append(StepPanel([contour], title, [(mesh.points, mesh.cells)] if number < 2 else []))
             there, back = surfaces_apart((whole.points, whole.cells), (contour.points, contour.cells))
             print(
                 f"surfaces, {name}, {stage.layer}: {stage.bytes - before:,} bytes, {stage.bytes:,} by then, "
@@ -49,4 +49,4 @@ def surfaces(folder: Path, out: Path) -> None:
             )
             before = stage.bytes
         (out / f"{name}.png").write_bytes(panels_picture(steps, ".png", view))
-        (out / f"{name}-whole.png").write_bytes(panels_picture([Panel([contour])], ".png", view))
+        (out / f"{name}-whole.png").write_bytes(panels_picture([StepPanel([contour])], ".png", view))

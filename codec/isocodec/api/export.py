@@ -272,9 +272,9 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Draw
     kind = _KINDS[wanted.what or "curve"]
     if wanted.through_holes or (kind == "areas" and file.info.mask_bytes is not None):
         view["through_holes"] = True
-    n, several = len(file.shape) or None, kind != "areas"
+    several = kind != "areas"
     every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
-    if every and suffix in suffixes_of(Thing(kind, n, several)):
+    if every and suffix in suffixes_of(Thing(kind, len(file.shape) or None, several)):
         in_turn = "within" not in view and not wanted.capped
         if isinstance(file.held, WholeFile) and file.kind in ("grid", "series") and in_turn:
             chosen = Viewed(**view)

@@ -16,7 +16,7 @@ from ..field.labelling import noun_of
 from ..field.sampled import Field
 from ..field.samples import missing_of
 from ..plotting.map import map_picture
-from ..plotting.panels import Panel, check_picture, panels_picture
+from ..plotting.panels import StepPanel, check_picture, panels_picture
 from ..plotting.scene import USUAL, drawing, rotation
 from ..stream.isovalues import isovalues_of, range_of
 from .export import counted
@@ -94,7 +94,8 @@ def plot_steps(
     number = None if isovalue is None or tin else file.info.number_of(isovalue)
     values = [*file.isovalues] if isovalue is None else [isovalue]
     values = values or _isovalues(file.surface(max_bytes=file.size).values)
-    layers = [one for one in counted(file).layers if one.bytes is not None]
+    known = file.info if file.mesh_given is not None else counted(file)
+    layers = [one for one in known.layers if one.bytes is not None]
     cut = len(layers) < len(file.info.layers) or not file.complete
     own = [k for k, one in enumerate(layers, 1) if one.frame == (frame or 0) and number in (None, one.isovalue)]
     if file.kind == "tiles":
@@ -107,7 +108,7 @@ def plot_steps(
         own.append(whole)
 
     @cache
-    def panel(layer: int) -> Panel:
+    def panel(layer: int) -> StepPanel:
         part = file if layer == whole else open(file.edited(layers=layer), mesh=file.mesh_given, limits=file.limits)
         how: Any = {"frame": frame, "partial": True}
         found = [part.contour(one, **how) for one in values] if tin else part.contours(**how)
@@ -116,7 +117,7 @@ def plot_steps(
         title = f"{part.size:,} bytes" + (f", within {within[layer]:g}" if layer in within else "")
         title += f", {len(held)} {noun_of(file.metadata)}{'s' * (len(held) > 1)}" * (len(values) > 1)
         under = [(one.points, one.cells) for one in meshes]
-        return Panel(held, f"{title}\n{part.size / file.size:.1%} of the file", under)
+        return StepPanel(held, f"{title}\n{part.size / file.size:.1%} of the file", under)
 
     ends = sorted({*within, own[-1]}) if within else own
     while len(ends) > 1 and not any(len(one.cells) for one in panel(ends[0]).contours):

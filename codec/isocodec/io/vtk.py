@@ -210,7 +210,7 @@ def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int]
 
 
 def _scalars(attributes: Any) -> dict[str, Callable[[], Any]]:
-    """What gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
+    """Collect what gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
     out, parts = dict[str, Callable[[], Any]](), dict[str, Callable[[], Any]]()
     for name, array in attributes.items():
         array = np.asarray(array)

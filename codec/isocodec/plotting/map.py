@@ -125,7 +125,7 @@ def _ground(placement: Any, low: Points, high: Points) -> tuple[str, Sequence[st
     if placement is None or not placement.placed:
         return "coordinates in samples", ("column", "row"), np.ones(2), "samples"
     name = short_name(placement.crs or "reference system not stated")
-    bare = name, ("x", "y"), np.ones(2), placement.unit or "units of x"
+    bare = name, ("x", "y"), np.ones(2), placement.unit.split()[0] if placement.unit else "units of x"
     step = (high - low).max() / 200
     ends = (low + high) / 2 + step * np.array([(-1, 0), (0, -1), (1, 0), (0, 1)])
     try:

@@ -29,7 +29,7 @@ _NAMED = 12
 Meshes = Sequence[tuple[NDArray[np.float64], NDArray[np.int64]]]
 
 
-class Panel(NamedTuple):
+class StepPanel(NamedTuple):
     """Contours of one field, a title, and meshes to be drawn below: points and triangles of each."""
 
     contours: Sequence[Any]
@@ -83,12 +83,12 @@ def contour_picture(contours: Iterable[Any], suffix: str = ".png") -> bytes:
     """
     every = [*contours]
     first, isovalues = every[0], [one.isovalue for one in every]
-    panels = [Panel([one], caption(one.isovalue, one.metadata)) for one in every]
+    panels = [StepPanel([one], caption(one.isovalue, one.metadata)) for one in every]
     if first.n == 3:
         columns = math.ceil(math.sqrt(len(every)))
         return panels_picture(panels, suffix, columns=columns, side=6 / columns)
     if suffix != ".svg" or not first.shape:
-        return panels_picture([Panel(every)] if len(every) > 1 else panels, suffix, isovalues=isovalues, side=6)
+        return panels_picture([StepPanel(every)] if len(every) > 1 else panels, suffix, isovalues=isovalues, side=6)
     figure = drawing("figure").Figure(np.array(first.shape[::-1]) / 72, dpi=72, frameon=False)
     axes = figure.add_axes((0, 0, 1, 1))
     _draw_curves(axes, every, colours_of(isovalues) if len(every) > 1 else [_INK], max(first.shape) / 600)
@@ -98,14 +98,14 @@ def contour_picture(contours: Iterable[Any], suffix: str = ".png") -> bytes:
 
 
 def panels_picture(
-    panels: Sequence[Panel], suffix: str = ".png", view: str = USUAL, isovalues: Sequence[float] = (),
+    panels: Sequence[StepPanel], suffix: str = ".png", view: str = USUAL, isovalues: Sequence[float] = (),
     columns: int = 6, side: float = 2.6,
 ) -> bytes:
     """Make a picture of panels of one field side by side.
 
     Parameters
     ----------
-    panels : sequence of Panel
+    panels : sequence of StepPanel
     suffix : str
     view : str
         Of surfaces, as of `scene.rotation`.
@@ -125,7 +125,7 @@ def panels_picture(
 
 
 def panels_figure(
-    panels: Sequence[Panel], view: str, isovalues: Sequence[float], columns: int, side: float
+    panels: Sequence[StepPanel], view: str, isovalues: Sequence[float], columns: int, side: float
 ) -> Any:
     """Draw panels; parameters as of `panels_picture`."""
     last = panels[-1].contours[0]
