@@ -228,7 +228,7 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
                              remedy="write it in another way first, as by dcmconv +te IN OUT")
         if any(tag in header for tag in _SAMPLES):
             found += [_Plane(one, number, _flat(header, number)) for number in range(count)]
-        elif "Rows" in header:
+        elif "Rows" in header or "Image Storage" in header.SOPClassUID.name:
             raise InputError(f"is cut short: {plain(one.name)} does not have all samples", code="unreadable")
         else:
             others.append(plain(header.SOPClassUID.name))
