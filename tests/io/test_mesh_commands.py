@@ -76,7 +76,6 @@ def test_pictures(tmp_path):
     )
     assert out.read_bytes().startswith(b"\x89PNG")
     assert "does not store" in fails(3, "plot", data, "-o", out)
-    assert "--view" in fails(2, "plot", data, "-o", out, "--view", "front")
     solid = tmp_path / "solid.iso"
     solid.write_bytes(isocodec.encode(isocodec.Mesh(*space(1), np.arange(30), stored="coded"), 14.5))
     assert "PLY" in fails(2, "plot", solid, "-o", out)

@@ -84,7 +84,7 @@ class _Plane:
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """What slices of a volume have in common."""
+        """Attributes that slices of a volume have in common."""
         return self.header.Rows, self.header.Columns, self.get("StackID"), self.corner is None
 
     @property
