@@ -304,7 +304,8 @@ def smoothing(item: Item) -> bytes:
     layers = inspect(data, symbols=True).layers
     signs = sum(layer.kind != "offsets" for layer in layers)
     steps = [
-        StepPanel([isocodec.open(data).contour(layers=signs, smooth=smooth)], title(layers[signs].offset or 0, len(data)))
+        StepPanel([isocodec.open(data).contour(layers=signs, smooth=smooth)],
+                  title(layers[signs].offset or 0, len(data)))
         for smooth in (False, True)
     ]
     return panels_picture([*steps, StepPanel([isocodec.decode(data)], title(len(data), len(data)))])

@@ -168,7 +168,7 @@ def test_volumes_whose_place_is_odd_or_unknown(tmp_path: Path) -> None:
 
 def test_refusals(tmp_path: Path) -> None:
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
-    assert ".npy, .png, .nii, .nii.gz" in fails(
+    assert ".nii.gz" in fails(
         2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.svg",
     )
     ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz")

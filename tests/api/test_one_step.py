@@ -19,9 +19,8 @@ from isocodec.api.export import Wanted, drawn
 from isocodec.api.tracing import Traced
 from isocodec.cli import report
 from isocodec.drawing.contour import Contour
-from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
-from isocodec.io.formats import FORMATS, OutputOptions
+from isocodec.io.formats import FORMATS
 from libraries import Late
 from tables import looped
 
@@ -225,12 +224,6 @@ def test_the_bar_is_shown_while_a_library_writes(tmp_path: Path, monkeypatch: py
         report.written_out(made, tmp_path / "a.gpkg", "in.npy")
     assert b"writing" in os.read(terminal, 1 << 16)
     os.close(terminal)
-
-
-def test_raising_needs_evenly_spaced_samples(tmp_path: Path) -> None:
-    made = drawn(FIELDS["coordinates"][0], "a.gpkg", Wanted(options=OutputOptions(raised=True)), [40])
-    with pytest.raises(OptionError, match="evenly spaced"):
-        made.write(tmp_path / "a.gpkg")
 
 
 def test_seconds_are_those_that_a_user_waits_for(tmp_path: Path) -> None:

@@ -319,21 +319,26 @@ def _others_in(file: IsoFile, isovalue: float) -> list[str]:
 
 
 def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
+    from .files import Viewed, WholeFile
+
     name, isovalue, remarks = str(wanted.what), wanted.isovalue, list[str]()
-    if name == "valid":
-        values = file.valid()
+    view = {key: wanted.view[key] for key in ("frame", "partial") if key in wanted.view}
+    if name == "above" and isinstance(file.held, WholeFile) and file.kind in ("grid", "series"):
+        # bytes after the layers of the isovalue may be damaged
+        decoder, number = file.held.decoded(isovalue, Viewed(**view))
+        values, placement, complete = decoder.grid.above(number), decoder.grid.placement, decoder.frames > decoder.frame
+        remarks = _others(decoder.isovalues, decoder.isovalues[number], decoder.metadata) if isovalue is None else []
+        isovalue = decoder.isovalues[number]
     else:
-        if isovalue is None:
-            with suppress(FormatError):  # isovalues that follow may be damaged
-                isovalue = next(iter(file.isovalues), None)
-        view = {key: wanted.view[key] for key in ("frame", "partial") if key in wanted.view}
-        values = file.above(wanted.isovalue, **view)
-        remarks = _others_in(file, isovalue) if wanted.isovalue is None and isovalue is not None else []
+        values = file.valid() if name == "valid" else file.above(isovalue, **view)
+        if name == "above" and isovalue is None and file.isovalues:
+            isovalue = file.isovalues[0]
+            remarks = _others_in(file, isovalue)
+        placement, complete = file.placement, file.complete
     count = int(np.count_nonzero(values))
-    facts = {"samples": values.size, name: count, "isovalue": isovalue, "shape": list(values.shape)}
-    with suppress(FormatError):
-        facts["complete"] = file.complete
-    return Exported(SampleMask(values, file.placement), facts, f"{count:,} of {values.size:,} samples {name}", remarks)
+    facts = {"samples": values.size, name: count, "isovalue": isovalue, "shape": list(values.shape),
+             "complete": complete}
+    return Exported(SampleMask(values, placement), facts, f"{count:,} of {values.size:,} samples {name}", remarks)
 
 
 def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:

@@ -169,7 +169,7 @@ def place_of(dataset: Any) -> tuple[Placement | None, str]:
         return Placement([[b, a, c + (a + b) / 2], [e, d, f + (d + e) / 2]], crs=crs), remark
     if kind := "ground control points" if dataset.gcps[0] else "rational polynomials" if dataset.rpcs else "":
         return None, (f"its coordinates are ignored: it has {kind}, no steps between pixels; warp it first (gdalwarp), "
-                      "or set --transform")
+                      "or give an isocodec.Field with a placement")
     return None, "its reference system is ignored, as it places no pixels" if crs else ""
 
 
