@@ -53,7 +53,7 @@ def test_halves_of_pairs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         isocodec.read(tmp_path / "a.hdr")
     (tmp_path / "a.img").unlink()
-    with pytest.raises(InputError, match=r"a.img"):
+    with pytest.raises(FileNotFoundError, match=r"a.img"):
         isocodec.read(tmp_path / "a.hdr")
 
 
