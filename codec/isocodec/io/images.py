@@ -141,14 +141,13 @@ def open_tiff(
             turn = page.tags.valueof(_ORIENTATION)
             several = len(tiff.pages) == 1 and np.prod(tiff.series[0].shape) != np.prod(page.shape)
         if key is not None or not (tiff.is_ome or tiff.is_imagej or several):
-            file = rasters.open_(path, key) if key is not None else None
-            if file is None:
-                try:
-                    file = rasters.open_(path)
-                except InputError:
-                    if len(tiff.pages) == 1:
-                        raise
-            if file is not None and (key is not None or not file.subdatasets):
+            try:
+                file = rasters.open_(path, key)
+            except InputError:
+                if key is not None or len(tiff.pages) == 1:
+                    raise
+                return _stack(tiff, band, frame, frames, nodata)
+            if key is not None or not file.subdatasets:
                 found = _raster(file, band, nodata, frame, frames)
                 if turn in (None, 1) or found.placement is not None:
                     return found

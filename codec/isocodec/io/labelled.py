@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OptionError, one_line, plain
+from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
 from ..field.missing import missing_samples
 from ..field.placement import FRAME_STEP, Placement
@@ -22,7 +22,7 @@ from ..field.sampled import Field
 from .arrays import VALUES, check_kind
 from .conventions import _is_mapping, is_globe, is_time, located
 from .images import channel_of
-from .in_turn import InTurn, check_frame, placed_field, unjoined
+from .in_turn import InTurn, check_frame, check_series, placed_field, unjoined
 from .libraries import choose, library, reading
 from .packing import Packing, restored
 from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
@@ -123,9 +123,7 @@ def of_labelled(
         array = array.isel({array.dims[axis]: frame})
     if not frames:
         return _field(array, nodata, lazy)
-    if array.ndim not in (3, 4):
-        raise OptionError(f"--frames makes a series of an array of three or four axes; the data have {array.ndim}",
-                          code="frame")
+    check_series(array.ndim)
     dim = array.dims[_frame_axis(array)]
     step, first = _step(array, dim), _windows(array.isel({dim: 0}), None)
     _, further = unjoined(first.placement)
