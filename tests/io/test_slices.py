@@ -168,12 +168,6 @@ def test_padding_with_the_other_sign(tmp_path: Path, make: Any) -> None:
     assert np.array_equal(isocodec.read(path, nodata=samples[1, 2, 3]).mask, (samples == samples[1, 2, 3]).T)
 
 
-def test_a_slice_without_suffix_and_preamble(tmp_path: Path, make: Any) -> None:
-    first = min(make.slices(tmp_path / "a", SIGNED).iterdir())
-    (tmp_path / "bare").write_bytes(first.read_bytes()[132:])
-    assert np.array_equal(isocodec.read(tmp_path / "bare").values, isocodec.read(first).values)
-
-
 @pytest.mark.parametrize("low", [0, -2048])
 def test_bits_that_are_not_used(tmp_path: Path, make: Any, low: int) -> None:
     """Overlays in the high bits, and signs in the last bit that is used."""

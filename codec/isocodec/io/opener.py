@@ -254,8 +254,7 @@ def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
         return taken(rasters.read, "key band nodata")
     if ends(_PAIRED[0]) and _headed(at) == _ENVI:
         raise InputError("is a header", code="other-file", remedy="give the file with the samples")
-    for take, options, what in ((rasters.read, "key band nodata", path), (vtk.open_, "key frame frames", at),
-                                (slices.open_, "key band frame frames", at)):
+    for take, options, what in ((rasters.read, "key band nodata", path), (vtk.open_, "key frame frames", at)):
         with suppress(InputError, MissingExtraError):
             return taken(take, options, what)
     suffix = plain(at.suffix) or "a name without a suffix"
