@@ -12,11 +12,11 @@ from libraries import Late
 
 Dataset = Late("pydicom.Dataset")
 FileMetaDataset = Late("pydicom.dataset.FileMetaDataset")
-CTImageStorage = Late("pydicom.uid.CTImageStorage")
-EnhancedCTImageStorage = Late("pydicom.uid.EnhancedCTImageStorage")
-ExplicitVRLittleEndian = Late("pydicom.uid.ExplicitVRLittleEndian")
+CTImageStorage = "1.2.840.10008.5.1.4.1.1.2"
+EnhancedCTImageStorage = "1.2.840.10008.5.1.4.1.1.2.1"
+ExplicitVRLittleEndian = "1.2.840.10008.1.2.1"
 generate_uid = Late("pydicom.uid.generate_uid")
-PositronEmissionTomographyImageStorage = Late("pydicom.uid.PositronEmissionTomographyImageStorage")
+PositronEmissionTomographyImageStorage = "1.2.840.10008.5.1.4.1.1.128"
 
 SHAPE = (5, 6, 7)
 """Slices, rows, columns."""

@@ -38,6 +38,8 @@ def test_tables_with_gaps_and_without_use(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="'c': a, b"):
         isocodec.read(tmp_path / "a.csv", key="c")
     for name, text, word in (("b.csv", "x,y\n1,2\n", "2 columns"), ("c.csv", "", "holds nothing"),
+                             ("e.csv", "x,y,z\n1,2,3\n4,5\n", "fewer columns"),
+                             ("f.xyz", "1 2 3\n4 5 \n", "fewer columns"),
                              ("d.csv", "x,y,z\n1,2,high\n", "cannot be read")):
         (tmp_path / name).write_text(text)
         with pytest.raises(InputError, match=word):

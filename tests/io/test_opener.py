@@ -128,6 +128,23 @@ def test_choices_that_do_not_apply_are_refused(tmp_path: Path, suffix: str, choi
         isocodec.read(written(tmp_path, suffix), **choice)
 
 
+def test_choices_that_do_not_apply_to_objects_are_refused() -> None:
+    """A mesh of meshio is none of these files, though it has a method ``read``."""
+    import meshio
+    import pyvista
+    import xarray
+
+    mesh = meshio.Mesh(np.eye(3), [("triangle", np.array([[0, 1, 2]]))], point_data={"z": np.arange(3.0)})
+    read: Any = isocodec.read(mesh)
+    assert read.values.tolist() == [0, 1, 2]
+    grid = pyvista.ImageData(dimensions=(3, 4, 5))
+    grid["a"] = np.arange(60.0)
+    for thing, choice in ((grid, {"band": 2}), (HILLS, {"key": "a"}), (xarray.DataArray(HILLS), {"key": "a"}),
+                          (mesh, {"frame": 0}), (isocodec.Field(HILLS), {"band": 1})):
+        with pytest.raises(OptionError, match=f"does not apply to {type(thing).__name__}"):
+            isocodec.read(thing, **choice)
+
+
 @pytest.mark.parametrize("module, suffix, extra", [
     ("tifffile", ".tif", "raster"), ("h5py", ".h5", "labelled"), ("PIL.Image", ".png", "pictures"),
 ])

@@ -214,3 +214,36 @@ def test_drivers_of_other_suffixes_and_servers_are_left_alone(tmp_path: Path) ->
 def test_systems_without_a_number(tmp_path: Path) -> None:
     path = written(tmp_path / "a.tif", crs="+proj=aea +lat_0=3 +lon_0=11 +lat_1=20 +lat_2=40 +x_0=7 +datum=WGS84")
     assert str(isocodec.read(path).crs).startswith("PROJCRS")
+
+
+@pytest.mark.parametrize("tiles", [{}, {"tiled": True, "blockxsize": 16, "blockysize": 16}])
+def test_damaged_deflate_is_an_error(tmp_path: Path, tiles: dict[str, Any]) -> None:
+    """Also where GDAL unpacks it without a word; what lies outside of a window is left alone."""
+    import tifffile
+
+    path = written(tmp_path / "a.tif", "uint64", dtype="int16", compress="deflate", **tiles)
+    with tifffile.TiffFile(path) as file:
+        at, size = file.pages[0].dataoffsets[-1], file.pages[0].databytecounts[-1]
+    whole, right = path.read_bytes(), isocodec.read(path).values
+    refused = 0
+    for place in range(at, at + size):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
+        try:
+            assert np.array_equal(isocodec.read(path).values, right)  # a bit that fills up
+        except InputError:
+            refused += 1
+    assert refused > 0.9 * size
+    if tiles:
+        assert load(path, Choice(), lazy=True).values[0:4, 0:4].shape == (4, 4)
+
+
+@pytest.mark.parametrize("suffix", [".bil", ".bsq", ".img"])
+def test_raw_samples_that_are_cut_short_are_an_error(tmp_path: Path, suffix: str) -> None:
+    import rasterio.shutil
+
+    path = tmp_path / f"a{suffix}"
+    kind = {".bil": "EHdr", ".bsq": "ENVI", ".img": "ENVI"}[suffix]
+    rasterio.shutil.copy(written(tmp_path / "source.tif", "uint64", dtype="int16"), path, driver=kind)
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(InputError, match=str(path)):
+        isocodec.read(path)

@@ -164,6 +164,8 @@ def test_padding_with_the_other_sign(tmp_path: Path, make: Any) -> None:
     samples[:, 0] = -2000
     path = make.slices(tmp_path / "a", samples, lambda made, number: made.add_new("PixelPaddingValue", "US", 63536))
     assert np.array_equal(isocodec.read(path).mask, (samples == -2000).T)
+    assert isocodec.read(path, nodata=np.nan).mask is None
+    assert np.array_equal(isocodec.read(path, nodata=samples[1, 2, 3]).mask, (samples == samples[1, 2, 3]).T)
 
 
 @pytest.mark.parametrize("low", [0, -2048])
@@ -463,6 +465,8 @@ def test_parametric_maps(tmp_path: Path, make: Any) -> None:
 ])
 def test_segmentations(tmp_path: Path, make: Any, how: str, gap: bool, step: Any) -> None:
     """Slices without a segment are stored nowhere: those between are empty, as are one before and one behind."""
+    import pydicom
+
     labels = LABELS.copy()
     labels[3] *= not gap
     path = make.segmentation(tmp_path / "a.dcm", labels, how, step=step)
@@ -470,6 +474,9 @@ def test_segmentations(tmp_path: Path, make: Any, how: str, gap: bool, step: Any
     inside = np.flatnonzero(right.any(axis=(1, 2)))
     assert np.array_equal(found.values, right[inside[0] - 1 : inside[-1] + 2].T)
     assert np.allclose(found.placement.matrix[:, 3], RAS @ make.corner(0 if step == STEP else 6, step))
+    relabelled = pydicom.dcmread(path)
+    relabelled.SeriesNumber = 3  # a number is that of a segment
+    relabelled.save_as(path)
     for key, number in (("3", 3), ("organ 1", 1)):
         one = isocodec.read(path, key=key).values
         assert set(np.unique(one)) == {0, 1} and one.sum() == (labels == number).sum()

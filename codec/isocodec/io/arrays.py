@@ -13,7 +13,7 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import CRS, PLACEMENT, Placement
 from ..field.sampled import Field
-from .in_turn import InTurn, check_frame, placed_field
+from .in_turn import InTurn, check_frame, check_series, placed_field
 from .libraries import choose, reading
 from .places import along_axes, at_nodes
 
@@ -80,9 +80,7 @@ def of_array(
         values = values[frame]
     if not frames:
         return placed_field(values, None, placement, **more)
-    if values.ndim not in (3, 4):
-        raise OptionError(f"--frames makes a series of an array of three or four axes; the data have {values.ndim}",
-                          code="frame")
+    check_series(values.ndim)
     remarks = more.get("remarks", ())
     return Frames(InTurn(len(values), lambda at: placed_field(values[at], None, placement, **more), whole, remarks))
 

@@ -165,5 +165,11 @@ def _table(path: str) -> Any:
         except ValueError:
             named = True
         names = names if named else [*"xyz", *(f"column {i}" for i in range(4, len(names) + 1))][: len(names)]
-        return pandas.read_csv(path, sep=divider or r"\s+", header=None, skiprows=int(named), names=names,
+        found = pandas.read_csv(path, sep=divider or r"\s+", header=None, skiprows=int(named), names=names,
                                comment="#", skipinitialspace=True, encoding="utf-8-sig", index_col=False)
+        if found.iloc[:, -1].isna().any():  # pandas fills up rows that are cut short
+            with open(path, encoding="utf-8-sig") as file:
+                rows = [row for line in file if (row := line.partition("#")[0].strip(" \r\n"))]
+            if any(len(row.split(divider)) < len(names) for row in rows):
+                raise InputError("has rows with fewer columns than the first one", code="shape", remedy="is it whole?")
+        return found

@@ -210,12 +210,8 @@ def _filled(values: Any) -> NDArray[Any]:
     known = np.flatnonzero(np.isfinite(values))
     if len(known) in (0, 1, len(values)):
         return np.asarray(values)
-    at = np.arange(len(values))
-    out = np.interp(at, known, values[known])
-    for near, beyond in ((known[:2], at < known[0]), (known[-2:], at > known[-1])):
-        step = (values[near[1]] - values[near[0]]) / (near[1] - near[0])
-        out[beyond] = values[near[0]] + step * (at[beyond] - near[0])
-    return np.asarray(out)
+    scipy = library("scipy.interpolate", extra="labelled", purpose="coordinates of which some are missing")
+    return np.asarray(scipy.make_interp_spline(known, values[known], k=1)(np.arange(len(values))))
 
 
 def _nodes(dims: Sequence[Any], found: Sequence[Labelled]) -> dict[str, Labelled]:

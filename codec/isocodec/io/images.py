@@ -66,14 +66,17 @@ def of_picture(image: Any, band: int | None = None, frame: int | None = None, tu
     if len(bands) > 1 and any(";16" in str(part) for part in getattr(image, "tile", ())):
         raise InputError("is a colour picture of 16 bits per channel, of which Pillow keeps 8", code="depth",
                          remedy="save it as 16-bit grey, or as TIFF")
-    channel = _channel(len(bands), 1 if mode == "LA" and band is None else band)
+    channel = channel_of(len(bands), 1 if mode == "LA" and band is None else band)
     # of grey below 8 bits the transparent shade is one of the file, not of the samples, which are stretched
     raw = str(image.tile[0][3]) if mode == "L" and getattr(image, "tile", ()) else ""
     stretch = {"L;1": 255, "L;2": 85, "L;4": 17}.get(raw, 1)
+    orientation = image.getexif().get(_ORIENTATION, 1)
+    if image.format == "TIFF" and orientation > 4 and any(each[0] == "raw" for each in image.tile):
+        raise InputError("is a TIFF that lies on its side, whose samples Pillow mixes up", code="orientation",
+                         remedy="give its path")
     with reading("picture", "is it whole?"):
         image.load()
-        # loading has turned a TIFF
-        orientation = image.getexif().get(_ORIENTATION) if turn and image.format != "TIFF" else 1
+        orientation = orientation if turn and image.format != "TIFF" else 1  # loading has turned a TIFF
         stored = np.asarray(image)
     gone = _transparent(image, stored, channel, stretch)
     values = stored if stored.ndim == 2 else stored[..., channel]
@@ -138,14 +141,13 @@ def open_tiff(
             turn = page.tags.valueof(_ORIENTATION)
             several = len(tiff.pages) == 1 and np.prod(tiff.series[0].shape) != np.prod(page.shape)
         if key is not None or not (tiff.is_ome or tiff.is_imagej or several):
-            file = rasters.open_(path, key) if key is not None else None
-            if file is None:
-                try:
-                    file = rasters.open_(path)
-                except InputError:
-                    if len(tiff.pages) == 1:
-                        raise
-            if file is not None and (key is not None or not file.subdatasets):
+            try:
+                file = rasters.open_(path, key)
+            except InputError:
+                if key is not None or len(tiff.pages) == 1:
+                    raise
+                return _stack(tiff, band, frame, frames, nodata)
+            if key is not None or not file.subdatasets:
                 found = _raster(file, band, nodata, frame, frames)
                 if turn in (None, 1) or found.placement is not None:
                     return found
@@ -173,7 +175,7 @@ def _stack(
         if series.keyframe.photometric == _PALETTE and band is None:
             raise _INDICES
         colour = next((axes.index(letter) for letter in "SC" if letter in axes), None)
-        channel = _channel(1 if colour is None else series.shape[colour], band)
+        channel = channel_of(1 if colour is None else series.shape[colour], band)
         if None in series.pages:
             raise InputError("lacks some of the pages that it states", code="unreadable", remedy="is it whole?")
         values = numbers(series.asarray())
@@ -227,7 +229,7 @@ def _of_imagej(tiff: Any) -> dict[str, tuple[float, str]]:
     return {**out, "Z": (float(notes["spacing"]), unit)} if "spacing" in notes else out
 
 
-def _channel(count: int, band: int | None) -> int:
+def channel_of(count: int, band: int | None) -> int:
     """Number, from 0, of one of so many channels."""
     if band is not None and not 1 <= band <= count:
         raise OptionError(f"there is no channel {band}: the picture has {count}, counted from 1", code="channel")

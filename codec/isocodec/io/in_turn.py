@@ -47,6 +47,13 @@ def check_frame(frame: int, count: int) -> None:
         raise OptionError(f"there is no frame {frame}: {there}", code="frame")
 
 
+def check_series(axes: int) -> None:
+    """Raise `OptionError` unless an array of so many axes is a series of fields."""
+    if axes not in (3, 4):
+        raise OptionError(f"--frames makes a series of an array of three or four axes; the data have {axes}",
+                          code="frame")
+
+
 def placed_field(
     values: Any, mask: Any = None, place: Placement | None = None, remarks: Sequence[str] = (), **more: Any
 ) -> Field:

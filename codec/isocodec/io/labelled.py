@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OptionError, one_line, plain
+from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
 from ..field.missing import missing_samples
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from .arrays import VALUES, check_kind
 from .conventions import _is_mapping, is_globe, is_time, located
-from .in_turn import InTurn, check_frame, placed_field, unjoined
+from .images import channel_of
+from .in_turn import InTurn, check_frame, check_series, placed_field, unjoined
 from .libraries import choose, library, reading
 from .packing import Packing, restored
 from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
@@ -73,14 +74,7 @@ def open_(
         arrays = held.enter_context(arrays_of(path))
         array, remarks = _array(arrays, key)
         if "c" in array.dims or band is not None:
-            count = array.sizes.get("c", 1)
-            if band is None and count > 1:
-                raise InputError(f"is a picture of {count} channels", code="colour",
-                                 remedy="choose one with --band (band= in Python)")
-            if band is not None and not 1 <= band <= count:
-                raise OptionError(f"there is no channel {band}: the picture has {count}, counted from 1",
-                                  code="channel")
-            array = array.isel({"c": (band or 1) - 1}, missing_dims="ignore")
+            array = array.isel({"c": channel_of(array.sizes.get("c", 1), band)}, missing_dims="ignore")
         found = of_labelled(array, None, frame, frames, nodata, lazy)
         if frames or lazy:  # samples are read later
             weakref.finalize(found.fields if isinstance(found, Frames) else found.values, held.pop_all().close)
@@ -129,9 +123,7 @@ def of_labelled(
         array = array.isel({array.dims[axis]: frame})
     if not frames:
         return _field(array, nodata, lazy)
-    if array.ndim not in (3, 4):
-        raise OptionError(f"--frames makes a series of an array of three or four axes; the data have {array.ndim}",
-                          code="frame")
+    check_series(array.ndim)
     dim = array.dims[_frame_axis(array)]
     step, first = _step(array, dim), _windows(array.isel({dim: 0}), None)
     _, further = unjoined(first.placement)

@@ -7,7 +7,7 @@ import os
 import sys
 import warnings
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -23,7 +23,7 @@ from ..field.meshed import Mesh
 from ..field.missing import missing_samples
 from ..field.sampled import Field
 from ..storage.content import is_file, is_url, local
-from . import arrays, clouds, images, labelled, rasters
+from . import arrays, clouds, images, labelled, rasters, slices, volumes, vtk
 from .in_turn import InTurn
 from .libraries import library
 from .stores import is_store
@@ -135,7 +135,7 @@ def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
     """
     if choice.band is not None and choice.band < 1:
         raise OptionError("bands are counted from 1", code="channel")
-    if is_url(source) or (is_file(source) and not rasters.is_raster(source)):
+    if is_url(source) or (is_file(source) and not is_described(source)):
         name = source if isinstance(source, str) else getattr(source, "name", "")
         with ExitStack() as held, _about(name if isinstance(name, str) else ""):
             path = held.enter_context(local(source, _recognised))
@@ -157,60 +157,68 @@ def of_object(thing: Any, choice: Choice | None = None, lazy: bool = False) -> F
     ------
     InputError
         If no library is known that has such objects.
+    OptionError
+        If a choice does not apply to it.
     """
     choice = choice or Choice()
-    key, band, frame, frames = choice.key, choice.band, choice.frame, choice.frames
     if isinstance(thing, Field | Frames | Mesh):
-        return thing
-    if labelled.is_labelled(thing):
-        return labelled.of_labelled(thing, key, frame, frames, choice.nodata, lazy)
-    if rasters.is_raster(thing):
-        return rasters.of_dataset(thing, band, choice.nodata)
-    if clouds.is_table(thing):
-        if hasattr(thing, "geom_type"):
-            return clouds.of_shapes(thing, key)
-        table = library("xarray", extra="labelled", purpose="reading a DataFrame").DataArray(thing)
-        return labelled.of_labelled(table, None, frame, frames, choice.nodata, lazy)
-    if clouds.is_cloud(thing):
-        return clouds.of_cloud(thing, key)
-    if images.is_picture(thing):
-        return images.of_picture(thing, band, frame)
+        return _taken(lambda it: it, thing, "", choice, lazy)
     if not isinstance(thing, np.ndarray | list | tuple):
-        from . import slices, volumes, vtk
-
-        if volumes.is_itk(thing):
-            return volumes.of_itk(thing, frame, frames, band)
-        if volumes.is_nibabel(thing):
-            return volumes.of_nibabel(thing, frame, frames)
-        if slices.is_volume(thing):
-            return slices.of_volume(thing)
-        if vtk.is_vtk(thing):
-            return vtk.of_vtk(thing, key)
-        if vtk.is_meshio(thing):
-            return vtk.of_meshio(thing, key)
+        for holds, take, options in _OBJECTS:
+            if holds(thing):
+                return _taken(take, thing, options, choice, lazy)
     # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
     masked = "numpy.ma" in sys.modules and isinstance(thing, np.ma.MaskedArray)
     values = thing if masked else np.asarray(thing)
     if values.dtype.kind in "OUSV":
         raise InputError(f"is a {type(thing).__name__}, not numbers", code="dtype",
                          remedy="give a path, a URL, an open file, an array, or an object that isocodec.read lists")
-    return arrays.of_array(values, frame, frames)
+    return _taken(arrays.of_array, values, "frame frames", choice, lazy)
+
+
+def _of_frame(table: Any, nodata: float | None, lazy: bool) -> Found:
+    """A table of pandas whose rows and columns have coordinates."""
+    xarray = library("xarray", extra="labelled", purpose="reading a DataFrame")
+    return labelled.of_labelled(xarray.DataArray(table), nodata=nodata, lazy=lazy)
+
+
+_OBJECTS: tuple[tuple[Callable[[Any], bool], Callable[..., Found], str], ...] = (
+    (lambda it: labelled.is_labelled(it) and hasattr(it, "data_vars"), labelled.of_labelled,
+     "key frame frames nodata lazy"),
+    (labelled.is_labelled, labelled.of_labelled, "frame frames nodata lazy"),
+    (rasters.is_raster, rasters.of_dataset, "band nodata"),
+    (lambda it: clouds.is_table(it) and hasattr(it, "geom_type"), clouds.of_shapes, "key"),
+    (clouds.is_table, _of_frame, "nodata lazy"),
+    (clouds.is_cloud, clouds.of_cloud, "key"),
+    (images.is_picture, images.of_picture, "band frame"),
+    (volumes.is_itk, volumes.of_itk, "band frame frames"),
+    (volumes.is_nibabel, volumes.of_nibabel, "band frame frames"),
+    (slices.is_volume, slices.of_volume, ""),
+    (vtk.is_vtk, vtk.of_vtk, "key"),
+    (vtk.is_meshio, vtk.of_meshio, "key"),
+)
+"""Objects of other libraries: how they are known, what reads them, and what can be chosen."""
 
 
 def is_described(thing: Any) -> bool:
     """Whether something holds more than an array does, which would be lost if it were taken for one."""
-    if isinstance(thing, np.ndarray | list | tuple | int | float):
-        return False
-    tests = [labelled.is_labelled, rasters.is_raster, clouds.is_table, clouds.is_cloud, images.is_picture]
-    from . import slices, volumes, vtk
+    plain_one = isinstance(thing, np.ndarray | list | tuple | int | float)
+    return not plain_one and any(holds(thing) for holds, _, _ in _OBJECTS)
 
-    tests += [volumes.is_itk, volumes.is_nibabel, slices.is_volume, vtk.is_vtk, vtk.is_meshio]
-    return any(holds(thing) for holds in tests)
+
+def _taken(take: Callable[..., Found], what: Any, options: str, choice: Choice, lazy: bool) -> Found:
+    """Read something with those options that apply; raises `OptionError` if others are chosen."""
+    names = options.split()
+    for option in ("key", "band", "frame", "frames"):
+        given = getattr(choice, option)
+        if option not in names and given is not None and given is not False:
+            kind = Path(what).suffix or "a file" if isinstance(what, str | Path) else type(what).__name__
+            raise OptionError(f"{option} does not apply to {plain(kind)}", code=option)
+    return take(what, **{name: lazy if name == "lazy" else getattr(choice, name) for name in names})
 
 
 def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
     """Read a file or a folder by the library of its suffix; of an unknown one by those that know most."""
-    key, band, frame, frames = choice.key, choice.band, choice.frame, choice.frames
     name, at = path.rstrip("/").lower(), Path(path)
     if not (at.exists() or path.startswith("/vsi")):
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), path)
@@ -218,66 +226,43 @@ def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
     def ends(*suffixes: str) -> bool:
         return name.endswith(suffixes)
 
-    def only(*names: str) -> None:
-        """Refuse what is chosen of other kinds of files."""
-        for option in ("key", "band", "frame", "frames"):
-            if option not in names and getattr(choice, option) not in (None, False):
-                raise OptionError(f"{option} does not apply to {plain(at.suffix) or 'this'}", code=option)
+    def taken(take: Callable[..., Found], options: str, what: Any = path) -> Found:
+        found = _taken(take, what, options, choice, lazy)
+        # a marker takes the place of the padding of slices
+        return _finished(found, choice, lazy, take is not slices.open_ or choice.nodata is None)
 
-    found: Found
     if ends(*GRIB):
         raise InputError("is GRIB, of which libraries turn rows over in some scanning modes", code="grib",
                          remedy="convert it first: cdo -f nc copy IN OUT.nc; or give a DataArray of cfgrib")
     if ends(*labelled.SUFFIXES) or (at.is_dir() and is_store(at)):
-        found = labelled.open_(at, key, band, frame, frames, choice.nodata, lazy)
-    elif ends(*VOLUMES) or (ends(*_PAIRED) and _headed(at) == _NIFTI):
-        from . import volumes
-
-        found = volumes.open_(at, frame, frames, band, key)
-    elif ends(*DICOM) or at.is_dir() or (at.is_file() and _first(at).startswith(b"DICM", 128)):
-        from . import slices
-
-        found = slices.open_(at, key, frame, frames, band)
-    elif ends(*VTK):
-        from . import vtk
-
-        only("key", "frame", "frames")
-        found = vtk.open_(at, key, frame, frames)
-    elif ends(*NUMPY):
-        only("key", "frame", "frames")
-        found = arrays.open_(path, key, frame, frames)
-    elif ends(*images.FORMATS):
-        only("band", "frame")
-        found = images.open_(at, band, frame)
-    elif ends(*rasters.TIFF):
-        found = images.open_tiff(path, key, band, frame, frames, choice.nodata)
-    elif ends(*clouds.SUFFIXES) and not (ends(".gpkg") and clouds.holds_raster(path)):
-        only("key")
-        found = clouds.open_(path, key)
-    elif ends(*rasters.DRIVERS):
-        only("key", "band")
-        found = rasters.of_dataset(rasters.open_(path, key), band, choice.nodata)
-    else:
-        found = _tried(path, choice)
-    return _finished(found, choice, lazy)
-
-
-def _tried(path: str, choice: Choice) -> Found:
-    """Read a file of an unknown suffix by GDAL, PyVista or meshio; raises `InputError` if none of them can."""
-    if path.lower().endswith(_PAIRED[0]) and _headed(Path(path)) == _ENVI:
+        return taken(labelled.open_, "key band frame frames nodata lazy", at)
+    if ends(*VOLUMES) or (ends(*_PAIRED) and _headed(at) == _NIFTI):
+        return taken(volumes.open_, "key band frame frames", at)
+    if ends(*DICOM) or at.is_dir() or (at.is_file() and _first(at).startswith(b"DICM", 128)):
+        return taken(slices.open_, "key band frame frames", at)
+    if ends(*VTK):
+        return taken(vtk.open_, "key frame frames", at)
+    if ends(*NUMPY):
+        return taken(arrays.open_, "key frame frames")
+    if ends(*images.FORMATS):
+        return taken(images.open_, "band frame", at)
+    if ends(*rasters.TIFF):
+        return taken(images.open_tiff, "key band frame frames nodata")
+    if ends(*clouds.SUFFIXES) and not (ends(".gpkg") and clouds.holds_raster(path)):
+        return taken(clouds.open_, "key")
+    if ends(*rasters.DRIVERS):
+        return taken(rasters.read, "key band nodata")
+    if ends(_PAIRED[0]) and _headed(at) == _ENVI:
         raise InputError("is a header", code="other-file", remedy="give the file with the samples")
-    with suppress(InputError, MissingExtraError):
-        return rasters.of_dataset(rasters.open_(path, choice.key), choice.band, choice.nodata)
-    from . import vtk
-
-    with suppress(InputError, MissingExtraError):
-        return vtk.open_(Path(path), choice.key, choice.frame, choice.frames)
-    suffix = plain(Path(path).suffix) or "a name without a suffix"
+    for take, options, what in ((rasters.read, "key band nodata", path), (vtk.open_, "key frame frames", at)):
+        with suppress(InputError, MissingExtraError):
+            return taken(take, options, what)
+    suffix = plain(at.suffix) or "a name without a suffix"
     raise InputError(f"{suffix} is not a supported format of fields", code="suffix",
                      remedy="one of " + ", ".join(SUFFIXES))
 
 
-def _finished(found: Found, choice: Choice, lazy: bool) -> Found:
+def _finished(found: Found, choice: Choice, lazy: bool, masked: bool = True) -> Found:
     """Cut a field to a box, mark further samples as missing, and read them unless that may wait."""
     if isinstance(found, Mesh):
         for name in ("band", "bbox", "nodata"):
@@ -289,11 +274,11 @@ def _finished(found: Found, choice: Choice, lazy: bool) -> Found:
         if choice.bbox is None and choice.nodata is None:
             return found
         return replace(found, fields=InTurn(
-            len(fields), lambda at: _part(fields[at], choice, False), fields.whole, fields.remarks))
-    return _part(found, choice, lazy)
+            len(fields), lambda at: _part(fields[at], choice, False, masked), fields.whole, fields.remarks))
+    return _part(found, choice, lazy, masked)
 
 
-def _part(field: Field, choice: Choice, lazy: bool) -> Field:
+def _part(field: Field, choice: Choice, lazy: bool, masked: bool) -> Field:
     windowed = marked = getattr(field.values, "windowed", False)
     if choice.bbox is not None:
         if not (windowed and lazy):
@@ -308,7 +293,7 @@ def _part(field: Field, choice: Choice, lazy: bool) -> Field:
     if choice.nodata is None or marked:  # windows are marked as they are read
         return field
     gone = missing_samples(np.asarray(field.values), choice.nodata)
-    gone = gone if field.mask is None else field.mask | gone
+    gone = gone if field.mask is None or not masked else field.mask | gone
     return replace(field, mask=gone if gone.any() else None)
 
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -74,6 +78,14 @@ def open_(path: str, key: str | None = None, drivers: Sequence[str] | None = Non
             known = sorted({*rasterio.drivers.raster_driver_extensions().values()} - _NAMING | {"ENVI", "EHdr"})
         # rasterio.open takes one driver alone
         file = rasterio.io.DatasetReader(path, driver=[*known])
+        if file.driver in ("EHdr", "ENVI") and not file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS"):
+            with open(file.files[0], "rb") as stored:  # GDAL takes what is not there for zeros
+                packed = stored.read(2) == b"\x1f\x8b"
+                size = stored.seek(0, os.SEEK_END)
+            least = file.count * file.width * file.height * np.dtype(file.dtypes[0]).itemsize
+            if size < least and not packed:
+                raise InputError(f"holds {size:,} bytes of the {least:,} that its header states", code="unreadable",
+                                 remedy="is it whole?")
         # GTIFF_DIR:1:path, GPKG:path:table
         names = {each.split(":")[1 if file.driver == "GTiff" else -1]: each for each in file.subdatasets}
         names = names or ({"1": path} if file.driver == "GTiff" else {})
@@ -126,10 +138,31 @@ class RasterBand:
     def _plain(self) -> bool:
         return (self.scale, self.offset) == (1, 0)
 
+    def _check(self, ends: Sequence[tuple[int, int]]) -> None:
+        """Compare the checksums of the blocks of a Deflate TIFF within a window, which GDAL leaves out at times."""
+        file, path = self._file, next(iter(self._file.files), "")
+        if file.driver != "GTiff" or file.profile.get("compress") != "deflate" or not Path(path).is_file():
+            return
+        sizes = file.block_shapes[self.band - 1]
+        touched = zip(ends, sizes, strict=True)
+        blocks = product(*(range(start // size, -(-end // size)) for (start, end), size in touched))
+        most = 1 + file.count * max(np.dtype(kind).itemsize for kind in file.dtypes) * sizes[0] * sizes[1]
+        with open(path, "rb") as stored:
+            for row, column in blocks:
+                at, length = (file.get_tag_item(f"BLOCK_{what}_{column}_{row}", "TIFF", bidx=self.band)
+                              for what in ("OFFSET", "SIZE"))
+                if at:  # else nothing was written there
+                    stored.seek(int(at))
+                    unpacked = zlib.decompressobj()
+                    unpacked.decompress(stored.read(int(length)), most)
+                    if not unpacked.eof:
+                        raise InputError("is damaged: packed samples end early or go on", code="unreadable")
+
     def __getitem__(self, window: tuple[slice, ...]) -> np.ma.MaskedArray[Any, Any]:
         spans = [range(size)[part] for size, part in zip(self.shape, window, strict=True)]
         ends = tuple((span.start, span.stop) for span in spans)
         with _gdal(self._name.startswith("/vsi")):
+            self._check(ends)
             values = self._file.read(self.band, window=ends)
             flags = {flag.name for flag in self._file.mask_flag_enums[self.band - 1]}
             gone = missing_samples(values, self._nodata)
@@ -158,6 +191,11 @@ def of_dataset(dataset: Any, band: int | None = None, nodata: float | None = Non
     at = samples.band - 1
     return placed_field(samples, None, where, [remark] if remark else [], name=dataset.descriptions[at],
                         unit=dataset.units[at])
+
+
+def read(path: str, key: str | None = None, band: int | None = None, nodata: float | None = None) -> Field:
+    """Open a file, and take a band; parameters and errors as of `open_` and `RasterBand`."""
+    return of_dataset(open_(path, key), band, nodata)
 
 
 def place_of(dataset: Any) -> tuple[Placement | None, str]:

@@ -269,7 +269,8 @@ def _series(planes: list[_Plane], key: str | None) -> tuple[list[_Plane], str | 
         known = [str(name) for name in map(some[0].get, ("SeriesNumber", "SeriesDescription")) if name]
         about = f"({some[0].get('Modality')}, {len(some)} slices, {uid})"
         names[uid] = [uid, *known, " ".join([*known, about])]
-    if len(series) > 1 or key in names[uid]:
+    # a number names a segment rather than the series
+    if len(series) > 1 or (key in names[uid] and not planes[0].get("SegmentSequence")):
         return series[_named("series", names, key)], None
     return planes, key
 
