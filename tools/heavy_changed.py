@@ -17,7 +17,6 @@ SOURCES = {
     "test_engines": ("codec/isocodec/io/", "codec/isocodec/tiles/workers.py"),
     "test_figures": ("tools/figures/", "codec/isocodec/drawing/"),
     "test_growth": ("tools/growth.py",),
-    "test_kernel_builds": ("tools/kernels/",),
     "test_packaging": ("pyproject.toml", "tools/kernels/"),
     "test_typing": ("codec/isocodec/__init__.py", "codec/isocodec/api/"),
     "test_wasm": ("tools/kernels/", "codec/isocodec/entropy/", "codec/isocodec/grid/", "codec/isocodec/kernel/"),

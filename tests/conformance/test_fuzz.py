@@ -282,6 +282,7 @@ def test_verdicts(expected, answer, sort):
     assert verdict(wanted, answer) == sort
 
 
+@pytest.mark.heavy
 def test_our_own_decoder_has_no_findings():
     """Whole, in pieces, cut, some layers."""
     campaign = Campaign(Reference(), seed=1, files=100, minutes=5)
@@ -369,6 +370,7 @@ def test_usage_errors(capsys, arguments):
 # --- shrinking ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.heavy
 def test_a_file_is_shrunk_to_what_matters():
     """To a vertex above, of a vector of 150 bytes: a header, a base, and the fewest bytes that say so."""
     data = (VECTORS / "plane_isovalues_between_chunks.iso").read_bytes()

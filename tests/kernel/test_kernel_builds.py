@@ -18,9 +18,7 @@ import build
 import cache
 from targets import TARGETS
 
-pytestmark = [
-    pytest.mark.heavy, pytest.mark.skipif(os.name != "posix", reason="permissions and locks as POSIX has them"),
-]
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="permissions and locks as POSIX has them")
 
 
 @pytest.fixture

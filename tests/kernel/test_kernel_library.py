@@ -25,6 +25,7 @@ from isocodec.grid.tube.ranks import enter_numbers_at
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
+from isocodec.kernel.sources import needed
 from isocodec.kernel.types import Signature
 
 sys.path.insert(0, str(ROOT / "tools" / "kernels"))
@@ -280,3 +281,14 @@ def test_numba_keeps_to_the_annotations() -> None:
         "kernel __main__.wrong returns float64, but is annotated with int64",
         "kernel __main__.right: an index out of bounds, or another fault",
     ]
+
+
+@pytest.mark.skipif(not IN_LIBRARY, reason="there is none")
+def test_sources_are_all_that_kernels_import():
+    """Modules of functions and of packages: a change in any of them is noticed."""
+    from isocodec.kernel.library import _homes, note
+
+    found = needed(_homes())
+    assert "isocodec/kernel/__init__.py" in found and "isospec/tables.py" in found
+    sources = note().sources
+    assert sources is None or sources["files"] == found

@@ -153,6 +153,7 @@ def test_points_without_a_step_stay():
     assert where == pytest.approx([0.9, 0.5]) and gap == pytest.approx([0.6, 1.0])
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("n", [2, 3])
 def test_fitted_again_around_a_place(n):
     """Points far from where the curve is too far away stay, and what may have changed is seen to be held against it."""

@@ -335,6 +335,7 @@ def test_a_window_reads_at_most_twice_what_it_needs(noise: bytes, kind: str, sid
         assert server.seen["requests"] <= 8
 
 
+@pytest.mark.heavy
 def test_requests_of_many_isovalues(tmp_path: Path) -> None:
     """A window of 21 isovalues at first sight: as few requests as of one, several at a time; as from the file."""
     data = encoded(tmp_path, hilly((600, 600)), [20.5 + 3 * i for i in range(21)], tile=64)
