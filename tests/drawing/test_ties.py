@@ -6,7 +6,6 @@ scipy say what is right.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -183,11 +182,8 @@ def test_files_of_lines(name: str, suffix: str, tmp_path: Path) -> None:
     geopandas = pytest.importorskip("geopandas")
     contour = contour_of(PLANE[name], "exact")
     isocodec.save(tmp_path / f"curve{suffix}", contour)
-    if suffix == ".geojson":
-        lines = shapely.get_parts(shape_of(json.loads((tmp_path / "curve.geojson").read_text())["geometry"]))
-    else:
-        read = geopandas.read_parquet if suffix == ".parquet" else geopandas.read_file
-        lines = shapely.get_parts(read(tmp_path / f"curve{suffix}").geometry.values)
+    read = geopandas.read_parquet if suffix == ".parquet" else geopandas.read_file
+    lines = shapely.get_parts(read(tmp_path / f"curve{suffix}").geometry.values)
     assert len(lines) == len(contour.lines)
     assert shapely.is_valid(lines).all() and (shapely.length(lines) > 0).all()
 

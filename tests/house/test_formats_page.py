@@ -68,7 +68,8 @@ def by_geopandas(path: Path) -> np.ndarray:
 
 
 def by_json(path: Path) -> np.ndarray:
-    return np.concatenate([np.array(line) for line in json.loads(path.read_text())["geometry"]["coordinates"]])
+    lines = [each["geometry"]["coordinates"] for each in json.loads(path.read_text())["features"]]
+    return np.concatenate([np.array(line) for line in lines])
 
 
 def by_ezdxf(path: Path) -> np.ndarray:
