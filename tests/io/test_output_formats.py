@@ -59,7 +59,7 @@ def test_formats_that_cannot_hold_it(name: str, thing: Thing, message: str) -> N
 
 
 @pytest.mark.parametrize(("options", "suffix"), [
-    ({"layer": "a"}, ".vtp"), ({"attribute": "a"}, ".vtp"), ({"raised": True}, ".npz"),
+    ({"layer": "a"}, ".vtp"), ({"attribute": "a"}, ".vtp"),
 ])
 def test_options_that_do_not_apply(options: dict[str, Any], suffix: str) -> None:
     with pytest.raises(OptionError, match="does not apply"):

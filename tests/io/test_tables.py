@@ -261,12 +261,6 @@ def test_triangles_are_rows_too(tmp_path: Path) -> None:
     assert len(surface) == len(content("tin", "utm").triangles) and surface.geometry.has_z.all()
 
 
-def test_raised_lines_lie_at_their_isovalue(tmp_path: Path) -> None:
-    table = back(written(tmp_path, ".gpkg", ("curves", "utm"), raised=True)[0])
-    for value, rows in table.groupby("isovalue"):
-        assert set(coordinates(rows.geometry, True)[:, 2]) == {value}
-
-
 def test_objects_of_a_contour() -> None:
     contour = plane("utm").contours()[1]
     assert len(contour.to_geodataframe()) == len(contour.walks)

@@ -168,7 +168,7 @@ def test_commands(tmp_path: Path) -> None:
         ok("encode", path, "--values", "z", "--isovalue", 6.5, "--stored", "whole", "-o", tmp_path / "b.iso")
         ok("decode", tmp_path / "b.iso", "-o", tmp_path / "line.vtp")
         assert np.abs(pv.read(tmp_path / "line.vtp").points[:, 2] - 6.5).max() < 0.3
-        assert "x, y, z" in fails(2, "encode", path, "--values", "w", "--isovalue", 6.5, "-o", tmp_path / "b.iso")
+        assert "x, y, z" in fails(3, "encode", path, "--values", "w", "--isovalue", 6.5, "-o", tmp_path / "b.iso")
         assert "z = f(x, y)" in fails(3, "thin", path, "--error", 1, "-o", tmp_path / "b.iso")
     blob["height"] = HEIGHT
     blob.save(tmp_path / "blob.vtp")

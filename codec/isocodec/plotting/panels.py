@@ -130,6 +130,8 @@ def panels_figure(
     """Draw panels; parameters as of `panels_picture`."""
     last = panels[-1].contours[0]
     solid, several = last.n == 3, len(isovalues) > 1
+    if not solid and last.points.shape[1] != 2:
+        raise OptionError("a curve on a mesh in space cannot be drawn", code="dimension", remedy="decode it to .vtp")
     size = np.ptp(last.points, axis=0)[::-1] if not last.shape else np.linalg.norm(world(last), axis=0) * last.shape
     size = np.ones(2) if solid else np.maximum(size / max(size.max(), 1e-300), 0.25)
     columns, rows = min(len(panels), columns), -(-len(panels) // columns)
@@ -177,8 +179,6 @@ def _draw_curves(
 ) -> None:
     """Draw curves of one field: those of a grid in samples, with rows downwards as in pictures."""
     first = contours[0]
-    if first.points.shape[1] != 2:
-        raise OptionError("a curve on a mesh in space cannot be drawn", code="dimension", remedy="decode it to PLY")
     order = slice(None, None, -1 if first.shape else 1)
     for points, cells in meshes:
         axes.triplot(*points.T[order], cells, color="0.7", linewidth=0.25, zorder=0)
