@@ -185,7 +185,7 @@ def test_xdmf_series(tmp_path, monkeypatch):
         series.write_points_cells(np.pad(mesh[0], ((0, 0), (0, 1))), [("triangle", mesh[1])])
         for t, each in enumerate(values):
             series.write_data(float(t), point_data={"depth": each})
-    ok("encode", path, "-o", tmp_path / "flow.iso", "--values", "depth", "--isovalue", 20.5)
+    ok("encode", path, "-o", tmp_path / "flow.iso", "--key", "TimeSeries_meshio/depth", "--isovalue", 20.5)
     assert len(isocodec.open((tmp_path / "flow.iso").read_bytes()).info.frames) == 4
 
 

@@ -16,6 +16,7 @@ from isocodec.plotting.map import index_lines, map_figure
 
 ROWS, COLUMNS = np.mgrid[:50, :61].astype(float)
 UTM = "0 30 500000 -20 0 5000000"
+STEPS = [[0, 30, 500000], [-20, 0, 5000000]]
 
 
 def drawn(
@@ -282,8 +283,9 @@ def test_surfaces_labels_series_and_tiles(tmp_path: Path) -> None:
 
 def test_the_command_line(hills: Path, tmp_path: Path) -> None:
     out = tmp_path / "a.svg"
-    said = ok("plot", "--map", hills, "-o", out, "--interval", 50, "--title", "Two hills", "--metadata",
-              f"placement={UTM}", "--metadata", "crs=EPSG:32631", "--size", 8)
+    placed = isocodec.Field(np.load(hills), placement=STEPS, crs="EPSG:32631")
+    isocodec.save(tmp_path / "placed.iso", placed, "every 50")
+    said = ok("plot", "--map", tmp_path / "placed.iso", "-o", out, "--title", "Two hills", "--size", 8)
     assert "4 isovalues" in said
     for text in ("Two hills", "WGS 84 / UTM zone 31N", "easting (m)", "contour interval 50"):
         assert text in out.read_text()
@@ -301,7 +303,7 @@ def test_errors(hills: Path, tmp_path: Path) -> None:
     (tmp_path / "cut.iso").write_bytes((tmp_path / "hills.iso").read_bytes()[:-9])
     for code, source, more, word in (
         (2, hills, ["--interval", 3, "--isovalue", 3], "cannot be combined"), (2, hills, ["--interval", 0], "greater"),
-        (2, hills, ["--metadata", "crs"], "KEY=TEXT"), (2, hills, ["--steps", 3], "--steps does not apply to maps"),
+        (2, hills, ["--steps", 3], "--steps does not apply to maps"),
         (2, tmp_path / "hills.iso", ["--interval", 3], "--interval does not apply to .iso files"),
         (2, tmp_path / "ball.iso", [], "two axes"), (2, tmp_path / "ball.npy", [], "two axes"),
         (3, tmp_path / "nan.npy", [], "all samples are missing"), (3, tmp_path / "none.npy", [], "No such file"),
@@ -313,8 +315,9 @@ def test_errors(hills: Path, tmp_path: Path) -> None:
 
 
 def test_missing_libraries(hills: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    notes = ("--metadata", f"placement={UTM}", "--metadata", "crs=EPSG:32631")
+    placed = hills.with_suffix(".iso")
+    isocodec.save(placed, isocodec.Field(np.load(hills), placement=STEPS, crs="EPSG:32631"), "every 50")
     monkeypatch.setitem(__import__("sys").modules, "pyproj", None)
-    assert "needs pyproj" in fails(7, "plot", "--map", hills, "-o", hills.with_suffix(".png"), *notes)
+    assert "needs pyproj" in fails(7, "plot", "--map", placed, "-o", hills.with_suffix(".png"))
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
     assert "'.[plot]'" in fails(7, "plot", "--map", hills, "-o", hills.with_suffix(".png"))

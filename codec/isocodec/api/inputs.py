@@ -103,6 +103,8 @@ class Added:
         As of `Field`.
     interval : int, optional
         Of key frames, for series and meshes.
+    frames : bool
+        Whether a series of fields was asked for.
     """
 
     labels: Sequence[float] | str = ()
@@ -112,6 +114,7 @@ class Added:
     mesh_error: float | None = None
     missing: str | None = None
     interval: int | None = None
+    frames: bool = False
 
     def to(self, what: Any) -> Any:
         """Return a field, a series or a mesh with these properties.
@@ -138,7 +141,7 @@ class Added:
         """Refuse properties of another kind of input."""
         mesh, kind = isinstance(what, Mesh), "meshes and points" if isinstance(what, Mesh) else "sampled fields"
         of_grids = {"label": self.labels, "missing": self.missing, "spacing": self.where.places, "periodic":
-                    self.periodic}
+                    self.periodic, "frames": self.frames}
         of_meshes = {"stored": self.stored, "mesh-error": self.mesh_error}
         wrong = [name for name, value in (of_grids if mesh else of_meshes).items() if value]
         if isinstance(what, Field) and self.interval is not None:

@@ -209,6 +209,7 @@ class EncodeArguments(Converting, Reading):
             labels="all" if "all" in self.labels else self.labels,
             where=Georeference(spacing=self.spacing, origin=self.origin, crs=crs), periodic=self.periodic,
             stored=self.stored, mesh_error=self.mesh_error, missing=self.missing, interval=self.frame_interval,
+            frames=self.frames,
         )
 
 
