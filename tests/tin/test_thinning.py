@@ -229,7 +229,6 @@ def test_command_with_a_table(tmp_path):
     assert "5 points coincide" in done.stderr
     assert "50 of" in done.stdout
     fails(2, "thin", source, "-o", out)
-    fails(2, "thin", source, "-o", tmp_path / "out.stl", "--points", 9)
 
 
 def test_command_with_missing_samples(tmp_path):

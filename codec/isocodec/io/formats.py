@@ -208,8 +208,9 @@ def _by_trimesh(what: Any, path: Path, options: OutputOptions, kind: str) -> Non
 
 
 def _samples(write: Callable[..., None], mask: SampleMask, path: Path, *_: Any) -> None:
-    values = mask.values
-    write(values.astype(np.uint8) if values.dtype == np.bool_ else values, mask.placement, path)
+    # libraries have neither truth values nor floats of two bytes
+    kind = {"?": np.uint8, "e": np.float32}.get(mask.values.dtype.char)
+    write(mask.values if kind is None else mask.values.astype(kind), mask.placement, path)
 
 
 def _as_array(what: Any, path: Path, *_: Any) -> None:

@@ -296,8 +296,8 @@ def write_table(
     nowhere = table.crs is None
     if driver in DEGREES and not nowhere and not (keep_crs and driver not in LOCATED):
         table = degrees(table, cell)
-        if driver == "GeoJSON":  # names no system, as RFC 7946 has it
-            table = table.set_crs(None, allow_override=True)
+    if driver == "GeoJSON" and not nowhere and table.crs.to_epsg() == 4326:  # names no system, as RFC 7946 has it
+        table = table.set_crs(None, allow_override=True)
     flat = not table.geometry.has_z.any()
     if not flat:
         table = table[~table.geometry.is_empty]  # these have no height, and formats one number of coordinates
