@@ -44,7 +44,7 @@ VALUES = {
     "within": "2", "what": "mesh", "side": "below", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
     "steps": "2", "title": "t", "seen_from": "top", "map_interval": "20", "offset": "1",
     "limits": "memory=900M,work=100000000,samples=100000", "mesh": "known.npz",
-    "key": "a", "nodata": "1", "layer": "a", "attribute": "a",
+    "key": "a", "nodata": "1", "metadata": "a=b", "layer": "a", "attribute": "a",
     "band": "1", "bbox": "0,0,9,9",
 }
 """A value for each option that takes one."""

@@ -213,26 +213,6 @@ def test_dicom_series(tmp_path: Path) -> None:
     assert read_place(tmp_path / "ct" / "000-1.2.3.dcm").in_space
 
 
-def test_dicom_that_leaves_a_choice_or_is_damaged(tmp_path: Path) -> None:
-    slices(tmp_path / "two", 3)
-    volume = slices(tmp_path / "two", 4, "1.2.4")
-    with pytest.raises(InputError, match=r"2 series: .*choose one with --key"):
-        read_field(tmp_path / "two")
-    assert np.array_equal(read_field(tmp_path / "two", key="1.2.4"), volume)
-    with pytest.raises(InputError, match="no series 'x'"):
-        read_field(tmp_path / "two", key="x")
-    slices(tmp_path / "gap")
-    next(p for p in (tmp_path / "gap").iterdir() if pydicom.dcmread(p).InstanceNumber == 3).unlink()
-    with pytest.raises(InputError, match="a gap: 6 mm between slices 1 and 2"):
-        read_field(tmp_path / "gap")
-    (tmp_path / "a.dcm").write_bytes(bytes(128) + b"DICM" + b"\0" * 50)
-    with pytest.raises(InputError):
-        read_field(tmp_path / "a.dcm")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(IsADirectoryError):
-        read_field(tmp_path / "empty")
-
-
 # ---- VTK ------------------------------------------------------------------------------------------------------------
 
 
@@ -265,21 +245,3 @@ def test_vti(tmp_path: Path, mode: str) -> None:
     ok("encode", tmp_path / "a.vti", "-o", tmp_path / "a.iso", "--isovalue", 50)
     with (tmp_path / "a.vti").open("rb") as file:
         assert isocodec.read(file).shape == BALL.shape
-
-
-def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    image(tmp_path / "two.vti", HILL, "a", "b")
-    with pytest.raises(InputError, match=r"holds 2 .*a.*b.*choose one with --key"):
-        read_field(tmp_path / "two.vti")
-    assert np.array_equal(read_field(tmp_path / "two.vti", key="b"), HILL)
-    placement = read_place(tmp_path / "two.vti", key="b").matrix
-    assert placement is not None and np.allclose(placement[:2], [[0, -2, 10], [0.5, 0, 21]])
-    image(tmp_path / "none.vti", HILL)
-    with pytest.raises(InputError, match="no values at its points"):
-        read_field(tmp_path / "none.vti")
-    data = (tmp_path / "two.vti").read_bytes()
-    (tmp_path / "cut.vti").write_bytes(data[: len(data) // 3])
-    with pytest.raises(InputError):
-        read_field(tmp_path / "cut.vti", key="a")
-    (tmp_path / "other.vti").write_bytes(b"whatever")
-    assert "not a file of VTK" in fails(3, "encode", tmp_path / "other.vti", "-o", tmp_path / "a.iso", "--isovalue", 1)

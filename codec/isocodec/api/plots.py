@@ -139,7 +139,7 @@ def plot_steps(
 
 def plot_map(
     what: IsoFile | Field, suffix: str = ".png", isovalues: Any = None, frame: int | None = None, title: str = "",
-    size: float = 20.0, progress: Progress | None = None,
+    size: float = 20.0, metadata: dict[str, str] | None = None, progress: Progress | None = None,
 ) -> Plotted:
     """Draw the contour map of a file, or of a field with the lines of an exact file of it.
 
@@ -156,6 +156,8 @@ def plot_map(
     title : str
     size : float
         Longest side of the map, without what is around it, in centimetres.
+    metadata : dict, optional
+        Notes of a field.
     progress : callable, optional
         As of `encode`.
 
@@ -176,7 +178,7 @@ def plot_map(
         contours = [file.contour(one, **how) for one in isovalues] if isovalues else file.contours(**how)
         valid, remarks = file.valid() if contours[0].masked else None, _frames(file, frame)
     else:
-        gone, placement, notes = what.combined()
+        gone, placement, notes = what.combined(metadata=metadata)
         samples, remarks = what.values, []
         if isovalues is None and what.labels is None:
             isovalues = _isovalues(samples[~missing_of(samples, gone)])

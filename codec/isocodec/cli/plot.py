@@ -10,6 +10,7 @@ from ..deferred import dataclass
 from .option_records import (
     COUNT,
     DRAWING,
+    INPUT,
     ISOVALUE,
     PART,
     WHOLE,
@@ -20,12 +21,13 @@ from .option_records import (
     argument,
     command,
     multiples_of,
+    notes_of,
     option,
 )
 from .report import concerning, named, one_warning, progress_bar, timed_result, warn, write_output
 
 OF_MAPS, OF_STEPS = ("map_interval", "title", "size"), ("steps", "draw_mesh", "seen_from")
-OF_FIELDS = ("map_interval", "nodata", "key", "band", "bbox")
+OF_FIELDS = ("map_interval", "metadata", "nodata", "key", "band", "bbox")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,9 @@ class PlotArguments(Writing, Opening, Reading):
     title: str = option("--title", heading=DRAWING, default="", metavar="TEXT", help="With --map: title of the map.")
     size: float = option("--size", heading=DRAWING, type=click.FloatRange(4, 400), default=20, show_default=True,
                          metavar="CM", help="With --map: length of the longest side.")
+
+    metadata: tuple[str, ...] = option("--metadata", heading=INPUT, multiple=True, metavar="KEY=TEXT",
+                                       help="With a field: state what it does not: placement, crs or unit.")
 
     @property
     def coded(self) -> bool:
@@ -101,7 +106,7 @@ def plot_command(options: PlotArguments) -> None:
         if options.map:
             drawn = plot_map(
                 what, suffix, every or [*options.isovalue] or None, options.frame, options.title, options.size,
-                progress,
+                notes_of(options.metadata), progress,
             )
         else:
             drawn = plot_steps(
