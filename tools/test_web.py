@@ -63,7 +63,7 @@ def main() -> int:
         return subprocess.run([node, str(VIEWER / "build.mjs")], check=False).returncode
     python = ROOT / ".venv-test" / "bin" / "python"
     environment = {**os.environ, "ISOCODEC_PYTHON": str(python)}
-    page = [[str(python), "-m", "pytest", str(ROOT / "tests" / "test_docs.py"), "-k", "javascript"]]
+    page = [[str(python), "-m", "pytest", str(ROOT / "tests" / "house" / "test_docs.py"), "-k", "javascript"]]
     tests = sorted(str(path) for folder in (PACKAGE / "test", VIEWER) for path in folder.glob("*.test.mjs"))
     for command in (
         [node, "build.mjs"],
