@@ -63,7 +63,8 @@ def main() -> int:
         return subprocess.run([node, str(VIEWER / "build.mjs")], check=False).returncode
     python = ROOT / ".venv-test" / "bin" / "python"
     environment = {**os.environ, "ISOCODEC_PYTHON": str(python)}
-    page = [[str(python), "-m", "pytest", str(ROOT / "tests" / "house" / "test_docs.py"), "-k", "javascript"]]
+    pages = str(ROOT / "tests" / "house" / "test_docs.py")
+    page = [[str(python), "-m", "pytest", pages, "-k", "javascript", "-m", "heavy or not heavy"]]
     tests = sorted(str(path) for folder in (PACKAGE / "test", VIEWER) for path in folder.glob("*.test.mjs"))
     for command in (
         [node, "build.mjs"],
