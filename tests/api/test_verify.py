@@ -239,11 +239,11 @@ def test_against_a_mesh_in_a_file(tmp_path: Path, name: str) -> None:
     isovalue = float(np.median(depth)) + 1e-3
     np.savez(tmp_path / name, points=points, cells=cells, depth=depth, other=-depth)
     path, tolerance = tmp_path / "mesh.iso", 0.25 * float(np.ptp(points, axis=0).max())
-    ok("encode", tmp_path / name, "-o", path, "--values", "depth", "--isovalue", isovalue, "--precision", tolerance)
+    ok("encode", tmp_path / name, "-o", path, "--key", "depth", "--isovalue", isovalue, "--precision", tolerance)
     record = json.loads(ok("verify", path, tmp_path / name, "--key", "depth", "--json"))
     # on a cut of the mesh there are no signs of all vertices
     assert record["kept"] and record["isovalues"][0]["wrong"] is None
-    ok("encode", tmp_path / name, "-o", path, "--values", "depth", "--isovalue", isovalue)
+    ok("encode", tmp_path / name, "-o", path, "--key", "depth", "--isovalue", isovalue)
     record = json.loads(ok("verify", path, tmp_path / name, "--key", "depth", "--json"))
     assert record["isovalues"][0]["wrong"] == 0
     assert run("verify", path, tmp_path / name, "--key", "other").exit_code == 9

@@ -27,13 +27,13 @@ def test_commands(tmp_path):
     mesh = plane(3, 80, 1.0)
     path = written(tmp_path / "mesh.vtu", mesh, depth=mesh[0][:, 0])
     iso, out = tmp_path / "out.iso", tmp_path / "out.geojson"
-    ok("encode", path, "--values", "depth", "--isovalue", 50, "--isovalue", 70, "-o", iso)
+    ok("encode", path, "--key", "depth", "--isovalue", 50, "--isovalue", 70, "-o", iso)
     ok("decode", iso, "--mesh", path, "-o", out)
     assert len(json.loads(out.read_text())["features"]) == 2
     fails(3, "decode", iso, "-o", out)
     ok("info", iso)
     told = json.loads(
-        ok("encode", path, "--values", "depth", "--isovalue", 50, "--stored", "coded", "-o", iso, "--json")
+        ok("encode", path, "--key", "depth", "--isovalue", 50, "--stored", "coded", "-o", iso, "--json")
     )
     assert told["cells"] == len(mesh[1]) and told["layers"] == 2
     ok("decode", iso, "-o", tmp_path / "out.npz")
@@ -46,7 +46,7 @@ def test_commands(tmp_path):
 def test_surfaces(tmp_path):
     mesh = space(3, 40, 1.0)
     path = written(tmp_path / "mesh.vtu", mesh, depth=mesh[0][:, 0])
-    ok("encode", path, "--values", "depth", "--isovalue", 50, "--stored", "whole", "-o", tmp_path / "out.iso")
+    ok("encode", path, "--key", "depth", "--isovalue", 50, "--stored", "whole", "-o", tmp_path / "out.iso")
     for suffix in (".ply", ".stl", ".obj", ".npz"):
         ok("decode", tmp_path / "out.iso", "-o", tmp_path / f"out{suffix}")
     fails(2, "decode", tmp_path / "out.iso", "-o", tmp_path / "out.geojson")
@@ -56,9 +56,9 @@ def test_options_that_do_not_fit(tmp_path):
     mesh = plane(3)
     path = written(tmp_path / "mesh.vtu", mesh, depth=mesh[0][:, 0])
     out = tmp_path / "out.iso"
-    fails(2, "encode", path, "--values", "depth", "-o", out)
-    fails(3, "encode", path, "--values", "width", "--isovalue", 5, "-o", out)
-    fails(2, "encode", path, "--values", "depth", "--isovalue", 5, "--layers", "topology", "-o", out)
+    fails(2, "encode", path, "--key", "depth", "-o", out)
+    fails(3, "encode", path, "--key", "width", "--isovalue", 5, "-o", out)
+    fails(2, "encode", path, "--key", "depth", "--isovalue", 5, "--layers", "topology", "-o", out)
     np.save(tmp_path / "field.npy", np.eye(8))
     fails(2, "encode", tmp_path / "field.npy", "--stored", "coded", "--isovalue", 0.5, "-o", out)
     ok("encode", tmp_path / "field.npy", "--isovalue", 0.5, "-o", out)

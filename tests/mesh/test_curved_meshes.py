@@ -165,17 +165,17 @@ def test_commands(tmp_path: Path) -> None:
     trimesh.Trimesh(POINTS, CELLS, process=False).export(tmp_path / "blob.obj")
     for suffix in (".ply", ".stl", ".obj"):
         path = tmp_path / f"blob{suffix}"
-        ok("encode", path, "--values", "z", "--isovalue", 6.5, "--stored", "whole", "-o", tmp_path / "b.iso")
+        ok("encode", path, "--key", "z", "--isovalue", 6.5, "--stored", "whole", "-o", tmp_path / "b.iso")
         ok("decode", tmp_path / "b.iso", "-o", tmp_path / "line.vtp")
         assert np.abs(pv.read(tmp_path / "line.vtp").points[:, 2] - 6.5).max() < 0.3
-        assert "x, y, z" in fails(3, "encode", path, "--values", "w", "--isovalue", 6.5, "-o", tmp_path / "b.iso")
+        assert "x, y, z" in fails(3, "encode", path, "--key", "w", "--isovalue", 6.5, "-o", tmp_path / "b.iso")
         assert "z = f(x, y)" in fails(3, "thin", path, "--error", 1, "-o", tmp_path / "b.iso")
     blob["height"] = HEIGHT
     blob.save(tmp_path / "blob.vtp")
-    ok("encode", tmp_path / "blob.vtp", "--values", "height", "--isovalue", 6.5, "--stored", "whole", "-o",
+    ok("encode", tmp_path / "blob.vtp", "--key", "height", "--isovalue", 6.5, "--stored", "whole", "-o",
        tmp_path / "b.iso")
     assert "--key" in fails(3, "verify", tmp_path / "b.iso", tmp_path / "blob.vtp")
     ok("verify", tmp_path / "b.iso", tmp_path / "blob.vtp", "--key", "height")
-    empty = run("encode", tmp_path / "blob.vtp", "--values", "height", "--isovalue", 99, "--stored", "whole", "-o",
+    empty = run("encode", tmp_path / "blob.vtp", "--key", "height", "--isovalue", 99, "--stored", "whole", "-o",
                 tmp_path / "b.iso")
     assert "outside the data" in empty.stderr

@@ -163,14 +163,14 @@ def test_commands(tmp_path):
     values = moving(mesh)
     np.savez(tmp_path / "flow.npz", points=mesh[0], cells=mesh[1], depth=values)
     flow, out = tmp_path / "flow.npz", tmp_path / "flow.iso"
-    ok("encode", flow, "-o", out, "--values", "depth", "--isovalue", 20.5, "--frame-interval", 2)
+    ok("encode", flow, "-o", out, "--key", "depth", "--isovalue", 20.5, "--frame-interval", 2)
     assert json.loads(ok("info", out, "--json"))["interval"] == 2
     ok("decode", out, "-o", tmp_path / "one.npz", "--mesh", flow, "--frame", 3)
     wanted = isocodec.decode(out, frame=3, mesh=mesh)
     assert np.array_equal(np.load(tmp_path / "one.npz")["points"], wanted.points)
     assert "0 to 3" in fails(2, "decode", out, "-o", tmp_path / "x.npz", "--mesh", flow, "--frame", 9)
     assert "--frames" in fails(
-        2, "encode", flow, "-o", tmp_path / "x.iso", "--values", "depth", "--isovalue", 20.5, "--frames"
+        2, "encode", flow, "-o", tmp_path / "x.iso", "--key", "depth", "--isovalue", 20.5, "--frames"
     )
 
 

@@ -305,7 +305,7 @@ def test_points_that_fill_a_lattice(options: dict[str, Any]) -> None:
 def test_commands(tmp_path: Path) -> None:
     points, values = survey(300)
     np.savetxt(tmp_path / "a.csv", np.column_stack([points, values]), delimiter=",", header="x,y,z", comments="")
-    given = ("encode", tmp_path / "a.csv", "--values", "z", "--isovalue", 400)
+    given = ("encode", tmp_path / "a.csv", "--key", "z", "--isovalue", 400)
     ok(*given, "-o", tmp_path / "few.iso")
     ok(*given, "-o", tmp_path / "same.iso", "--stored", "delaunay")
     ok(*given, "-o", tmp_path / "all.iso", "--stored", "whole")

@@ -170,9 +170,9 @@ def test_clouds_and_layers(tmp_path):
 def test_commands(tmp_path):
     points, values = scattered(6)
     np.savetxt(tmp_path / "a.csv", np.column_stack([points, values]), delimiter=",", header="x,y,depth", comments="")
-    ok("encode", tmp_path / "a.csv", "-o", tmp_path / "a.iso", "--values", "depth", "--isovalue", 20.5)
+    ok("encode", tmp_path / "a.csv", "-o", tmp_path / "a.iso", "--key", "depth", "--isovalue", 20.5)
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson")
     ok("thin", tmp_path / "a.csv", "-o", tmp_path / "b.npz", "--points", 20, "--key", "depth")
     assert len(np.load(tmp_path / "b.npz")["points"]) == 20
-    line = fails(3, "encode", tmp_path / "a.csv", "-o", tmp_path / "x.iso", "--values", "z", "--isovalue", 20.5)
+    line = fails(3, "encode", tmp_path / "a.csv", "-o", tmp_path / "x.iso", "--key", "z", "--isovalue", 20.5)
     assert "depth" in line and not (tmp_path / "x.iso").exists()

@@ -276,7 +276,7 @@ def test_archives_of_arrays_are_read_as_they_are_written(tmp_path, command: str)
     for suffix, name in ((".npz", "values"), (".vtu", "z")):
         out = tmp_path / f"tin{suffix}"
         ok(command, source, "-o", out, *(("--points", 80) if command == "thin" else ()))
-        ok("encode", out, "-o", tmp_path / "a.iso", "--values", name, "--isovalue", 40.5, "--stored", "whole",
+        ok("encode", out, "-o", tmp_path / "a.iso", "--key", name, "--isovalue", 40.5, "--stored", "whole",
            "--mesh-error", 0.001, "--precision", 0.01)
         curve = isocodec.decode(tmp_path / "a.iso")
         found[suffix] = shapely.MultiLineString([*curve.points[curve.cells][:, :, :2]])

@@ -356,7 +356,7 @@ def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:
     if isinstance(what, Mesh) and (what.cells is not None or what.values is None):
         raise InputError(
             "a terrain surface needs z = f(x, y): a field, or points with one value each", code="surface",
-            remedy="encode contours of values on a mesh instead: --values NAME; x, y and z are its coordinates",
+            remedy="encode contours of values on a mesh instead: --key NAME; x, y and z are its coordinates",
         )
     remarks = []
     count = len(np.asarray(what.points)) if isinstance(what, Mesh) else what.values.size

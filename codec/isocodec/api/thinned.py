@@ -129,7 +129,7 @@ def thin(
         raise OptionError(
             "a surface can be thinned for contours of a field only, not of scattered points", code="contours",
             remedy="encode the contours: encode(Mesh(points, None, values), isovalue, precision=..), or encode "
-            "--values NAME --isovalue V --precision D",
+            "--key NAME --isovalue V --precision D",
         )
     if criterion is None and (error is not None or (contours is not None and tolerance is not None)):
         notes[PROMISE] = _promise(error, tolerance, contours)

@@ -404,7 +404,7 @@ class Viewing(Opening):
 class Reading(Arguments):
     """A command that reads a field."""
 
-    key: str | None = option("--key", "--values", heading=INPUT, metavar="NAME",
+    key: str | None = option("--key", heading=INPUT, metavar="NAME",
                              help="Array of a file with several (of VTK also BLOCK/ARRAY, ARRAY:x, "
                                   "ARRAY:magnitude); series, stack or segment of DICOM; values of a mesh or points.")
     band: int | None = option("--band", heading=INPUT, type=COUNT, metavar="N",

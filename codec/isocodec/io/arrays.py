@@ -36,6 +36,24 @@ def check_kind(dtype: Any) -> None:
                      remedy="give a part that holds real numbers")
 
 
+def channel_of(count: int, band: int | None) -> int:
+    """Number, from 0, of one of so many channels, which users count from 1.
+
+    Raises
+    ------
+    InputError
+        If there are several, and none is chosen.
+    OptionError
+        If there is no such channel.
+    """
+    if band is not None and not 1 <= band <= count:
+        raise OptionError(f"there is no band {band}: there are {count}, counted from 1", code="channel")
+    if band is None and count > 1:
+        raise InputError(f"is a picture of {count} channels, colours or components", code="colour",
+                         remedy=f"take one with --band 1 to {count} (band= in Python), or convert it to one")
+    return (band or 1) - 1
+
+
 def numbers(values: Any) -> Any:
     """Real numbers in native byte order, contiguous, a masked array if they are masked; truth values as uint8."""
     values = np.asanyarray(values)

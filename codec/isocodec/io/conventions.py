@@ -104,7 +104,7 @@ def located(array: Any, joined: bool = True) -> Located:
     reference system. Ends of even steps around the globe are left apart unless they may be ``joined``.
     """
     dims, n = list(array.dims), array.ndim
-    every = {name: one for name, one in array.coords.items() if not _is_mapping(one)}
+    every = {name: one for name, one in array.coords.items() if not is_mapping(one)}
     found = [Labelled.of(name, one) for name, one in every.items() if one.dims]
     remarks: list[str] = []
     axes = [_along(dim, found, remarks) for dim in dims]
@@ -310,7 +310,7 @@ def _order(roles: Sequence[str | None]) -> list[int]:
     return [left.pop() if row is None else row for row in rows]
 
 
-def _is_mapping(coordinate: Any) -> bool:
+def is_mapping(coordinate: Any) -> bool:
     return bool({"grid_mapping_name", "crs_wkt", "spatial_ref"} & coordinate.attrs.keys())
 
 

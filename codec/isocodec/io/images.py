@@ -11,13 +11,13 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, OptionError, plain
+from ..errors import InputError, plain
 from ..field.framed import Frames
 from ..field.missing import missing_samples
 from ..field.placement import Placement
 from ..field.sampled import Field
 from . import rasters
-from .arrays import numbers, of_array
+from .arrays import channel_of, numbers, of_array
 from .in_turn import check_frame, placed_field
 from .libraries import library, reading
 
@@ -227,16 +227,6 @@ def _of_imagej(tiff: Any) -> dict[str, tuple[float, str]]:
     sizes = {axis: tags[f"{axis}Resolution"].value for axis in "XY" if f"{axis}Resolution" in tags}
     out = {axis: (below / above, unit) for axis, (above, below) in sizes.items()}
     return {**out, "Z": (float(notes["spacing"]), unit)} if "spacing" in notes else out
-
-
-def channel_of(count: int, band: int | None) -> int:
-    """Number, from 0, of one of so many channels."""
-    if band is not None and not 1 <= band <= count:
-        raise OptionError(f"there is no channel {band}: the picture has {count}, counted from 1", code="channel")
-    if band is None and count > 1:
-        raise InputError(f"is a picture of {count} channels, colours or bands", code="colour",
-                         remedy=f"take one with --band 1 to {count} (band= in Python), or convert it to one")
-    return (band or 1) - 1
 
 
 def _transparent(image: Any, stored: NDArray[Any], channel: int, stretch: int) -> NDArray[np.bool_]:

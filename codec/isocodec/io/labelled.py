@@ -19,9 +19,8 @@ from ..field.framed import Frames
 from ..field.missing import missing_samples
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
-from .arrays import VALUES, check_kind
-from .conventions import _is_mapping, is_globe, is_time, located
-from .images import channel_of
+from .arrays import VALUES, channel_of, check_kind
+from .conventions import is_globe, is_mapping, is_time, located
 from .in_turn import InTurn, check_frame, check_series, placed_field, unjoined
 from .libraries import choose, library, reading
 from .packing import Packing, restored
@@ -209,7 +208,7 @@ def _notes(array: Any) -> dict[str, str]:
     """Coordinates that are the same for all samples, as notes."""
     notes = {}
     for name, one in array.coords.items():
-        if one.ndim == 0 and not _is_mapping(one):
+        if one.ndim == 0 and not is_mapping(one):
             number = one.dtype.kind in "biuf"
             unit = one.attrs.get("units") if number else None
             text = one_line(str(one.values.item() if number else one.values), _WORDS)

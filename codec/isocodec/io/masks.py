@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from ..field.placement import LPS, Placement
 from ..field.reference_system import system_of
 from .libraries import library
-
-_TURN = np.diag([-1.0, -1.0, 1.0])
-"""From right, front and top of a body to left, back and top."""
+from .places import BODY_TURN
 
 
 def write_raster(values: NDArray[Any], placement: Placement | None, path: Path) -> None:
@@ -53,7 +51,7 @@ def write_itk(values: NDArray[Any], placement: Placement | None, path: Path) -> 
     image = sitk.GetImageFromArray(np.ascontiguousarray(values.reshape(*values.shape, *(1,) * (3 - values.ndim)).T))
     matrix = volume_matrix(placement)
     if matrix is not None:
-        matrix = _TURN @ matrix
+        matrix = BODY_TURN @ matrix
         steps = np.linalg.norm(matrix[:, :3], axis=0)
         image.SetSpacing(steps.tolist())
         image.SetDirection((matrix[:, :3] / steps).ravel().tolist())
@@ -73,4 +71,4 @@ def volume_matrix(placement: Placement | None) -> NDArray[np.float64] | None:
         rows = np.pad(matrix, ((0, 3 - len(matrix)), (0, 0)))
         across = np.cross(rows[:, 0], rows[:, 1])
         matrix = np.insert(rows, 2, across / np.linalg.norm(across), axis=1)
-    return _TURN @ matrix if placement.crs == LPS else matrix
+    return BODY_TURN @ matrix if placement.crs == LPS else matrix

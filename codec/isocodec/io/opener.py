@@ -31,7 +31,7 @@ from .stores import is_store
 Found: TypeAlias = Field | Frames | Mesh
 VOLUMES = (".mha", ".mhd", ".nrrd", ".nhdr", ".nii", ".nii.gz")
 DICOM = (".dcm", ".dicom", ".ima")
-VTK = (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvd", ".vtm", ".pvti", ".pvtr", ".pvts", ".pvtu", ".pvtp",
+VTK = (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvd", ".vtm", ".pvti", ".pvtr", ".pvtu",
        ".xdmf", ".xmf", ".vtkhdf", ".ply", ".stl", ".obj", ".msh")
 NUMPY = (".npy", ".npz")
 GRIB = (".grib", ".grib2", ".grb", ".grb2")

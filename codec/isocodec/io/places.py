@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ..field.placement import RAS, TURN, Placement
 
 Array = NDArray[np.float64]
+BODY_TURN = np.diag([-1.0, -1.0, 1.0])
+"""Between coordinates to the right, front and top of a body and those to the left, back and top."""
 EVEN = 0.01
 """Largest distance of coordinates from even steps, in steps: files often keep them in single precision."""
 _CLOSES = 0.25
@@ -33,7 +35,7 @@ def by_matrix(matrix: Array, kept: Sequence[int] | None = None, **more: Any) -> 
 
 def in_body(matrix: Array, kept: Sequence[int], lps: bool, unit: str = "mm") -> Placement:
     """Place samples by a matrix (3, axes + 1) to the right, front and top of a body, or (lps) left, back and top."""
-    turn = np.diag([-1.0, -1.0, 1.0]) if lps else np.eye(3)
+    turn = BODY_TURN if lps else np.eye(3)
     return by_matrix(turn @ matrix[:3], kept, crs=RAS, unit=unit)
 
 

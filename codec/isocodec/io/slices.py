@@ -19,9 +19,10 @@ from ..deferred import dataclass
 from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
 from ..field.sampled import Field
+from .arrays import channel_of
 from .libraries import choose, library, reading
 from .places import EVEN, by_matrix, in_body, kept_axes
-from .volumes import component, of_frames, placed_field, scaled
+from .volumes import of_frames, scaled, squeezed
 
 Array = NDArray[Any]
 _LONG = 1 << 18
@@ -148,13 +149,13 @@ def open_(
         warnings.filterwarnings("error", _CUT)
         planes, key = _series(_planes(path, remarks), key)
         if "SegmentationType" in planes[0].header:
-            field, _ = _segmentation(planes, key), component(1, band)
+            field, _ = _segmentation(planes, key), channel_of(1, band)
             return of_frames(lambda number: field, 1, frame, frames)
         planes = _stack(planes, key, remarks)
         first = planes[0]
         palette = first.get("PhotometricInterpretation") == "PALETTE COLOR"
         colours = 3 if palette else int(first.get("SamplesPerPixel") or 1)
-        channel = component(colours, band)
+        channel = channel_of(colours, band)
         volumes, matrix, differ = _arranged(planes)
     axes = kept_axes((first.header.Columns, first.header.Rows, len(volumes[0])))
     if first.corner is not None:
@@ -179,7 +180,7 @@ def open_(
             samples: Array = np.ma.stack(values, -1)
         # all volumes have one type
         samples = samples.astype(np.float64) if mixed else samples
-        return placed_field(samples, place if known else None, remarks, unit=unit)
+        return squeezed(samples, place if known else None, remarks, unit=unit)
 
     return of_frames(at, len(volumes), frame, frames, differ)
 
@@ -204,7 +205,7 @@ def of_volume(volume: Any) -> Field:
     axes, matrix = kept_axes(values.shape), np.asarray(volume.affine)[:3, [2, 1, 0, 3]]
     body = volume.coordinate_system.name == "PATIENT"
     place = in_body(matrix, axes, lps=True) if body else by_matrix(matrix, axes, unit="mm")
-    return placed_field(values, place)
+    return squeezed(values, place)
 
 
 # ---- files and series ------------------------------------------------------------------------------------------------

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, OptionError, plain
+from ..errors import InputError, plain
 from ..field.framed import Frames
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
-from .arrays import numbers, of_array
-from .in_turn import InTurn, check_frame
+from .arrays import channel_of, numbers, of_array
+from .in_turn import InTurn, check_frame, placed_field
 from .libraries import library, reading
 from .places import by_matrix, in_body, kept_axes
 
@@ -67,23 +67,10 @@ def of_frames(
     return of_array(values, frames=True, remarks=remarks, name=first.name, unit=first.unit)
 
 
-def component(count: int, band: int | None) -> int:
-    """Choose one of so many components or colours, counted from 1; return it counted from 0."""
-    if band is None and count > 1:
-        raise InputError(f"is a picture of {count} channels, colours or components", code="colour",
-                         remedy=f"take one with --band 1 to {count}")
-    if band is not None and not 1 <= band <= count:
-        raise OptionError(f"there is no band {band}: there are {count}, counted from 1", code="channel")
-    return (band or 1) - 1
-
-
-def placed_field(values: Array, place: Placement | None, remarks: Sequence[str] = (), **more: Any) -> Field:
-    """Make a field of samples, which may be masked, without axes of one; a placement that is none becomes a remark."""
+def squeezed(values: Array, place: Placement | None, remarks: Sequence[str] = (), **more: Any) -> Field:
+    """Make a field of samples, which may be masked, without axes of one."""
     values = numbers(values.reshape([values.shape[axis] for axis in kept_axes(values.shape)]))
-    try:
-        return Field(values, None, place, remarks=remarks, **more)
-    except OptionError as error:
-        return Field(values, remarks=[*remarks, f"its coordinates are ignored: {error.message}"], **more)
+    return placed_field(values, None, place, remarks, **more)
 
 
 def scaled(raw: Array, slope: float, intercept: float) -> Array:
@@ -170,7 +157,7 @@ def of_itk(
     matrix = np.column_stack([np.reshape(image.GetDirection(), (size, size)) * image.GetSpacing(), image.GetOrigin()])
     remarks = list[str]()
     if band is not None or known.get("NRRD_kinds[pixel]") != "list":
-        channel = component(count, band)
+        channel = channel_of(count, band)
         values = values[channel] if count > 1 else values
     elif count > 1:  # they are the first axis now
         values = np.moveaxis(values, 0, -1)
@@ -192,7 +179,7 @@ def of_itk(
 
     def at(number: int, _: Any = image) -> Field:  # the view needs the image
         part = np.array(values[..., number] if several > 1 else values, order="C")
-        return placed_field(part, place, remarks)
+        return squeezed(part, place, remarks)
 
     return of_frames(at, several, frame, frames)
 
@@ -230,7 +217,7 @@ def of_nibabel(
         scaling = float(proxy.slope), float(proxy.inter)
         # the file stays open: of a packed one the next volume is then read without unpacking all before it
         raw = type(proxy)(proxy.file_like, (proxy.shape, proxy.dtype, proxy.offset, 1.0, 0.0), keep_file_open=True)
-    component(1, band)
+    channel_of(1, band)
     unit, time, remarks, notes = "unknown", "", [], {}
     if hasattr(header, "get_xyzt_units"):
         try:
@@ -248,6 +235,6 @@ def of_nibabel(
     def at(number: int) -> Field:
         with reading("NIfTI volume"):
             part = np.asarray(raw[:, :, :, number] if several > 1 else raw[...]).reshape(whole[:3])
-        return placed_field(scaled(part, *scaling), place, remarks, notes=notes)
+        return squeezed(scaled(part, *scaling), place, remarks, notes=notes)
 
     return of_frames(at, several, frame, frames)

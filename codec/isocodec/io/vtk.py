@@ -26,7 +26,7 @@ from ..field.sampled import Field
 from .in_turn import check_frame
 from .libraries import choose, library, reading
 from .places import along_axes, at_nodes, by_matrix, even_steps
-from .volumes import of_frames, placed_field
+from .volumes import of_frames, squeezed
 
 Array = NDArray[Any]
 _Numbers = Mapping[str, Callable[[], Array]]
@@ -238,7 +238,7 @@ def _field(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) 
     values = (of_cells if centred else at_points)[name]().reshape(shape, order="F")
     gone, place = _hidden(data, centred, remarks), _place_of(data, kept, shape, centred, remarks)
     values = values if gone is None else np.ma.masked_array(values, gone.reshape(shape, order="F"))
-    return placed_field(values, place, remarks)
+    return squeezed(values, place, remarks)
 
 
 def _hidden(data: Any, centred: bool, remarks: list[str]) -> Array | None:
