@@ -123,7 +123,7 @@ def open_(path: str, key: str | None = None) -> Mesh:
         return of_columns(_table(path), key)
     if name.endswith(CLOUDS):
         laspy = library("laspy", extra="vector", purpose="reading point clouds")
-        with reading("point cloud", "is it whole?"):
+        with reading("point cloud", "check that the file is complete"):
             found = laspy.read(path)
         return of_cloud(found, key)
     geopandas = library("geopandas", extra="vector", purpose="reading vector files")
@@ -171,5 +171,6 @@ def _table(path: str) -> Any:
             with open(path, encoding="utf-8-sig") as file:
                 rows = [row for line in file if (row := line.partition("#")[0].strip(" \r\n"))]
             if any(len(row.split(divider)) < len(names) for row in rows):
-                raise InputError("has rows with fewer columns than the first one", code="shape", remedy="is it whole?")
+                raise InputError("has rows with fewer columns than the first one", code="shape",
+                                 remedy="check that the file is complete")
         return found

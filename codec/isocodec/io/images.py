@@ -72,9 +72,9 @@ def of_picture(image: Any, band: int | None = None, frame: int | None = None, tu
     stretch = {"L;1": 255, "L;2": 85, "L;4": 17}.get(raw, 1)
     orientation = image.getexif().get(_ORIENTATION, 1)
     if image.format == "TIFF" and orientation > 4 and any(each[0] == "raw" for each in image.tile):
-        raise InputError("is a TIFF that lies on its side, whose samples Pillow mixes up", code="orientation",
+        raise InputError("is a TIFF that lies on its side, whose samples Pillow scrambles", code="orientation",
                          remedy="give its path")
-    with reading("picture", "is it whole?"):
+    with reading("picture", "check that the file is complete"):
         image.load()
         orientation = orientation if turn and image.format != "TIFF" else 1  # loading has turned a TIFF
         stored = np.asarray(image)
@@ -97,7 +97,7 @@ def open_(path: Path, band: int | None = None, frame: int | None = None) -> Fiel
     kind, suffix = FORMATS[path.suffix.lower()], path.suffix
     library("PIL", extra="pictures", purpose=f"reading {suffix}")
     pillow = library("PIL.Image", extra="pictures", purpose=f"reading {suffix}")
-    with reading("picture", "is it whole?") as said:
+    with reading("picture", "check that the file is complete") as said:
         with pillow.open(path, formats=[kind]) as checked:
             checked.verify()  # checksums of a PNG, which are left out when samples are unpacked
         image = pillow.open(path, formats=[kind])
@@ -133,10 +133,10 @@ def open_tiff(
     if path.startswith("/vsi"):
         return _raster(rasters.open_(path, key), band, nodata, frame, frames)
     tifffile = library("tifffile", extra="raster", purpose="reading TIFF")
-    with reading("TIFF", "is it whole?"):
+    with reading("TIFF", "check that the file is complete"):
         tiff = tifffile.TiffFile(path, is_ndtiff=False)  # the index of an NDTiff names further files
     with tiff:
-        with reading("TIFF", "is it whole?"):
+        with reading("TIFF", "check that the file is complete"):
             page = tiff.pages[0]
             turn = page.tags.valueof(_ORIENTATION)
             several = len(tiff.pages) == 1 and np.prod(tiff.series[0].shape) != np.prod(page.shape)
@@ -165,7 +165,7 @@ def _raster(file: Any, band: int | None, nodata: float | None, frame: int | None
 def _stack(
     tiff: Any, band: int | None, frame: int | None, frames: bool, nodata: float | None
 ) -> Field | Frames:
-    with reading("TIFF", "is it whole? some compressions need imagecodecs"):
+    with reading("TIFF", "check that it is complete; some compressions need imagecodecs"):
         if len(tiff.series) != 1:
             shapes = ", ".join(str(each.shape) for each in tiff.series[:20])
             raise InputError(f"holds {len(tiff.series)} pictures of different kinds: {shapes}", code="series",
@@ -177,7 +177,7 @@ def _stack(
         colour = next((axes.index(letter) for letter in "SC" if letter in axes), None)
         channel = channel_of(1 if colour is None else series.shape[colour], band)
         if None in series.pages:
-            raise InputError("lacks some of the pages that it states", code="unreadable", remedy="is it whole?")
+            raise InputError("lacks some of the pages that it states", code="unreadable", remedy="check that the file is complete")
         values = numbers(series.asarray())
     if colour is not None:
         values, axes = values.take(channel, colour), axes.replace(axes[colour], "")

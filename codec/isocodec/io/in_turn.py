@@ -57,7 +57,7 @@ def check_series(axes: int) -> None:
 def placed_field(
     values: Any, mask: Any = None, place: Placement | None = None, remarks: Sequence[str] = (), **more: Any
 ) -> Field:
-    """A field with what its placement remarks on; a placement that cannot be one becomes a remark."""
+    """Make a field that carries the remark of its placement; an invalid placement is dropped with a remark."""
     said = (*remarks, *([place.remark] if place is not None and place.remark else []))
     try:
         return Field(values, mask, place if place is not None and place.placed else None, remarks=said, **more)

@@ -1,4 +1,4 @@
-"""Open files: which library opens which, by suffix; and take objects of libraries that are in memory."""
+"""Open files by the library that owns their format, and take objects that other libraries hold in memory."""
 
 from __future__ import annotations
 
@@ -232,7 +232,7 @@ def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
         return _finished(found, choice, lazy, take is not slices.open_ or choice.nodata is None)
 
     if ends(*GRIB):
-        raise InputError("is GRIB, of which libraries turn rows over in some scanning modes", code="grib",
+        raise InputError("is GRIB, whose rows libraries flip in some scanning modes", code="grib",
                          remedy="convert it first: cdo -f nc copy IN OUT.nc; or give a DataArray of cfgrib")
     if ends(*labelled.SUFFIXES) or (at.is_dir() and is_store(at)):
         return taken(labelled.open_, "key band frame frames nodata lazy", at)

@@ -85,7 +85,7 @@ def open_(path: str, key: str | None = None, drivers: Sequence[str] | None = Non
             least = file.count * file.width * file.height * np.dtype(file.dtypes[0]).itemsize
             if size < least and not packed:
                 raise InputError(f"holds {size:,} bytes of the {least:,} that its header states", code="unreadable",
-                                 remedy="is it whole?")
+                                 remedy="check that the file is complete")
         # GTIFF_DIR:1:path, GPKG:path:table
         names = {each.split(":")[1 if file.driver == "GTiff" else -1]: each for each in file.subdatasets}
         names = names or ({"1": path} if file.driver == "GTiff" else {})

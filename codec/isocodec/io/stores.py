@@ -102,7 +102,7 @@ def _of_hdf5(name: str, item: Any, names: Mapping[Any, str]) -> Any:
     def get(key: Any) -> Any:
         if item.size and not (item.is_virtual or item.id.get_storage_size()):
             raise InputError(f"holds the shape of '/{plain(name)}', {item.shape}, but no samples", code="empty",
-                             remedy="is it whole?")
+                             remedy="check that the file is complete")
         return item[key]
 
     scales = [next((names[scale.id] for scale in axis.values() if scale.id in names), None) for axis in item.dims]
@@ -124,7 +124,7 @@ def _attributes(item: Any) -> dict[str, Any]:
 def _zarr(path: Path) -> Arrays:
     """A store, which is an array or a group of them."""
     zarr = library("zarr", extra="labelled", purpose="reading Zarr")
-    with reading("Zarr store", "is it whole?"):
+    with reading("Zarr store", "check that the file is complete"):
         inside = ""
         root: Any = str(path)
         if path.is_file():
