@@ -177,7 +177,8 @@ def _stack(
         colour = next((axes.index(letter) for letter in "SC" if letter in axes), None)
         channel = channel_of(1 if colour is None else series.shape[colour], band)
         if None in series.pages:
-            raise InputError("lacks some of the pages that it states", code="unreadable", remedy="check that the file is complete")
+            raise InputError("lacks some of the pages that it states", code="unreadable",
+                             remedy="check that the file is complete")
         values = numbers(series.asarray())
     if colour is not None:
         values, axes = values.take(channel, colour), axes.replace(axes[colour], "")
