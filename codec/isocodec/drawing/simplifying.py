@@ -173,7 +173,7 @@ class _Pieces:
         self._there[-1] = False
         self._ends = np.stack([kept, after], axis=1)
         self.shorter = self._there & (after - kept > 1)
-        """Which pieces stand for several of the line."""
+        """Pieces that replace several pieces of the line."""
 
     def _flags(self, numbers: Any) -> NDArray[np.bool_]:
         flags = np.zeros(len(self._kept), np.bool_)
@@ -209,7 +209,7 @@ class _Pieces:
         return self._flags(at[starts.query(areas, predicate="contains")[0]])
 
     def distances(self) -> Points:
-        """Distance of each point of the lines from the piece that stands for the line there."""
+        """Distance of each point of the lines from the piece that replaces the line around it."""
         ground, piece = self._lines.ground, self._piece()
         left, right = (ground[end] for end in self._ends[piece].T)
         way, off = right - left, ground - left
