@@ -138,7 +138,7 @@ def test_each_class_of_error_has_its_exit_code(
     def end(*_: object, **__: object) -> None:
         raise raised
 
-    monkeypatch.setattr("isocodec.api.isofile.open", end)
+    monkeypatch.setattr("isocodec.api.opening.open", end)
     words = [name, files / "grid.iso", *([files / "hills.npy"] if name == "verify" else [])]
     words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
     words += (["--layers", 1] if name == "edit" else []) + ["--json"] * as_json

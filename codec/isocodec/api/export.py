@@ -277,7 +277,8 @@ def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exporte
 
 def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> OneByOne | list[Contour]:
     """Decode all isovalues that the format can hold, or the one wanted, within the memory limit."""
-    from .files import Viewed, WholeFile
+    from .files import WholeFile
+    from .operations import Viewed
 
     view = {**wanted.view, "progress": progress}
     kind = _KINDS[wanted.what or "curve"]
@@ -287,9 +288,9 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> OneB
     every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
     if every and suffix in suffixes_of(Thing(kind, len(file.shape) or None, several)):
         in_turn = "within" not in view and not wanted.capped and wanted.simplify is None
-        if isinstance(file.held, WholeFile) and file.kind in ("grid", "series") and in_turn:
+        if isinstance(file, WholeFile) and file.kind in ("grid", "series") and in_turn:
             chosen = Viewed(**view)
-            drawings = Drawings(file.held.received(None, chosen), chosen)
+            drawings = Drawings(file.received(None, chosen), chosen)
             if len(drawings) > 1:
                 return drawings
             contours = [*drawings]
@@ -330,13 +331,14 @@ def _others_in(file: IsoFile, isovalue: float) -> list[str]:
 
 
 def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
-    from .files import Viewed, WholeFile
+    from .files import WholeFile
+    from .operations import Viewed
 
     name, isovalue, remarks = str(wanted.what), wanted.isovalue, list[str]()
     view = {key: wanted.view[key] for key in ("frame", "partial") if key in wanted.view}
-    if name == "above" and isinstance(file.held, WholeFile) and file.kind in ("grid", "series"):
+    if name == "above" and isinstance(file, WholeFile) and file.kind in ("grid", "series"):
         # bytes after the layers of the isovalue may be damaged
-        decoder, number = file.held.decoded(isovalue, Viewed(**view))
+        decoder, number = file.decoded(isovalue, Viewed(**view))
         values, placement, complete = decoder.grid.above(number), decoder.grid.placement, decoder.frames > decoder.frame
         remarks = _others(decoder.isovalues, decoder.isovalues[number], decoder.metadata) if isovalue is None else []
         isovalue = decoder.isovalues[number]

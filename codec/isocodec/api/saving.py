@@ -175,7 +175,7 @@ def _write_other(
     if contours is not None and isovalue is not None:
         raise OptionError("isovalue does not apply to contours", code="options")
     if isinstance(what, bytes | IsoFile):
-        from .isofile import open
+        from .opening import open
 
         file = open(what) if isinstance(what, bytes) else what
         check(path, Thing("tin" if isovalue is None and file.kind == "surface" else "contour"))

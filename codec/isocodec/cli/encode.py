@@ -283,7 +283,7 @@ def _drawn(options: EncodeArguments, keywords: dict[str, Any]) -> None:
 def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode without tiles; returns facts about the file, and remarks."""
     from ..api.encoding import encode
-    from ..api.isofile import open
+    from ..api.opening import open
 
     seen = options.observed()
     for remark in seen.before:
@@ -303,7 +303,7 @@ def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
 def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode tile by tile; returns facts about the file, and remarks."""
     from ..api.inputs import observed
-    from ..api.isofile import open
+    from ..api.opening import open
     from ..api.output import engine_of
     from ..api.saving import save_tiles
 

@@ -351,7 +351,7 @@ class Opening(Limited):
 
     def load(self) -> None:
         """Import what opens files."""
-        from ..api import isofile  # noqa: F401
+        from ..api import opening  # noqa: F401
 
     def opened(self, source: str | None = None) -> IsoFile:
         """Open the file.
@@ -370,7 +370,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
     ------
     Failure
     """
-    from ..api.isofile import open
+    from ..api.opening import open
     from ..api.output import other_format
 
     known = None
