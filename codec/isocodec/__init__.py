@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .api.encoding import encode
-    from .api.isofile import IsoFile, decode, open
+    from .api.isofile import IsoFile
     from .api.merging import merge
+    from .api.opening import decode, open
     from .api.saving import save
     from .api.thinned import thin
     from .drawing.bands import bands
@@ -37,8 +38,8 @@ __version__ = "0.1.0"
 _HOME = {
     "Contour": "drawing.contour", "Decoder": "stream.decoder", "Encoder": "stream.encoder", "Field": "field.sampled",
     "Frames": "field.framed", "IsoError": "errors", "IsoFile": "api.isofile", "Limits": "limits",
-    "Mesh": "field.meshed", "Tin": "tin.tin", "bands": "drawing.bands", "decode": "api.isofile",
-    "encode": "api.encoding", "kernels": "kernel", "merge": "api.merging", "open": "api.isofile",
+    "Mesh": "field.meshed", "Tin": "tin.tin", "bands": "drawing.bands", "decode": "api.opening",
+    "encode": "api.encoding", "kernels": "kernel", "merge": "api.merging", "open": "api.opening",
     "read": "io.opener", "save": "api.saving", "thin": "api.thinned",
 }
 

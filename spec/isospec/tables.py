@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,4 +140,5 @@ def packed(squash: NDArray[np.int64], found: dict[int, Tables]) -> bytes:
 @cache
 def shipped() -> bytes:
     """The bytes of ``main.bin``."""
-    return Path(__file__).with_name("main.bin").read_bytes()
+    loader: Any = __spec__.loader  # the package may lie in an archive on the path
+    return bytes(loader.get_data(str(Path(__file__).with_name("main.bin"))))

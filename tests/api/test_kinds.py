@@ -15,7 +15,7 @@ import pytest
 
 import isocodec
 from isocodec import Decoder, Field, Frames, IsoFile, Limits, Mesh
-from isocodec.api.files import IMPOSSIBLE, OPERATIONS
+from isocodec.api.operations import IMPOSSIBLE, OPERATIONS
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.placement import Placement
 from isocodec.stream.options import EncodeOptions, ProfileName
@@ -305,7 +305,8 @@ def test_cubes_as_wide_as_within_are_not_refined(uniform: dict[str, IsoFile], ki
 
 
 GIVEN: dict[str, Any] = {
-    "isovalue": 150.5, "tile": 64, "engine": object(), "workers": 2, "spool": "spool", "precision": "exact",
+    "isovalue": 150.5, "simplify": 2, "tile": 64, "engine": object(), "workers": 2, "spool": "spool",
+    "precision": "exact",
     "keep_topology": True, "profile": "baseline", "layers": 2, "order": "isovalues", "interval": 3,
     "metadata": {"a": "b"},
 }
@@ -321,7 +322,7 @@ def test_no_parameter_is_lost_on_what_is_encoded_already(
     opened: bool, kind: str, name: str, tmp_path: Path, tiles: bytes
 ) -> None:
     data = tiles if kind == "tiles" else encoded(kind)
-    for suffix in ("iso", "geojson") if name != "isovalue" else ("iso",):
+    for suffix in ("iso", "geojson") if name not in ("isovalue", "simplify") else ("iso",):
         with pytest.raises(OptionError):
             isocodec.save(tmp_path / f"a.{suffix}", isocodec.open(data) if opened else data, **{name: GIVEN[name]})
     assert not list(tmp_path.iterdir())

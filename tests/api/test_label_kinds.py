@@ -26,7 +26,7 @@ from brute import examples
 from commands import ok, run
 from isocodec import Contour, Field, Frames, IsoFile
 from isocodec.api.editing import Edit
-from isocodec.api.files import ViewOptions
+from isocodec.api.operations import ViewOptions
 from isocodec.cli import main
 from isocodec.cli.option_records import PART
 from isocodec.errors import IsoError, OptionError

@@ -260,7 +260,7 @@ def test_internal_errors_are_one_line(curve: Path, monkeypatch: pytest.MonkeyPat
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("a bug\nof two lines")
 
-    monkeypatch.setattr("isocodec.api.isofile.open", broken)
+    monkeypatch.setattr("isocodec.api.opening.open", broken)
     line = fails(1, "info", curve)
     assert "ZeroDivisionError: a bug of two lines" in line
     assert "ISOCODEC_DEBUG=1" in line
@@ -273,7 +273,7 @@ def test_interrupt_and_memory(curve: Path, monkeypatch: pytest.MonkeyPatch, rais
     def end(*_: object, **__: object) -> None:
         raise raised
 
-    monkeypatch.setattr("isocodec.api.isofile.open", end)
+    monkeypatch.setattr("isocodec.api.opening.open", end)
     result = run("info", curve)
     assert result.exit_code == code
     assert result.stderr.strip().splitlines()[-1].startswith("isocodec: ")

@@ -44,7 +44,7 @@ VALUES = {
     "within": "2", "what": "mesh", "side": "below", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
     "steps": "2", "title": "t", "seen_from": "top", "map_interval": "20", "offset": "1",
     "limits": "memory=900M,work=100000000,samples=100000", "mesh": "known.npz",
-    "key": "a", "nodata": "1", "metadata": "a=b", "layer": "a", "attribute": "a",
+    "key": "a", "nodata": "1", "metadata": "a=b", "layer": "a", "attribute": "a", "simplify": "0.5",
     "band": "1", "bbox": "0,0,9,9",
 }
 """A value for each option that takes one."""
@@ -138,7 +138,7 @@ def test_each_class_of_error_has_its_exit_code(
     def end(*_: object, **__: object) -> None:
         raise raised
 
-    monkeypatch.setattr("isocodec.api.isofile.open", end)
+    monkeypatch.setattr("isocodec.api.opening.open", end)
     words = [name, files / "grid.iso", *([files / "hills.npy"] if name == "verify" else [])]
     words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
     words += (["--layers", 1] if name == "edit" else []) + ["--json"] * as_json
@@ -191,7 +191,7 @@ EFFECTS: dict[str, Callable[[], Any]] = {
 EFFECTIVE = {
     "frame": 1, "layers": 1, "max_bytes": 0, "window": "4:20,4:20", "within": 16, "smooth": None,
     "through_holes": None, "capped": None, "isovalue": 120.5, "in_samples": None, "keep_crs": None,
-    "partial": None, "side": "below", "layer": "mine", "attribute": "height",
+    "partial": None, "side": "below", "layer": "mine", "attribute": "height", "simplify": 2,
 }
 """Values that change what is decoded of these; ``max_bytes`` is a quarter of the file."""
 OF_KIND = {

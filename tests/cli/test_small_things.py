@@ -49,9 +49,9 @@ def test_bytes_bound_the_validity_of_a_surface() -> None:
     field = np.random.default_rng(1).integers(0, 900, (40, 40))
     data = isocodec.encode(thin(field, to=800, layers=4))
     file = isocodec.open(data)
-    assert file.held.valid().all()
+    assert file.valid().all()
     with pytest.raises(isocodec.IsoError):
-        file.held.valid(8)
+        file.valid(max_bytes=8)
 
 
 @pytest.mark.parametrize("kind", ["grid", "mesh", "surface", "cut"])

@@ -83,7 +83,7 @@ def test_tracebacks_are_cleaned(curve: Path, monkeypatch: pytest.MonkeyPatch) ->
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError(ODD)
 
-    monkeypatch.setattr("isocodec.api.isofile.open", broken)
+    monkeypatch.setattr("isocodec.api.opening.open", broken)
     monkeypatch.setenv("ISOCODEC_DEBUG", "1")
     shown = run("info", curve).stderr
     assert "Traceback" in shown and shown.count("\n") > 3 and shown.count("\\x1b[31mred") == 2 and harmless(shown)

@@ -351,7 +351,7 @@ def test_requests_of_many_isovalues(tmp_path: Path) -> None:
     with serving(data, slow) as (url, server):
         file = isocodec.open(url)
         found = file.contours(window=[(100, 300), (200, 400)])
-        assert server.seen["requests"] == file.held.tiled.requests <= 6 and most[0] <= LANES  # type: ignore[union-attr]
+        assert server.seen["requests"] == file.tiled.requests <= 6 and most[0] <= LANES  # type: ignore[union-attr]
         wanted = tiled_of(data)
         for one, isovalue in zip(found, file.isovalues, strict=True):
             assert pieces(one) == pieces(wanted.window([(100, 300), (200, 400)], isovalue=isovalue))

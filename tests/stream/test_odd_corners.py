@@ -286,7 +286,7 @@ def test_memory_that_ends_anywhere_has_its_exit_code(tmp_path, monkeypatch):
     def ends(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("isocodec.api.isofile.open", ends)
+    monkeypatch.setattr("isocodec.api.opening.open", ends)
     assert "not enough memory" in fails(6, "decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz")
 
 

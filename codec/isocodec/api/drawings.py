@@ -7,12 +7,13 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..drawing.contour import Contour
+from ..drawing.simplifying import simplified
 from ..field.labelling import noun_of
 from ..io.cost import COST
 
 if TYPE_CHECKING:
     from ..stream.decoder import Decoder
-    from .files import Viewed
+    from .operations import Viewed
 
 
 class Counts(NamedTuple):
@@ -81,6 +82,41 @@ class OneByOne(Collection[Contour]):
 
     def drawn(self, counts: Counts) -> None:
         """Take notice that a contour has been used."""
+
+
+class Fewer(OneByOne):
+    """Isocontours with fewer points, of all of them at once (see `simplified`).
+
+    Parameters
+    ----------
+    contours : collection of Contour
+    distance : str
+    progress : callable, optional
+        Called with the number of contours drawn and that of all, and one more.
+
+    Attributes
+    ----------
+    facts : dict
+        Counts before and after, and the largest distance, for programs.
+    text : str
+        The same for people.
+    """
+
+    def __init__(
+        self, contours: Collection[Contour], distance: str, progress: Callable[[int, int], object] | None = None
+    ) -> None:
+        if isinstance(contours, OneByOne):
+            contours.progress = progress
+        given = [*contours]
+        super().__init__([one.isovalue for one in given], given[0].shape, given[0].n, None)
+        made = simplified(given, distance)
+        self._made = made.contours
+        self.facts = {"simplified": {"before": made.before, "after": made.after, "farthest": made.farthest}}
+        self.text = f", simplified from {made.before:,} to within {made.farthest:.3g}{made.unit or ' cells'}"
+
+    def draw(self, number: int) -> Contour:
+        """Return the contour of an isovalue, by its number."""
+        return self._made[number]
 
 
 class Drawings(OneByOne):

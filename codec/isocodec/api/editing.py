@@ -12,12 +12,13 @@ from ..errors import OptionError
 from ..field.placement import read_placement
 from ..limits import Limits
 from ..stream.given import in_cells
+from ..stream.inspect import inspect, kind_of
 from ..stream.options import Options, Precision
 from ..stream.promise_note import PROMISE, last_promise
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
-from .files import IMPOSSIBLE, TileFile, WholeFile, impossible
+from .operations import IMPOSSIBLE, impossible
 from .recoding import extracted, held_by, same_again
 
 if TYPE_CHECKING:
@@ -47,30 +48,28 @@ class Edit:
             raise OptionError("layers and size cannot be combined", code="options", remedy="choose one")
 
 
-def edited(held: WholeFile | TileFile, edit: Edit) -> bytes:
+def edited(data: bytes, limits: Limits | None, edit: Edit) -> bytes:
     """Apply the changes in this order: window, isovalues, profile and precision, layers or size."""
-    if isinstance(held, TileFile):
-        recoded = edit.profile is not None or edit.precision is not None
-        if edit.window is None and not recoded and edit.isovalues is None:
-            return _shorter_tiles(held.tiled, edit.layers, edit.size)
-        data = extracted(held.tiled, edit.window, edit.isovalues)
-        limits = held.limits
-        rest = Edit(edit.layers, edit.size, None, None, edit.profile, edit.precision, edit.keep_topology) if (
-            recoded or edit.layers or edit.size
-        ) else None
-        return data if rest is None else edited(WholeFile(data, limits), rest)
-    data, limits = held.data, held.limits
-    if edit.window is not None and ("window", held.kind) in IMPOSSIBLE:
-        raise impossible("window", held.kind)
     if edit.window is not None:
-        data = _cropped(WholeFile(data, limits), edit.window)
+        data = _cropped(data, limits, edit.window)
     if edit.isovalues is not None:
-        data = _with_isovalues(WholeFile(data, limits), edit.isovalues)
+        data = _with_isovalues(data, limits, edit.isovalues)
     if edit.profile is not None or edit.precision is not None:
-        data = recoded_as(WholeFile(data, limits), edit.profile, edit.precision, edit.keep_topology)
+        data = _recoded_as(data, limits, edit.profile, edit.precision, edit.keep_topology)
     if edit.layers is not None or edit.size is not None:
         data = truncate(data, layers=edit.layers, max_bytes=edit.size, limits=limits)
     return data
+
+
+def edited_tiles(tiled: TiledFile, limits: Limits | None, edit: Edit) -> bytes:
+    """Apply the changes to a tiled file, which stays one if only layers or a size are asked for."""
+    recoded = edit.profile is not None or edit.precision is not None
+    if edit.window is None and not recoded and edit.isovalues is None:
+        return _shorter_tiles(tiled, edit.layers, edit.size)
+    data = extracted(tiled, edit.window, edit.isovalues)
+    if not (recoded or edit.layers or edit.size):
+        return data
+    return edited(data, limits, replace(edit, window=None, isovalues=None))
 
 
 def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> bytes:
@@ -88,29 +87,34 @@ def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> by
                       remedy="allow more bytes")
 
 
-def _cropped(whole: WholeFile, window: Sequence[Sequence[float]]) -> bytes:
+def _cropped(data: bytes, limits: Limits | None, window: Sequence[Sequence[float]]) -> bytes:
     """Crop all frames of a grid's file to a window of samples."""
-    held = held_by(whole.data, whole.limits)
-    low, size = box_of(held.header.shape, window, whole.limits or Limits())
+    kind = kind_of(data, limits)
+    if ("window", kind) in IMPOSSIBLE:
+        raise impossible("window", kind)
+    held = held_by(data, limits)
+    low, size = box_of(held.header.shape, window, limits or Limits())
     frames = [[cropped(one, low, size) for one in sources] for sources in held.frames]
     # ends of curves at the border of a box may be farther away than a promise about the whole
     held = replace(held, frames=frames, metadata=moved_notes(held.metadata, low), promised=[None] * len(held.promised))
     return same_again(held, Options(profile=held.profile, metadata=held.kept_notes), expected=False)
 
 
-def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
+def _with_isovalues(data: bytes, limits: Limits | None, isovalues: Sequence[float]) -> bytes:
     """Keep some isovalues of a file: copy their chunks, or re-encode if one is predicted from one that is dropped."""
-    if whole.kind == "surface":
+    kind = kind_of(data, limits)
+    if kind == "surface":
         raise impossible("isovalues", "surface")
     if not len(isovalues):
         raise OptionError("no isovalue is given", code="isovalue", remedy="give one")
-    numbers = sorted({whole.info.number_of(one) for one in isovalues})
+    info = inspect(data, limits=limits)
+    numbers = sorted({info.number_of(one) for one in isovalues})
     try:
-        return chosen(whole.data, numbers)
+        return chosen(data, numbers)
     except OptionError as error:
-        if error.code != "lean" or whole.kind == "mesh":
+        if error.code != "lean" or kind == "mesh":
             raise
-    held = held_by(whole.data, whole.limits)
+    held = held_by(data, limits)
     held = replace(
         held, frames=[[one[number] for number in numbers] for one in held.frames],
         contours=[[one[number] for number in numbers] for one in held.contours],
@@ -119,7 +123,9 @@ def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
     return same_again(held, Options(profile=held.profile, metadata=held.kept_notes))
 
 
-def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, keep_topology: bool) -> bytes:
+def _recoded_as(
+    data: bytes, limits: Limits | None, profile: ProfileName | None, precision: Any, keep_topology: bool
+) -> bytes:
     """Re-encode the curves of a file in another profile, or less precisely.
 
     Raises
@@ -133,15 +139,16 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
     if "," in wanted.world or wanted.smooth or not single:
         raise OptionError(f"precision {precision!r} does not apply to edits", code="precision",
                           remedy='give "signs", or a distance')
-    if whole.kind in ("mesh", "surface"):
+    kind = kind_of(data, limits)
+    if kind in ("mesh", "surface"):
         if profile not in (None, "main"):
             raise OptionError(f"profile {profile!r} does not apply to meshes and surfaces, which have the profile main",
                               code="profile")
         if wanted.default:
-            return whole.data
-        if whole.kind == "mesh" and wanted.signs:
-            return signs_of(whole.data)
-    held = held_by(whole.data, whole.limits)
+            return data
+        if kind == "mesh" and wanted.signs:
+            return signs_of(data)
+    held = held_by(data, limits)
     notes = held.kept_notes if wanted.default else last_promise(held.metadata)
     if not wanted.default:
         notes.pop(SMOOTHING, None)

@@ -28,7 +28,7 @@ from ..io.formats import (
     write,
 )
 from ..limits import Budget, Limits
-from .drawings import Counts, Drawings, OneByOne
+from .drawings import Counts, Drawings, Fewer, OneByOne
 
 if TYPE_CHECKING:
     from ..stream.inspect import FileInfo
@@ -70,6 +70,8 @@ class Wanted:
         Draw curves through missing samples; areas are always closed along these.
     capped : bool
         Close surfaces in space where they leave the field, around the side.
+    simplify : str, optional
+        Leave out points of lines, which stay within this distance: ``30m``, or cells.
     options : OutputOptions
     """
 
@@ -79,6 +81,7 @@ class Wanted:
     view: Mapping[str, Any] = field(default_factory=dict)
     through_holes: bool = False
     capped: bool = False
+    simplify: str | None = None
     options: OutputOptions = USUAL
 
 
@@ -125,6 +128,9 @@ class Exported:
             if progress is not None:
                 progress(len(self.drawings) + 1, len(self.drawings) + 1)
             self.count(self.drawings.counts, self.drawings.shape, self.drawings.n)
+            if isinstance(self.drawings, Fewer):
+                self.facts |= self.drawings.facts
+                self.text += self.drawings.text
         return written.bytes
 
     def count(self, counts: Sequence[Counts], shape: Sequence[int], n: int) -> None:
@@ -207,7 +213,9 @@ def check_names(what: str, attribute: str | None) -> None:
                           remedy=("leave it out", "--attribute elev", "--attribute low,high")[most])
 
 
-def drawn(what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any, **options: Any) -> Exported:
+def drawn(
+    what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any, progress: Any = None, **options: Any
+) -> Exported:
     """Prepare the contours of a field in a form that the format of ``path`` can hold, without an ``.iso`` file.
 
     Parameters
@@ -218,6 +226,8 @@ def drawn(what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any
         ``curve``, ``areas`` or ``bands``.
     isovalue : object
         As for `encode`, but of any number of isovalues.
+    progress : callable, optional
+        Called while contours are drawn to be simplified.
     **options
         Of `encode`, for curves as a file of these options has them.
 
@@ -235,9 +245,10 @@ def drawn(what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any
         one = f"at the isovalue {contours.isovalues[0]:g}" if len(contours) == 1 else "at any of the isovalues"
         raise InputError(f"the data have no contours {one}", code="isovalue",
                          remedy="choose isovalues within the data")
-    thing: Any = contours if shown == "curve" else Areas(contours, _side(wanted), contours.valid)
+    shown_ones = contours if wanted.simplify is None else Fewer(contours, wanted.simplify, progress)
+    thing: Any = shown_ones if shown == "curve" else Areas(shown_ones, _side(wanted), contours.valid)
     check(path, thing_of(thing), wanted.options)
-    return Exported(thing, {}, "", options=wanted.options, drawings=contours)
+    return Exported(thing, {}, "", options=wanted.options, drawings=shown_ones)
 
 
 def _side(wanted: Wanted) -> str:
@@ -251,8 +262,8 @@ def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Export
     if isinstance(contours, OneByOne):
         return Exported(contours, {}, "", drawings=contours)
     alone = wanted.isovalue is None and len(contours) == 1
-    return _counted(contours if len(contours) > 1 else contours[0], contours,
-                    _others_in(file, contours[0].isovalue) if alone else [])
+    remarks = _others_in(file, contours[0].isovalue) if alone else []
+    return _counted(contours if len(contours) > 1 else contours[0], contours, remarks)
 
 
 def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
@@ -264,9 +275,10 @@ def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exporte
     return _counted(what, contours, [])
 
 
-def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Drawings | list[Contour]:
+def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> OneByOne | list[Contour]:
     """Decode all isovalues that the format can hold, or the one wanted, within the memory limit."""
-    from .files import Viewed, WholeFile
+    from .files import WholeFile
+    from .operations import Viewed
 
     view = {**wanted.view, "progress": progress}
     kind = _KINDS[wanted.what or "curve"]
@@ -275,10 +287,10 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Draw
     several = kind != "areas"
     every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
     if every and suffix in suffixes_of(Thing(kind, len(file.shape) or None, several)):
-        in_turn = "within" not in view and not wanted.capped
-        if isinstance(file.held, WholeFile) and file.kind in ("grid", "series") and in_turn:
+        in_turn = "within" not in view and not wanted.capped and wanted.simplify is None
+        if isinstance(file, WholeFile) and file.kind in ("grid", "series") and in_turn:
             chosen = Viewed(**view)
-            drawings = Drawings(file.held.received(None, chosen), chosen)
+            drawings = Drawings(file.received(None, chosen), chosen)
             if len(drawings) > 1:
                 return drawings
             contours = [*drawings]
@@ -290,7 +302,7 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Draw
     held = sum(one.points.nbytes + one.cells.nbytes for one in contours)
     sizes = [(len(one.points), len(one.cells)) for one in contours]
     _check_memory(file, held + max(COST.peak(*size) for size in sizes) + sum(COST.after(*size) for size in sizes[1:]))
-    return contours
+    return contours if wanted.simplify is None else Fewer(contours, wanted.simplify)
 
 
 def _check_memory(file: IsoFile, held: int) -> None:
@@ -319,13 +331,14 @@ def _others_in(file: IsoFile, isovalue: float) -> list[str]:
 
 
 def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
-    from .files import Viewed, WholeFile
+    from .files import WholeFile
+    from .operations import Viewed
 
     name, isovalue, remarks = str(wanted.what), wanted.isovalue, list[str]()
     view = {key: wanted.view[key] for key in ("frame", "partial") if key in wanted.view}
-    if name == "above" and isinstance(file.held, WholeFile) and file.kind in ("grid", "series"):
+    if name == "above" and isinstance(file, WholeFile) and file.kind in ("grid", "series"):
         # bytes after the layers of the isovalue may be damaged
-        decoder, number = file.held.decoded(isovalue, Viewed(**view))
+        decoder, number = file.decoded(isovalue, Viewed(**view))
         values, placement, complete = decoder.grid.above(number), decoder.grid.placement, decoder.frames > decoder.frame
         remarks = _others(decoder.isovalues, decoder.isovalues[number], decoder.metadata) if isovalue is None else []
         isovalue = decoder.isovalues[number]

@@ -1,17 +1,15 @@
-"""Files of each kind and their operations: grids, values on meshes, triangulated surfaces, files in tiles."""
+"""Files whose bytes are all in memory, and tiled files: what each does where `IsoFile` is asked."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from numbers import Integral
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..deferred import dataclass
 from ..drawing.window import clipped, reaching
 from ..errors import FormatError, IsoError, OptionError, TruncatedError
 from ..field.labelling import is_of_labels
@@ -20,6 +18,9 @@ from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
+from .editing import Edit, edited, edited_tiles
+from .isofile import IsoFile
+from .operations import IMPOSSIBLE, ONE_FRAME, Viewed, impossible
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -28,99 +29,11 @@ if TYPE_CHECKING:
     from ..tiles.tiled import TiledFile
     from ..tin.tin import Tin
 
-Progress = Callable[[int, int], object]
-NO_SURFACE = "this file has no triangulated surface: it stores only the samples or vertices next to its curves"
-IMPOSSIBLE: dict[tuple[str, str], str] = {
-    ("surface", "grid"): NO_SURFACE,
-    ("surface", "series"): NO_SURFACE,
-    ("surface", "mesh"): NO_SURFACE,
-    ("surface", "tiles"): NO_SURFACE,
-    ("window", "mesh"): "a window cannot be cut out of a file on a mesh: its cells and signs depend on the whole mesh",
-    ("window", "surface"): "a window cannot be cut out of a triangulated surface: its triangles depend on all of its "
-                           "points",
-    ("decoder", "tiles"): "a tiled file cannot be decoded as a stream: its parts are read when they are needed, not "
-                          "in order",
-    ("labels", "mesh"): "only files of grids have labels; this file holds curves on a mesh",
-    ("labels", "surface"): "only files of grids have labels; this file holds a triangulated surface",
-    ("labels", "tiles"): "only files of grids have labels; this file holds curves in tiles",
-    ("isovalues", "surface"): "a triangulated surface has no stored isovalues to choose from; a contour can be drawn "
-                              "at any value",
-    ("merge", "surface"): "triangulated surfaces cannot be merged: a file holds only one",
-}
-"""Operations that a kind of file cannot have, each with its error message; `OPERATIONS` lists all operations."""
-OPERATIONS = (
-    "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
-    "statistics", "verify", "notebook", "layers", "size", "window", "isovalues", "profile", "merge", "decoder",
-)
-"""Operations on files."""
-
-ONE_FRAME = "it holds only one frame; to make a series, encode isocodec.Frames, or use --frames"
-"""Remedy if a file does not have the frame asked for."""
-
-
-def impossible(operation: str, kind: str) -> OptionError:
-    """Make the error for an operation that a kind of file cannot have."""
-    return OptionError(IMPOSSIBLE[operation, kind], code="kind")
-
-
 _INTEGERS, _FLOATS = ("u1", "i1", "u2", "i2", "u4", "i4", "i8"), ("f2", "f4")
 """Types of labels that are tried, the smallest first; others are f8."""
-_NAMES = {
-    "grid": "curves of a grid", "series": "a series of frames", "mesh": "curves on a mesh",
-    "surface": "a triangulated surface", "tiles": "curves in tiles",
-}
 
 
-class ViewOptions(TypedDict, total=False):
-    """The parameters of `IsoFile.contour`, by name."""
-
-    frame: int | None
-    layers: int | None
-    max_bytes: int | None
-    window: Sequence[Sequence[float]] | None
-    within: float | Callable[..., float] | None
-    smooth: bool | None
-    through_holes: bool
-    partial: bool
-    progress: Progress | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Viewed:
-    """Request of what to draw from a file: `ViewOptions`, checked."""
-
-    frame: int | None = None
-    layers: int | None = None
-    max_bytes: int | None = None
-    window: Sequence[Sequence[float]] | None = None
-    within: Any = None
-    smooth: bool | None = None
-    through_holes: bool = False
-    partial: bool = False
-    progress: Progress | None = None
-
-    def __post_init__(self) -> None:
-        check_count(self.layers, "layers")
-        check_count(self.max_bytes, "max_bytes")
-        if self.frame is not None and (
-            isinstance(self.frame, bool) or not isinstance(self.frame, Integral) or self.frame < 0
-        ):
-            raise OptionError(f"frame is {self.frame}; it must be an integer, 0 or greater", code="frame")
-
-    def refuse(self, kind: str, *names: str) -> None:
-        """Raise `OptionError` if one of these parameters, which do not apply to a kind of file, is given."""
-        for name in names:
-            if getattr(self, name) not in (None, False):
-                raise OptionError(f"{name} does not apply to {_NAMES[kind]}", code=name.replace("_", "-"))
-
-
-def check_count(count: int | None, name: str) -> None:
-    """Refuse a count that is not an integer of at least 1."""
-    if count is not None and not (isinstance(count, Integral) and not isinstance(count, bool) and count >= 1):
-        raise OptionError(f"{name} is {count}; it must be an integer of at least 1", code=name.replace("_", "-"))
-
-
-class WholeFile:
+class WholeFile(IsoFile):
     """A file whose bytes are all in memory: of a grid, of values on a mesh, or of a surface.
 
     Parameters
@@ -134,9 +47,12 @@ class WholeFile:
     def __init__(
         self, data: bytes, limits: Limits | None, mesh: tuple[ArrayLike, ArrayLike] | None = None
     ) -> None:
-        self.data = data
-        self.limits = limits
-        self.mesh_given = mesh
+        self._data, self.limits, self.mesh_given = data, limits, mesh
+
+    @property
+    def data(self) -> bytes:
+        """The bytes of the file."""
+        return self._data
 
     @cached_property
     def info(self) -> FileInfo:
@@ -166,8 +82,7 @@ class WholeFile:
 
     # -- drawings ------------------------------------------------------------------------------------------------
 
-    def contour(self, isovalue: float | None, view: Viewed) -> Contour:
-        """Decode the curve or surface of an isovalue; see `IsoFile.contour`."""
+    def _contour(self, isovalue: float | None, view: Viewed) -> Contour:
         if self.kind == "surface":
             from ..stream.surface_contents import contour_of_tin
 
@@ -177,19 +92,17 @@ class WholeFile:
         decoder, number = self.decoded(isovalue, view)
         return clipped(_drawn(decoder, [number], view)[0], view.window)
 
-    def contours(self, view: Viewed) -> list[Contour]:
-        """Decode the curves or surfaces of all isovalues; see `IsoFile.contours`."""
+    def _contours(self, view: Viewed) -> list[Contour]:
         if self.kind == "surface":
             return []
         if self.kind == "mesh":
             view.refuse("mesh", "smooth", "through_holes", "within")
         if view.layers is not None or view.within is not None:
-            return [self.contour(isovalue, view) for isovalue in self.info.isovalues]
+            return [self._contour(isovalue, view) for isovalue in self.info.isovalues]
         decoder = self.received(None, view)
         return [clipped(one, view.window) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
 
-    def each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
-        """Decode the contours frame by frame; at most two frames are in memory."""
+    def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
         yield from frames_of([self.data], smooth=smooth, partial=partial, mesh=self.mesh_given, limits=self.limits)
 
     def decoded(self, isovalue: float | None, view: Viewed) -> tuple[Decoder, int]:
@@ -261,8 +174,7 @@ class WholeFile:
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
-    def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
-        """Find which samples or vertices lie above an isovalue; see `IsoFile.above`."""
+    def _above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         if self.kind == "surface":
             if isovalue is None:
                 raise OptionError("the file holds a surface: give the isovalue that its samples are to be compared "
@@ -274,8 +186,7 @@ class WholeFile:
             return decoder.on_mesh.above(number)
         return decoder.grid.above(number)
 
-    def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
-        """Find which samples are valid; see `IsoFile.valid`."""
+    def _valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         if self.kind == "surface":
             tin = self._tin(Viewed(max_bytes=max_bytes))
             return np.ones(len(tin.values), np.bool_) if tin.shape is None else ~np.isnan(tin.raster())
@@ -287,8 +198,7 @@ class WholeFile:
             decoder.close()
         return decoder.take().grid.valid()
 
-    def labels(self, view: Viewed) -> NDArray[Any]:
-        """Decode the label of each sample; see `IsoFile.labels`."""
+    def _labels(self, view: Viewed) -> NDArray[Any]:
         if ("labels", self.kind) in IMPOSSIBLE:
             raise impossible("labels", self.kind)
         if not is_of_labels(self.info.metadata):
@@ -296,16 +206,14 @@ class WholeFile:
         decoder = self.received(None, view)
         return labelled(map(decoder.grid.above, range(len(decoder.isovalues))), decoder.isovalues)
 
-    def surface(self, view: Viewed) -> Tin:
-        """Decode the triangulated surface; see `IsoFile.surface`."""
+    def _surface(self, view: Viewed) -> Tin:
         if self.kind == "mesh" and self.info.domain is None:
             raise TruncatedError("the file ends before its mesh begins", code="truncated", offset=self.size)
         if self.kind != "surface":
             raise impossible("surface", self.kind)
         return self._tin(view)
 
-    def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
-        """Decode the mesh that the curve of an isovalue is coded on; see `IsoFile.mesh`."""
+    def _mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         if self.kind == "mesh":
             view.refuse("mesh", "smooth", "through_holes", "within")
         if self.kind == "surface":
@@ -325,14 +233,20 @@ class WholeFile:
             return _cut(decoder.on_mesh.mesh(number, whole), view.window)
         return _cut(decoder.grid.mesh(number, whole), view.window)
 
+    def _edited(self, edit: Edit) -> bytes:
+        return edited(self.data, self.limits, edit)
+
+    def on(self, points: NDArray[Any], cells: NDArray[Any]) -> IsoFile:
+        """Return the same file with the mesh that it was made on."""
+        return WholeFile(self.data, self.limits, (points, cells))
+
     def statistics(self) -> FileStatistics:
-        """Count what the file spends its bits on; see `IsoFile.statistics`."""
         from ..stream.statistics import statistics
 
         return statistics(self.data, self.limits, mesh=self.mesh_given)
 
 
-class TileFile:
+class TileFile(IsoFile):
     """A tiled file, whose tiles are read when they are needed.
 
     Parameters
@@ -340,12 +254,13 @@ class TileFile:
     tiled : TiledFile
     """
 
-    kind = "tiles"
-    frames = 1
-
     def __init__(self, tiled: TiledFile, limits: Limits | None) -> None:
-        self.tiled = tiled
-        self.limits = limits
+        self.tiled, self.limits = tiled, limits
+
+    @property
+    def kind(self) -> str:
+        """Kind of the file, ``tiles``."""
+        return "tiles"
 
     @property
     def data(self) -> bytes:
@@ -381,8 +296,7 @@ class TileFile:
             tiles=head.grid.counts,
         )
 
-    def contour(self, isovalue: float | None, view: Viewed) -> Contour:
-        """Decode the curve or surface of an isovalue in a window; see `IsoFile.contour`."""
+    def _contour(self, isovalue: float | None, view: Viewed) -> Contour:
         number = self.tiled.number_of(isovalue)
         return next(self._windows([number], view))
 
@@ -413,13 +327,11 @@ class TileFile:
         if frame:
             raise OptionError(f"the file has no frame {frame}", code="frame", remedy=ONE_FRAME)
 
-    def contours(self, view: Viewed) -> list[Contour]:
-        """Decode the curves or surfaces of all isovalues; see `IsoFile.contours`."""
+    def _contours(self, view: Viewed) -> list[Contour]:
         return [*self._windows(range(len(self.tiled.isovalues)), view)]
 
-    def each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
-        """Decode the contours of the only frame."""
-        yield self.contours(Viewed(smooth=smooth, partial=partial))
+    def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
+        yield self._contours(Viewed(smooth=smooth, partial=partial))
 
     def whole(self, window: Sequence[Sequence[float]] | None = None) -> WholeFile:
         """Extract a window, or everything, as an ordinary file without tiles."""
@@ -427,9 +339,8 @@ class TileFile:
 
         return WholeFile(extracted(self.tiled, window), self.limits)
 
-    def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
-        """See `IsoFile.above`."""
-        return self._in_one_piece(view).above(isovalue, self._at_stage(view.layers))
+    def _above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
+        return self._in_one_piece(view)._above(isovalue, self._at_stage(view.layers))
 
     def _in_one_piece(self, view: Viewed) -> WholeFile:
         """Extract the samples and simplices of a view as an ordinary file."""
@@ -442,24 +353,22 @@ class TileFile:
         stages = self.tiled.head.stages
         return Viewed() if layers is None or layers >= len(stages) else Viewed(within=2.0 ** stages[layers - 1].edge)
 
-    def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
-        """See `IsoFile.valid`."""
+    def _valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         return self.whole().valid()
 
-    def labels(self, view: Viewed) -> NDArray[Any]:
-        """Refuse: see `IsoFile.labels`."""
+    def _labels(self, view: Viewed) -> NDArray[Any]:
         raise impossible("labels", "tiles")
 
-    def surface(self, view: Viewed) -> Tin:
-        """Refuse: see `IsoFile.surface`."""
+    def _surface(self, view: Viewed) -> Tin:
         raise impossible("surface", "tiles")
 
-    def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
-        """See `IsoFile.mesh`."""
-        return self._in_one_piece(view).mesh(isovalue, self._at_stage(view.layers), whole)
+    def _mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
+        return self._in_one_piece(view)._mesh(isovalue, self._at_stage(view.layers), whole)
+
+    def _edited(self, edit: Edit) -> bytes:
+        return edited_tiles(self.tiled, self.limits, edit)
 
     def statistics(self) -> FileStatistics:
-        """See `IsoFile.statistics`."""
         return self.whole().statistics()
 
 

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isospec.container import SIGNATURE, TILED_SIGNATURE
-
-from ..errors import IsoError, OptionError, TruncatedError
+from ..errors import IsoError
 from ..field.placement import CRS, Placement, read_placement
-from ..format.chunks import whole_bytes
-from ..format.header import HEAD_BYTES, is_tiled
 from ..limits import Limits
-from ..storage.content import Readable, content, is_url
-from ..storage.ranges import NoRangesError, ranges_of
 from ..stream.inspect import FileInfo
 from ..stream.promises import promise_of
-from .files import TileFile, Viewed, ViewOptions, WholeFile
-from .selfcheck import check_kernels
+from .operations import Viewed, ViewOptions
 
 if TYPE_CHECKING:
     from typing import Self, Unpack
@@ -32,6 +23,7 @@ if TYPE_CHECKING:
     from ..stream.options import ProfileName
     from ..stream.statistics import FileStatistics
     from ..tin.tin import Tin
+    from .editing import Edit
     from .verification import Verified
 
 _DRAWN = 16
@@ -58,14 +50,14 @@ class IsoFile:
     metadata : dict of str to str
         Notes of the file.
     complete : bool
-        Whether the file is complete.
+        Whether the file is complete and, unless it is tiled, its checksum is correct.
     limits : Limits or None
+    mesh_given : (points, cells) or None
+        The mesh that the file was made on, if it was given.
     """
 
-    def __init__(self, held: WholeFile | TileFile) -> None:
-        self.held = held
-        self.limits = held.limits
-        self.mesh_given = getattr(held, "mesh_given", None)
+    limits: Limits | None
+    mesh_given: tuple[ArrayLike, ArrayLike] | None = None
 
     def __enter__(self) -> Self:
         """Return the file itself: it is read by each method that needs bytes, so there is nothing to close."""
@@ -99,26 +91,6 @@ class IsoFile:
         return html_of(contours, {name: fact for name, fact in facts.items() if fact})
 
     @property
-    def kind(self) -> str:
-        """Kind of the file."""
-        return self.held.kind
-
-    @property
-    def size(self) -> int:
-        """Bytes of the file."""
-        return self.held.size
-
-    @property
-    def data(self) -> bytes:
-        """The bytes of the file; for a tiled file, this reads all of them."""
-        return self.held.data
-
-    @property
-    def info(self) -> FileInfo:
-        """Layers, chunks, offsets and promises, read without decoding."""
-        return self.held.info
-
-    @property
     def promise(self) -> str | None:
         """Precision that the complete file promises, in words: ``within 1m (0.034 cells)``; None if it is none.
 
@@ -137,11 +109,6 @@ class IsoFile:
         return tuple(self.info.isovalues)
 
     @property
-    def frames(self) -> int:
-        """Number of complete frames of a series; 1 for other files."""
-        return self.held.frames
-
-    @property
     def metadata(self) -> dict[str, str]:
         """Notes of the file."""
         return dict(self.info.metadata)
@@ -155,11 +122,6 @@ class IsoFile:
     def crs(self) -> str | None:
         """Reference system of the coordinates, as the file names it."""
         return self.metadata.get(CRS)
-
-    @property
-    def complete(self) -> bool:
-        """Whether the file is complete."""
-        return self.held.complete
 
     # -- drawings ------------------------------------------------------------------------------------------------
 
@@ -216,14 +178,14 @@ class IsoFile:
         InputError
             If the given mesh is not the one that the file was made on.
         """
-        return self.held.contour(isovalue, Viewed(
+        return self._contour(isovalue, Viewed(
             frame=frame, layers=layers, max_bytes=max_bytes, window=window, within=within, smooth=smooth,
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
     def contours(self, **view: Unpack[ViewOptions]) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the order of the file; see `contour`."""
-        return self.held.contours(Viewed(**view))
+        return self._contours(Viewed(**view))
 
     def each_frame(self, *, smooth: bool | None = None, partial: bool = False) -> Iterator[list[Contour]]:
         """Decode frame by frame; at most two frames are in memory.
@@ -241,7 +203,7 @@ class IsoFile:
         list of Contour
             Curves or surfaces of all isovalues, frame by frame. A file that is not a series has one frame.
         """
-        return self.held.each_frame(smooth, partial)
+        return self._each_frame(smooth, partial)
 
     def mesh(
         self, isovalue: float | None = None, *, whole: bool = False, **view: Unpack[ViewOptions]
@@ -261,7 +223,7 @@ class IsoFile:
         Tessellation
             Triangles or tetrahedra with their levels, vertices with their signs.
         """
-        return self.held.mesh(isovalue, Viewed(**view), whole)
+        return self._mesh(isovalue, Viewed(**view), whole)
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
@@ -287,14 +249,14 @@ class IsoFile:
         FormatError, LimitError
             As `contour`; ``limits.samples`` bounds the result.
         """
-        return self.held.above(isovalue, Viewed(**view))
+        return self._above(isovalue, Viewed(**view))
 
     def valid(self, *, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """Decode which samples are valid, that is, not missing: bool, in the shape of the field.
 
         With ``max_bytes``, only the first bytes of the file are decoded; an error is raised if they are too few.
         """
-        return self.held.valid(max_bytes)
+        return self._valid(max_bytes)
 
     def labels(
         self, *, frame: int | None = None, max_bytes: int | None = None, partial: bool = False
@@ -317,7 +279,7 @@ class IsoFile:
             If the isovalues of the file are not labels, if it does not have the frame, or if its mesh is coarser than
             the grid.
         """
-        return self.held.labels(Viewed(frame=frame, max_bytes=max_bytes, partial=partial))
+        return self._labels(Viewed(frame=frame, max_bytes=max_bytes, partial=partial))
 
     def surface(self, *, layers: int | None = None, max_bytes: int | None = None) -> Tin:
         """Decode a triangulated surface, its first layers, or as much of it as the first ``max_bytes`` bytes hold.
@@ -327,13 +289,13 @@ class IsoFile:
         OptionError
             If the file is of another kind.
         """
-        return self.held.surface(Viewed(layers=layers, max_bytes=max_bytes))
+        return self._surface(Viewed(layers=layers, max_bytes=max_bytes))
 
     # -- checks and other files ------------------------------------------------------------------------------------
 
     def statistics(self) -> FileStatistics:
         """Decode the file and count its bits by layer and by isovalue."""
-        return self.held.statistics()
+        raise NotImplementedError
 
     def verify(
         self, field: Any, *, frame: int | None = None, within: float | str | None = None
@@ -365,7 +327,7 @@ class IsoFile:
         """
         from .verification import verified
 
-        return verified(self.held, field, frame, within)
+        return verified(self, field, frame, within)
 
     def edited(
         self, *, layers: int | None = None, size: int | None = None, window: Sequence[Sequence[float]] | None = None,
@@ -405,108 +367,69 @@ class IsoFile:
             If no change is asked for, or the file cannot be changed in this way.
         FormatError, LimitError
         """
-        from .editing import Edit, edited
+        from .editing import Edit
 
-        return edited(self.held, Edit(layers, size, window, isovalues, profile, precision, keep_topology))
+        return self._edited(Edit(layers, size, window, isovalues, profile, precision, keep_topology))
 
+    # -- of each kind of file ------------------------------------------------------------------------------------
 
-def open(
-    source: Readable, *, mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None
-) -> IsoFile:
-    """Open an ``.iso`` file of any kind.
+    @property
+    def kind(self) -> str:
+        """Kind of the file."""
+        raise NotImplementedError
 
-    Parameters
-    ----------
-    source : path, URL, file object or bytes
-    mesh : (points, cells), optional
-        The mesh that was encoded, for files that do not store their mesh.
-    limits : Limits, optional
-        Limits on memory and work for decoding, for untrusted files.
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        raise NotImplementedError
 
-    Returns
-    -------
-    IsoFile
-        An open file, whose header and notes have been read; curves are decoded when they are asked for. A tiled file is
-        read only as far as needed. Nothing is kept open: a ``with`` statement may be used, but is not needed.
+    @property
+    def frames(self) -> int:
+        """Number of complete frames of a series; 1 for other files."""
+        return 1
 
-    Raises
-    ------
-    OSError
-        If it cannot be opened.
-    FormatError
-        If it is not an ``.iso`` file.
-    OptionError
-        If a mesh is given for a file of another kind.
-    LimitError
-        If it has more bytes than the limits allow.
+    @property
+    def complete(self) -> bool:
+        """Whether the file is complete and, unless it is tiled, its checksum is correct."""
+        raise NotImplementedError
 
-    Examples
-    --------
-    >>> import isocodec
-    >>> file = isocodec.open("terrain.iso")      # doctest: +SKIP
-    >>> file.isovalues, file.contour().points    # doctest: +SKIP
-    """
-    check_kernels()
-    file = _opened(source, mesh, limits)
-    # raises an error if this is not an .iso file
-    if file.kind != "mesh" and mesh is not None:
-        raise OptionError(f"a file of kind {file.kind} takes no mesh", code="mesh",
-                          remedy="leave it out")
-    return file
+    @property
+    def data(self) -> bytes:
+        """The bytes of the file; for a tiled file, this reads all of them."""
+        raise NotImplementedError
 
+    @property
+    def info(self) -> FileInfo:
+        """Layers, chunks, offsets and promises, read without decoding."""
+        raise NotImplementedError
 
-def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: Limits | None) -> IsoFile:
-    """Open a file without checking its kind."""
-    if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
-        return tiled
-    data = whole_bytes(content(source, limits, (SIGNATURE, TILED_SIGNATURE)))
-    if not data:
-        raise TruncatedError("the file is empty", code="truncated", offset=0, clause="3.3")
-    if is_tiled(data):
-        from ..tiles.tiled import TiledFile
+    def on(self, points: NDArray[Any], cells: NDArray[Any]) -> IsoFile:
+        """Return the same file with the mesh that it was made on."""
+        raise NotImplementedError
 
-        return IsoFile(TileFile(TiledFile(ranges_of(data), limits), limits))
-    return IsoFile(WholeFile(data, limits, mesh))
+    def _contour(self, isovalue: float | None, view: Viewed) -> Contour:
+        raise NotImplementedError
 
+    def _contours(self, view: Viewed) -> list[Contour]:
+        raise NotImplementedError
 
-def decode(
-    source: Readable, isovalue: float | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
-    limits: Limits | None = None, **view: Unpack[ViewOptions],
-) -> Contour:
-    """Decode a file to its curve or surface: ``open(source).contour(isovalue)``.
+    def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
+        raise NotImplementedError
 
-    Parameters
-    ----------
-    source : path, URL, file object or bytes
-    isovalue : float, optional
-    mesh, limits
-        As for `open`.
-    view
-        Parameters of `IsoFile.contour`: ``frame``, ``layers``, ``max_bytes``, ``window``, ``within``, ``smooth``,
-        ``through_holes``, ``partial``, ``progress``.
+    def _mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
+        raise NotImplementedError
 
-    Returns
-    -------
-    Contour
-    """
-    return open(source, mesh=mesh, limits=limits).contour(isovalue, **view)
+    def _above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
+        raise NotImplementedError
 
+    def _valid(self, max_bytes: int | None) -> NDArray[np.bool_]:
+        raise NotImplementedError
 
-def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile | None:
-    """Open the tiled file at a path or URL; its tiles are read when they are needed.
+    def _labels(self, view: Viewed) -> NDArray[Any]:
+        raise NotImplementedError
 
-    Returns None if the file is not tiled, comes through a pipe, or if its server does not support range requests.
-    """
-    if not is_url(source) and os.path.exists(source) and not os.path.isfile(source):
-        return None
-    fetch = ranges_of(source)
-    try:
-        (first,) = fetch([(0, HEAD_BYTES)])
-    except NoRangesError as error:
-        warnings.warn(f"{error.message}: all of it is read", stacklevel=5)
-        return None
-    if not is_tiled(first):
-        return None
-    from ..tiles.tiled import TiledFile
+    def _surface(self, view: Viewed) -> Tin:
+        raise NotImplementedError
 
-    return IsoFile(TileFile(TiledFile(fetch, limits, first), limits))
+    def _edited(self, edit: Edit) -> bytes:
+        raise NotImplementedError

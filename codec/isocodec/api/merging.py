@@ -18,8 +18,9 @@ from ..storage.content import Readable
 from ..stream.options import Options
 from ..stream.promise_note import PROMISE, last_promise
 from ..stream.splicing import spliced
-from .files import TileFile, impossible
-from .isofile import open
+from .files import TileFile
+from .opening import open
+from .operations import impossible
 from .recoding import Held, held_by, same_again
 
 if TYPE_CHECKING:
@@ -58,22 +59,22 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     """
     if isinstance(files, str | bytes) or not len(files):
         raise OptionError("no files to merge", code="files", remedy="give a sequence of files")
-    opened = [open(file, limits=limits).held for file in files]
-    kinds = [held.kind for held in opened]
+    opened = [open(file, limits=limits) for file in files]
+    kinds = [file.kind for file in opened]
     if "surface" in kinds:
         raise impossible("merge", "surface")
-    if any(is_of_labels(held.info.metadata) for held in opened):
+    if any(is_of_labels(file.info.metadata) for file in opened):
         raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
-    whole = [held.whole() if isinstance(held, TileFile) else held for held in opened]
+    whole = [file.whole() if isinstance(file, TileFile) else file for file in opened]
     _check_one_place([each.info.metadata for each in whole])
     if {"mesh", "series"} & set(kinds):
-        others = {held.info.profile for held in whole} - {profile}
+        others = {file.info.profile for file in whole} - {profile}
         if profile is not None and others:
             raise OptionError(
                 f"profile {profile!r} does not apply where series or meshes are merged: they keep theirs, "
                 f"{' and '.join(sorted(others))}", code="profile", remedy="leave it out, or re-encode each file first",
             )
-        return spliced([held.data for held in whole])
+        return spliced([file.data for file in whole])
     all_held = [held_by(each.data, limits, f"file {i}") for i, each in enumerate(whole, start=1)]
     _check_one_field(all_held)
     metadata: dict[str, str] = {}

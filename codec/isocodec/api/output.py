@@ -30,9 +30,9 @@ def read_of(file: IsoFile) -> tuple[str, dict[str, int]]:
     """Bytes read from a tiled file, as text and for programs; empty for other files."""
     from .files import TileFile
 
-    if not isinstance(file.held, TileFile):
+    if not isinstance(file, TileFile):
         return "", {}
-    tiled = file.held.tiled
+    tiled = file.tiled
     pieces = "piece" if tiled.requests == 1 else "pieces"
     text = f", {tiled.received:,} bytes read in {tiled.requests} {pieces} of a file of {file.size:,}"
     return text, {"read": tiled.received, "pieces": tiled.requests}

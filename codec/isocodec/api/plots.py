@@ -20,7 +20,8 @@ from ..plotting.panels import StepPanel, check_picture, panels_picture
 from ..plotting.scene import USUAL, drawing, rotation
 from ..stream.isovalues import isovalues_of, range_of
 from .export import counted
-from .isofile import IsoFile, open
+from .isofile import IsoFile
+from .opening import open
 from .tracing import Traced
 
 Progress = Callable[[int, int], object]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from ..drawing.contour import Contour
+from ..drawing.simplifying import simplified
 from ..drawing.tessellation import Tessellation
 from ..errors import InputError, OptionError
 from ..field.framed import Frames
@@ -40,6 +41,7 @@ def save(
     | SpatialImage,
     isovalue: Isovalues | None = None,
     *,
+    simplify: float | str | None = None,
     tile: int | None = None,
     engine: Engine | None = None,
     workers: int | None = None,
@@ -60,6 +62,9 @@ def save(
     isovalue : optional
         Isovalues to encode, as for `encode`, or to draw, as many as wanted; or isovalues of the file whose contours are
         to be written.
+    simplify : float or str, optional
+        Not for ``.iso``: leave out points of lines, which stay within this distance, in cells or ``"30m"`` on the
+        ground; no line crosses another (`isocodec.drawing.simplifying.simplified`).
     tile : int, optional
         Write a tiled file, with tiles of this many samples along each axis: a power of two from 32 to 8192 (1024 in 2-D
         and 128 in 3-D are usual). ``what`` is a Field, or anything that has ``shape``, ``dtype`` and slices: an array
@@ -101,13 +106,16 @@ def save(
         if options.keys() - _OF_CURVES or tile is not None:
             raise OptionError(f"options of encoding do not apply to {suffix or 'a name without a suffix'}",
                               code="options", remedy="choose a name that ends in .iso")
-        if not _write_other(path, what, isovalue, suffix, bool(options)):
+        if not _write_other(path, what, isovalue, suffix, bool(options), simplify):
             from .export import Wanted, drawn
 
             field = taken(native(what))
             field = field if isinstance(field, Frames | Mesh) else field_of(field)
-            drawn(field, path, Wanted(), isovalue, **options).write(path, progress)
+            wanted = Wanted(simplify=None if simplify is None else str(simplify))
+            drawn(field, path, wanted, isovalue, **options).write(path, progress)
         return
+    if simplify is not None:
+        raise OptionError("simplify does not apply to .iso files", code="simplify", remedy="use precision")
     if _contours(what) is not None:
         raise OptionError("contours cannot be written to an .iso file", code="suffix",
                           remedy="encode the field, or choose another suffix")
@@ -153,7 +161,9 @@ def save_tiles(
     return encode_tiles(path, what, tiling, progress=progress, resumed=resumed, **work)
 
 
-def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str, options: bool) -> bool:
+def _write_other(
+    path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str, options: bool, simplify: float | str | None
+) -> bool:
     """Write contours or a surface in another format than .iso; returns whether ``what`` is such."""
     from ..io.formats import Thing, check, write
     from ..tin.tin import Tin
@@ -165,7 +175,7 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
     if contours is not None and isovalue is not None:
         raise OptionError("isovalue does not apply to contours", code="options")
     if isinstance(what, bytes | IsoFile):
-        from .isofile import open
+        from .opening import open
 
         file = open(what) if isinstance(what, bytes) else what
         check(path, Thing("tin" if isovalue is None and file.kind == "surface" else "contour"))
@@ -174,6 +184,10 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
         else:
             values = isovalue if isinstance(isovalue, list | tuple) else [isovalue]
             contours = file.contours() if isovalue is None else [file.contour(value) for value in values]
+    if simplify is not None and made:
+        if not contours:
+            raise OptionError("simplify applies to lines only", code="simplify", remedy="leave it out")
+        contours = simplified(contours, simplify).contours
     if isinstance(what, Tin | Tessellation):
         write(path, what)
     elif contours:

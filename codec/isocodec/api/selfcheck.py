@@ -6,9 +6,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
-from pathlib import Path
 
-from ..errors import KernelError
 from ..kernel import kernels, untested
 
 __all__ = ["check_kernels", "digest", "kernels"]
@@ -49,17 +47,7 @@ def digest() -> str:
 
 @cache
 def check_kernels() -> None:
-    """Warn, once, if the kernels of a library that could not be run where it was built give different results here.
-
-    Raises
-    ------
-    KernelError
-        If the package lies in an archive.
-    """
-    home = Path(__file__).parent.parent
-    if not home.is_dir():
-        raise KernelError(f"{home} lies in an archive, from which no kernels can be loaded", code="kernel-library",
-                          remedy="unpack it, or install isocodec with pip")
+    """Warn, once, if kernels from a library that was never run where it was built give different results here."""
     if not untested():
         return
     found = digest()

@@ -108,14 +108,14 @@ class Traced(OneByOne):
 
     def _coded(self, isovalue: float) -> Contour:
         from .encoding import encode
-        from .files import Viewed, WholeFile
+        from .files import WholeFile
 
         what: Any = self._what
         if isinstance(what, Field) and what.labels is not None:
             what = replace(what, labels=(isovalue,))
         mesh = (what.points, what.cells) if isinstance(what, Mesh) and what.cells is not None else None
         data = encode(what, None if getattr(what, "labels", None) else isovalue, **self._options)
-        return WholeFile(data, None, mesh).contour(None, Viewed(through_holes=self._through_holes))
+        return WholeFile(data, None, mesh).contour(through_holes=self._through_holes)
 
 
 def _as_stored(

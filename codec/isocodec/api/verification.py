@@ -29,7 +29,6 @@ from ..stream.given import field_of
 from ..stream.inspect import FileInfo, inspect
 from ..stream.promise_note import noted, noted_exact
 from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, of_samples, of_tiles
-from .files import TileFile, Viewed, WholeFile
 from .native import native
 
 if TYPE_CHECKING:
@@ -117,16 +116,15 @@ class _Promise:
     step: float | None = None
 
 
-def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
+def verified(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Verify each isovalue of a file; see `IsoFile.verify`.
 
     For a file in tiles the joined curve is measured against that of the whole field. Such a file does not state which
     samples far from the curve are missing.
     """
     field = native(field)
-    if held.kind == "mesh":
-        assert isinstance(held, WholeFile)
-        return _on_mesh(held, field, frame, within)
+    if file.kind == "mesh":
+        return _on_mesh(file, field, frame, within)
     from ..stream.placing import without_folds
 
     if isinstance(field, str | os.PathLike):
@@ -136,24 +134,24 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if isinstance(field, Frames):
         raise InputError("holds no field but a series", code="field", remedy="choose a frame: frame=0")
     known = field_of(field)
-    if held.kind == "surface":
-        return _surface(held, known, within)
+    if file.kind == "surface":
+        return _surface(file, known, within)
     values, gone = without_holes(known.values, known.mask)
     gone = without_folds(known.placement, values.shape, gone)
-    contours = held.contours(Viewed(frame=frame))
-    placement = _placement(known, contours[0].placement, held.info.metadata)
-    if isinstance(held, TileFile):
-        _check_shape(values.shape, held.info.shape)
-        promise = _of_note(held, within, placement)
-        return [_of_grid(held, one, None, values, gone, promise) for one in contours]
-    info = held.info
+    contours = file.contours(frame=frame)
+    placement = _placement(known, contours[0].placement, file.info.metadata)
+    if file.kind == "tiles":
+        _check_shape(values.shape, file.info.shape)
+        promise = _of_note(file, within, placement)
+        return [_of_grid(file, one, None, values, gone, promise) for one in contours]
+    info = file.info
     if any(chunk.type == "cut_layers" for chunk in info.chunks):
-        info = inspect(held.data, symbols=True, limits=held.limits)
+        info = inspect(file.data, symbols=True, limits=file.limits)
     periodic = contours[0].placement.periodic if contours[0].placement is not None else ()
     if periodic:
         values, gone = closed(values, periodic), None if gone is None else closed(gone, periodic)
-    _check_shape(values.shape, tuple(info.shape), held.kind == "series")
-    valid = held.valid()
+    _check_shape(values.shape, tuple(info.shape), file.kind == "series")
+    valid = file.valid()
     if is_of_labels(info.metadata) and gone is not None and valid.all():
         # missing samples may have been encoded as ones without a label
         values, gone = np.where(gone, np.nan, values), None
@@ -168,7 +166,7 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
             promise = _of_layers(info, placement, frame or 0, number)
         else:
             promise = _given(within, placement, info.shape)
-        out.append(_of_grid(held, contour, frame, values, gone, promise))
+        out.append(_of_grid(file, contour, frame, values, gone, promise))
     return out
 
 
@@ -192,14 +190,14 @@ def _given(within: float | str, placement: Placement, shape: Sequence[int]) -> _
     return _Promise(found, f"within {text} ({cells_in_words(found)})", text)
 
 
-def _of_note(held: TileFile, within: float | str | None, placement: Placement) -> _Promise:
+def _of_note(file: Any, within: float | str | None, placement: Placement) -> _Promise:
     """The promise of a file in tiles, whose note is about all of its stages."""
-    parts, _ = noted(held.info.metadata)
-    if within is None and (samples := of_tiles(held.info.metadata)):
-        step = held.info.scale if samples not in (EXACT, SIGNS) else None
+    parts, _ = noted(file.info.metadata)
+    if within is None and (samples := of_tiles(file.info.metadata)):
+        step = file.info.scale if samples not in (EXACT, SIGNS) else None
         return _Promise(0.0 if samples == EXACT else None, samples, step=step)
     distance = within if within is not None else parts[-1] if parts else None
-    return _Promise() if distance is None else _given(distance, placement, held.info.shape)
+    return _Promise() if distance is None else _given(distance, placement, file.info.shape)
 
 
 def _of_layers(info: FileInfo, placement: Placement, frame: int, number: int) -> _Promise:
@@ -226,20 +224,20 @@ def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = 
 
 
 def _of_grid(
-    held: WholeFile | TileFile, contour: Contour, frame: int | None, values: NDArray[Any],
+    file: Any, contour: Contour, frame: int | None, values: NDArray[Any],
     gone: NDArray[np.bool_] | None, promise: _Promise,
 ) -> Verified:
     """Verify one isovalue of a grid."""
-    if is_of_labels(held.info.metadata):
+    if is_of_labels(file.info.metadata):
         sampled = check_field(having(values, contour.isovalue), 0.5, gone=gone)
     else:
         sampled = check_field(values, contour.isovalue, gone=gone)
-    if isinstance(held, TileFile) and promise.text not in (SIGNS, EXACT):
+    if file.kind == "tiles" and promise.text not in (SIGNS, EXACT):
         # in one piece it may take more memory than the field
         return _measured(contour, sampled, promise, None)
     wrong: int | None
     try:
-        differ = held.above(contour.isovalue, Viewed(frame=frame)) != sampled.signs
+        differ = file.above(contour.isovalue, frame=frame) != sampled.signs
         wrong = int((differ if gone is None else differ & ~gone).sum())
     except OptionError:
         wrong = None
@@ -339,28 +337,28 @@ def _not_among(pieces: NDArray[np.float64], others: NDArray[np.float64], roundin
     return np.flatnonzero(~np.isin(mine, other))
 
 
-def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
+def _on_mesh(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Verify the isovalues of a file on a mesh, for values at its vertices."""
-    points, cells, values = _mesh_of(held, field, frame)
-    if held.mesh_given is None and getattr(field, "cells", None) is not None and (
-        held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN
+    points, cells, values = _mesh_of(file, field, frame)
+    if file.mesh_given is None and getattr(field, "cells", None) is not None and (
+        file.info.domain is not None and file.info.domain.kind == DomainKind.KNOWN
     ):
         # the mesh that the values come with is that of the file, or decoding finds out that it is not
-        held = WholeFile(held.data, held.limits, (points, cells))
-    notes = {**getattr(field, "metadata", {}), **held.info.metadata}
+        file = file.on(points, cells)
+    notes = {**getattr(field, "metadata", {}), **file.info.metadata}
     out = []
-    for number, contour in enumerate(held.contours(Viewed(frame=frame))):
+    for number, contour in enumerate(file.contours(frame=frame)):
         above = values > contour.isovalue
         original = _drawn(points, cells, values, contour.isovalue)
         wrong = None
-        if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN:
+        if file.info.domain is not None and file.info.domain.kind == DomainKind.KNOWN:
             # a mesh in the file has its vertices in another order
             used = np.unique(cells)
             with suppress(OptionError):
-                wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above)[used].sum())
+                wrong = int((file.above(contour.isovalue, frame=frame) != above)[used].sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
         size = float(np.median(np.sqrt((edges**2).sum(axis=1))))
-        promise = _of_points(held.info, within, points, notes, frame or 0, number)
+        promise = _of_points(file.info, within, points, notes, frame or 0, number)
         in_steps = None
         if promise.step is not None:
             sampled = Samples(values, contour.isovalue, above, promise.step)
@@ -391,14 +389,14 @@ def _of_points(
     return _Promise(distance, f"within {text}" + ("" if same else f" ({distance:.4g})"), "" if same else text)
 
 
-def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+def _mesh_of(file: Any, field: Any, frame: int | None) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Points, cells and values of a frame of a `Mesh`, or of an array of values on the mesh given to `open`."""
     points, cells, values = (getattr(field, name, None) for name in ("points", "cells", "values"))
     if points is None:
-        if held.mesh_given is None:
+        if file.mesh_given is None:
             raise InputError("the file is of values on a mesh, and the field is not", code="mesh",
                              remedy="give the mesh with its values")
-        points, cells = held.mesh_given
+        points, cells = file.mesh_given
         values = field if values is None else values
     if values is None:
         raise InputError("the mesh has several values at its points, or none", code="values",
@@ -438,20 +436,20 @@ def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isov
     return Contour(drawn, pieces, isovalue, ())
 
 
-def _surface(held: WholeFile | TileFile, known: Field, within: float | str | None) -> list[Verified]:
+def _surface(file: Any, known: Field, within: float | str | None) -> list[Verified]:
     """Measure how far a triangulated surface lies from the values of a field, or its contours from those of the field.
     """
-    tin = held.surface(Viewed())
+    tin = file.surface()
     values = np.asarray(known.values)
     if tin.shape is None:
         raise InputError("the surface was made from scattered points, not from a field", code="shape")
     _check_shape(values.shape, tin.shape)
-    notes = {**known.metadata, **held.info.metadata}
-    parts, contours = noted(held.info.metadata)
+    notes = {**known.metadata, **file.info.metadata}
+    parts, contours = noted(file.info.metadata)
     if contours:
         placement = _placement(known, read_placement(notes, 2), notes)
         promise = _given(within if within is not None else parts[-1], placement, values.shape)
-        return [_measured(held.contour(one, Viewed()), check_field(values, one), promise, None) for one in contours]
+        return [_measured(file.contour(one), check_field(values, one), promise, None) for one in contours]
     there = float(np.nanmax(np.abs(tin.raster() - values.astype(np.float64))))
     unit = unit_of(notes.get(UNIT)) or notes.get(UNIT) or ""
     distance = within if within is not None else parts[-1] if parts else None

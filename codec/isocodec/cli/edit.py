@@ -69,8 +69,8 @@ def edit_command(options: EditArguments) -> None:
     promises nothing.
     """
     from ..api.export import counted as inspected
-    from ..api.isofile import open
     from ..api.merging import merge
+    from ..api.opening import open
     from ..api.output import check_output, read_of
 
     for source in options.source:

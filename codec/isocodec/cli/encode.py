@@ -56,7 +56,7 @@ OF_WHOLE = ("labels", "order", "keep_topology", "layers", "frames", "frame_inter
 """Options that do not apply to tiles."""
 CODED = ("tile", "frames", "layers", "order", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
-CONVERTED = ("what", "side", "layer", "attribute", "keep_crs", "in_samples")
+CONVERTED = ("what", "side", "layer", "attribute", "keep_crs", "in_samples", "simplify")
 """Options of other formats."""
 
 
@@ -219,7 +219,8 @@ def encode_command(options: EncodeArguments) -> None:
 
     If OUT has the suffix of another format, contours of the samples are written there (with --precision or
     --keep-topology those of an .iso file), of any number of isovalues, and no .iso file is kept: encode dem.tif -o
-    map.gpkg --interval 20. See decode for its options --side, --layer, --attribute, --keep-crs, --in-samples.
+    map.gpkg --interval 20. See decode for its options --side, --layer, --attribute, --keep-crs, --in-samples and
+    --simplify.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, a picture, TIFF (a stack is a volume), another raster that GDAL reads
     (.asc, .hgt, .img, .vrt, ..), NIfTI, NRRD, MetaImage, DICOM (a folder of slices, or a file), or a grid of VTK, XDMF;
@@ -263,8 +264,11 @@ def _drawn(options: EncodeArguments, keywords: dict[str, Any]) -> None:
     seen = options.observed()
     for remark in seen.before:
         warn(options.source, remark)
-    with concerning(options.source), explained(options), own_warnings(options.source):
-        made = drawn(seen.what, options.output, wanted, options.isovalue, **keywords)
+    with (
+        concerning(options.source), explained(options), own_warnings(options.source),
+        progress_bar("drawing") as progress,
+    ):
+        made = drawn(seen.what, options.output, wanted, options.isovalue, progress, **keywords)
     size = written_out(made, options.output, options.source)
     marked = options.nodata is not None or options.missing is not None
     for remark in seen.after(made.drawings, keywords or {"precision": "exact"}, marked):
@@ -279,7 +283,7 @@ def _drawn(options: EncodeArguments, keywords: dict[str, Any]) -> None:
 def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode without tiles; returns facts about the file, and remarks."""
     from ..api.encoding import encode
-    from ..api.isofile import open
+    from ..api.opening import open
 
     seen = options.observed()
     for remark in seen.before:
@@ -299,7 +303,7 @@ def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
 def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode tile by tile; returns facts about the file, and remarks."""
     from ..api.inputs import observed
-    from ..api.isofile import open
+    from ..api.opening import open
     from ..api.output import engine_of
     from ..api.saving import save_tiles
 

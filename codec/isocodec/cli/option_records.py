@@ -315,6 +315,11 @@ class Converting(Writing):
     )
     in_samples: bool = option("--in-samples", heading=OUTPUT, is_flag=True,
                               help="Write coordinates in samples, even if it is known where samples lie.")
+    simplify: str | None = option(
+        "--simplify", heading=OUTPUT, metavar="D",
+        help="Leave out points of lines and areas, which stay within this distance (30m, or cells); no line crosses "
+        "another.",
+    )
 
     @property
     def converted(self) -> dict[str, Any]:
@@ -322,7 +327,7 @@ class Converting(Writing):
         from ..api.export import OutputOptions
 
         options = OutputOptions(self.keep_crs, self.in_samples, getattr(self, "to", None), self.layer, self.attribute)
-        return {"side": self.side, "options": options}
+        return {"side": self.side, "simplify": self.simplify, "options": options}
 
     def check_converting(self, what: str | None) -> None:
         """Refuse options that do not apply to what is written.
@@ -332,7 +337,7 @@ class Converting(Writing):
         UsageError
         """
         if what not in (None, "curve", "areas", "bands"):
-            self.refuse(f"apply to --what {what}", "attribute")
+            self.refuse(f"apply to --what {what}", "attribute", "simplify")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -346,7 +351,7 @@ class Opening(Limited):
 
     def load(self) -> None:
         """Import what opens files."""
-        from ..api import isofile  # noqa: F401
+        from ..api import opening  # noqa: F401
 
     def opened(self, source: str | None = None) -> IsoFile:
         """Open the file.
@@ -365,7 +370,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
     ------
     Failure
     """
-    from ..api.isofile import open
+    from ..api.opening import open
     from ..api.output import other_format
 
     known = None

@@ -333,14 +333,9 @@ class Placement:
         number, unit = distance_of(distance)
         if not unit:
             return number
-        if not self.placed:
-            raise OptionError(
-                f"a distance of {distance} needs a field with a placement in the world", code="tolerance",
-                remedy="give a placement, or a number of cells",
-            )
         if self.in_space:
             return self.flat.cells_of(distance, shape, gone)
-        ground = self._ground(unit, distance, shape)
+        ground = self.ground(distance, shape)
         n = len(shape)
         periods = self.periods_of(n)
         if self.matrix is not None and ground.axes is None:
@@ -360,8 +355,20 @@ class Placement:
         # 200um and 0.2mm are the same, whatever the last digits are
         return float(f"{number * METRES.get(unit, 1.0) / step:.12g}")
 
-    def _ground(self, unit: str, distance: str, shape: tuple[int, ...]) -> GroundScale:
-        """Scale of the coordinates on the ground, or in degrees if that is asked for."""
+    def ground(self, distance: str, shape: tuple[int, ...]) -> GroundScale:
+        """Scale of the coordinates on the ground, or in degrees if the distance is in these.
+
+        Raises
+        ------
+        OptionError, MissingExtraError
+            As `cells_of`.
+        """
+        _, unit = distance_of(distance)
+        if not self.placed:
+            raise OptionError(
+                f"a distance of {distance} needs a field with a placement in the world", code="tolerance",
+                remedy="give a placement, or a number of cells",
+            )
         n = len(shape)
         crs = None if self.crs in SPACES else self.crs
         turns = bool(self.periods) and self.periods_of(n)[0] == TURN

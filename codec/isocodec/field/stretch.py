@@ -67,6 +67,24 @@ class GroundScale:
         east, north = radii(np.minimum(nearest * turn, np.pi / 2), np.minimum(farthest * turn, np.pi / 2), self.axes)
         return [east * turn, north * turn, *self.metres[2:]]
 
+    def of_lines(self, places: Array, first: NDArray[np.int64]) -> Array:
+        """Points of lines in metres; of longitudes and latitudes each line in a scale that is nowhere too small.
+
+        Parameters
+        ----------
+        places : (P, n) float64
+        first : (L,) int64
+            First point of each line.
+        """
+        if self.axes is None:
+            return places * np.array(self.metres)
+        latitude = places[:, 1] * self.metres[0]
+        low, high = np.minimum.reduceat(latitude, first), np.maximum.reduceat(latitude, first)
+        near = np.where(low * high > 0, np.minimum(abs(low), abs(high)), 0.0)
+        far = np.maximum(abs(low), abs(high))
+        scale = np.stack(radii(np.minimum(near, np.pi / 2), np.minimum(far, np.pi / 2), self.axes), axis=1)
+        return np.asarray(places * np.repeat(scale * self.metres[0], np.diff(first, append=len(places)), axis=0))
+
 
 def radii(near: Any, far: Any, axes: tuple[float, float]) -> tuple[Any, Any]:
     """Metres of a radian of longitude at the latitude ``near``, and of latitude at ``far``, on an ellipsoid."""

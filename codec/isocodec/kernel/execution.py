@@ -22,10 +22,22 @@ class Execution(Enum):
     PYTHON = "python"
 
 
+def content_of(path: Path) -> bytes:
+    """Read a file of this package, which may lie in an archive on the path; raises `OSError`."""
+    return bytes(__spec__.loader.get_data(str(path)))  # type: ignore[union-attr]
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return bool(content_of(path))
+    except OSError:
+        return False
+
+
 def _chosen() -> Execution:
     asked = os.environ.get(SETTING, "")
     if not asked:
-        return Execution.LIBRARY if NOTE.is_file() else _without_library()
+        return Execution.LIBRARY if _is_there(NOTE) else _without_library()
     try:
         out = Execution(asked)
     except ValueError:

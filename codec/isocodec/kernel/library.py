@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import KernelError
-from .execution import BUILT, NOTE
+from .execution import BUILT, NOTE, content_of
 from .sources import PACKAGES, digest_of
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def symbol(name: str) -> str:
 def note() -> Note:
     """Read the note of this package's library."""
     try:
-        return Note(**json.loads((BUILT / NOTE.name).read_text()))
+        return Note(**json.loads(content_of(BUILT / NOTE.name)))
     except (OSError, ValueError, TypeError) as error:
         raise KernelError(f"{BUILT / NOTE.name}: {error}", code="kernel-library", remedy=_REMEDY) from None
 
@@ -98,17 +98,32 @@ def library() -> Library:
     _check_sources(noted)
     path = BUILT / noted.file
     try:
-        found = hashlib.sha256(path.read_bytes()).hexdigest()
+        content = content_of(path)
+        found = hashlib.sha256(content).hexdigest()
         if found != noted.sha256:
             raise KernelError(
                 f"{path}: damaged, its SHA-256 is {found[:12]}… instead of {noted.sha256[:12]}…",
                 code="kernel-library", remedy=_REMEDY,
             )
-        loaded = ctypes.CDLL(str(path))
+        loaded = ctypes.CDLL(str(path)) if path.is_file() else _out_of_archive(path, content)
     except OSError as error:
         raise KernelError(f"{path}: {error}", code="kernel-library", remedy=_REMEDY) from None
     suffix = noted.variants[loaded.iso_variant()] if len(noted.variants) > 1 else noted.variants[0]
     return Library(noted, loaded, suffix)
+
+
+def _out_of_archive(path: Path, content: bytes) -> ctypes.CDLL:
+    """Load a library from a copy, since systems load files only; the copy goes at once, but on Windows."""
+    import tempfile
+    from contextlib import suppress
+
+    with tempfile.NamedTemporaryFile(prefix="isocodec-", suffix=path.suffix, delete=False) as copy:
+        copy.write(content)
+    try:
+        return ctypes.CDLL(copy.name)
+    finally:
+        with suppress(OSError):  # Windows keeps files that are loaded
+            Path(copy.name).unlink()
 
 
 def entry(kernel: Kernel) -> Entry:
