@@ -5,24 +5,23 @@ from __future__ import annotations
 import re
 import warnings
 import weakref
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
-from ..field.missing import missing_samples
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from .arrays import VALUES, channel_of, check_kind
-from .conventions import is_globe, is_mapping, is_time, located
+from .conventions import is_mapping, is_time, kind_of, located
 from .in_turn import InTurn, check_frame, check_series, placed_field, unjoined
 from .libraries import choose, library, reading
-from .packing import Packing
+from .packing import Samples
 from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
 
 SUFFIXES = (*HDF5, *ZARR)
@@ -30,6 +29,8 @@ _POINTERS = ("coordinates", "bounds", "grid_mapping", "ancillary_variables")
 _SECONDS = {"D": 86400, "h": 3600, "min": 60, "s": 1}
 _PLACING = re.compile(r"spacing|origin|element_?size|(pixel|voxel)_?size|resolution|global_?offset|direction", re.I)
 """Attributes by which files that do not follow the conventions place samples."""
+_MOST_REPEATED = 2
+"""Columns of a grid around the globe that the first ones may repeat."""
 _WORDS = 200
 """Characters of a note at most that names a single coordinate."""
 _REMEDY = "choose one along {0} with --frame (frame= in Python), or array.isel({0}=0)"
@@ -66,13 +67,8 @@ def open_(
         path = path.resolve()
         key, path = f"{path.name}/{key}" if key else path.name, path.parent
     with ExitStack() as held:
-        arrays = held.enter_context(arrays_of(path))
-        key = _chosen(arrays, key)
-        group, _, name = key.rpartition("/")
-        array = library("xarray", extra="labelled", purpose="reading arrays with labels").DataArray(
-            arrays.found[key], arrays.levels.get(key), name=name or None)
-        array = _with_coordinates(array, key, arrays.found)
-        remarks = _stated(array, arrays.attributes.get(group, {}))
+        arrays = arrays_of(path, held)
+        array, remarks = _chosen(arrays, key)
         if "c" in array.dims or band is not None:
             array = array.isel({"c": channel_of(array.sizes.get("c", 1), band)}, missing_dims="ignore")
         found = of_labelled(array, None, frame, frames, nodata, lazy)
@@ -111,9 +107,7 @@ def of_labelled(
         If there is no such frame.
     """
     if hasattr(array, "data_vars"):
-        every = {str(name): one for name, one in array.variables.items()}
-        key = _chosen(Arrays(every), key)
-        array = _with_coordinates(array[key], key, every)
+        array = _chosen(Arrays({str(name): array[name] for name in array.variables}), key)[0]
     if {"mesh", "location"} <= array.attrs.keys():
         raise _unstructured()
     array = array.squeeze()
@@ -126,97 +120,74 @@ def of_labelled(
         return _field(array, nodata, lazy)
     check_series(array.ndim)
     dim = array.dims[_frame_axis(array)]
-    step, first = _step(array, dim), _windows(array.isel({dim: 0}), None)
+    step, first = _step(array[dim].values), _field(array.isel({dim: 0}), nodata, lazy=True)
     _, further = unjoined(first.placement)
 
     def make(number: int) -> Field:
-        field = _field(array.isel({dim: number}), nodata, False, drop=False)
+        field = _field(array.isel({dim: number}), nodata, series=True)
         place, _ = unjoined(field.placement)
         return replace(field, placement=place, notes={**field.notes, **({FRAME_STEP: step} if step else {})})
 
     return Frames(InTurn(array.sizes[dim], make, array.shape, (*first.remarks, *further)))
 
 
-class Windows:
-    """The samples of a DataArray by slices, masked where they are missing."""
-
-    windowed = True
-
-    def __init__(self, array: Any, nodata: float | None = None) -> None:
-        self._array, self._nodata, self.packing = array, nodata, Packing(array)
-        self.shape, self.ndim, self.dtype = tuple(array.shape), array.ndim, self.packing.dtype
-
-    def __getitem__(self, window: Any) -> Any:
-        with reading("array"):
-            raw = np.asarray(self._array[window].values)
-        # a marker takes the place of those of the input, but where these are packed
-        values = self.packing.samples(raw, self._nodata is None or not self.packing.plain)
-        if self._nodata is not None:
-            values[missing_samples(values.data, self._nodata)] = np.ma.masked
-        return values
-
-
-def _windows(array: Any, nodata: float | None) -> Field:
-    """A field whose samples stay where they are, placed by even steps alone."""
-    return _described(array, Windows(array, nodata), located(array, joined=False).place)
-
-
-def _field(array: Any, nodata: float | None, lazy: bool, drop: bool = True) -> Field:
+def _field(array: Any, nodata: float | None, lazy: bool = False, series: bool = False) -> Field:
     if array.ndim not in (2, 3):
         sizes = ", ".join(f"{plain(str(name))} {count}" for name, count in array.sizes.items())
         first = plain(str(array.dims[_frame_axis(array)])) if array.dims else "time"
         raise InputError(f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
                          remedy=_REMEDY.format(first))
+    with reading("attributes"):
+        samples, (place, lost, around) = Samples(array, nodata), located(array, joined=not lazy)
     if lazy:
-        return _windows(array, nodata)
-    with reading("coordinates"):
-        place, lost, (axis, repeated) = located(array)
-    values = Windows(array, nodata)[(slice(None),) * array.ndim]
-    if repeated and drop:
-        ends = values.take(range(repeated), axis), values.take(range(-repeated, 0), axis)
+        return _described(array, samples, place, samples.remarks)
+    values = samples[(slice(None),) * array.ndim]
+    for count in range(1, _MOST_REPEATED + 1) if around is not None and not series else ():
+        ends = (values.take(range(*part), around) for part in ((0, count), (-count, 0)))
         if np.array_equal(*(one.astype(np.float64).filled(np.nan) for one in ends), equal_nan=True):
-            return _field(array.isel({array.dims[axis]: slice(-repeated)}), nodata, lazy)
-    found = _described(array, values, place)
-    if lost is None:
-        return found
-    there = lost & ~np.ma.getmaskarray(values) & (values.data == values.data)
-    values[there] = np.ma.masked
-    remark = f"{np.count_nonzero(there):,} samples have no coordinates, and are left out as missing"
-    return replace(found, values=values, remarks=(*found.remarks, *[remark] * bool(there.any())))
+            rest = array.isel({array.dims[around]: slice(-count)})  # type: ignore[index]
+            if located(rest).place.periodic:
+                return _field(rest, nodata)
+    remarks = samples.remarks
+    if lost is not None:
+        gone = lost & ~np.ma.getmaskarray(values) & (values.data == values.data)
+        values[gone] = np.ma.masked
+        remarks += [f"{gone.sum():,} samples have no coordinates, and are left out as missing"] * bool(gone.any())
+    return _described(array, values, place, remarks)
 
 
-def _described(array: Any, values: Any, place: Placement) -> Field:
-    unit, name = array.attrs.get("units"), array.name or array.attrs.get("long_name")
-    return placed_field(values, None, place, Packing(array).remarks, crs=place.crs, unit=one_line(str(unit)) if unit else None,
-                        name=one_line(str(name)) if name else None, notes=_notes(array))
+def _described(array: Any, values: Any, place: Placement, remarks: Sequence[str]) -> Field:
+    named = {"unit": array.attrs.get("units"), "name": array.name or array.attrs.get("long_name")}
+    # coordinates that are the same for all samples are notes
+    notes = {plain(str(name)): one_line(f"{one.values} {one.attrs.get('units', '')}".strip(), _WORDS)
+             for name, one in array.coords.items() if one.ndim == 0 and not is_mapping(one)}
+    return placed_field(values, None, place, remarks, crs=place.crs, notes=notes,
+                        **{name: one_line(str(text)) for name, text in named.items() if text})
 
 
-def _notes(array: Any) -> dict[str, str]:
-    """Coordinates that are the same for all samples, as notes."""
-    notes = {}
-    for name, one in array.coords.items():
-        if one.ndim == 0 and not is_mapping(one):
-            number = one.dtype.kind in "biuf"
-            words = one.values.item() if number else one.values, one.attrs.get("units", "") if number else ""
-            notes[plain(str(name))] = " ".join(one_line(str(word), _WORDS) for word in words if str(word))
-    return notes
+def _chosen(arrays: Arrays, key: str | None) -> tuple[Any, list[str]]:
+    """The array that a key names, or the only one of two or more axes that is no coordinate, with its coordinates.
 
-
-def _chosen(arrays: Arrays, key: str | None) -> str:
-    """The path of the array that a key names, or of the only one of two or more axes that is no coordinate."""
+    Also remarks on attributes that may place it.
+    """
     every = arrays.found
     if key is None:
         if any("topology_dimension" in one.attrs for one in every.values()):
             raise _unstructured()
         aside = {word for one in every.values() for word in _words(one)}
         fields = [path for path, one in every.items() if sum(size > 1 for size in one.shape) > 1
-                  and not is_globe(path, one.attrs) and path.rpartition("/")[2] not in aside]
+                  and not kind_of(path, one.attrs)[1] and PurePosixPath(path).name not in aside]
         fields += arrays.refused
-        key = choose(fields, VALUES if VALUES in fields else next(iter(arrays.levels), None))
+        key = choose(fields, VALUES if VALUES in fields else arrays.default)
     key = choose([*every, *arrays.refused], key)
     if key in arrays.refused:
         raise arrays.refused[key]
-    return key
+    around = arrays.attributes.get(key.rpartition("/")[0], {})
+    stated = [f"{plain(name)} = {one_line(str(value), 40)}" for name, value in {**around, **every[key].attrs}.items()
+              if _PLACING.search(name)]
+    return _with_coordinates(key, every), [
+        f"its attributes {', '.join(stated)} are left out, as no convention defines them; place samples with --spacing "
+        "and --origin"] * bool(stated)
 
 
 def _unstructured() -> InputError:
@@ -224,27 +195,24 @@ def _unstructured() -> InputError:
                       remedy="open it with xugrid, and give an isocodec.Mesh")
 
 
-def _with_coordinates(array: Any, path: str, every: Mapping[str, Any]) -> Any:
-    """A DataArray with the coordinates that lie in its group and in the groups around it."""
-    folder, named = path.rpartition("/")[0], {*_words(array), "spatial_ref"}
+def _with_coordinates(key: str, every: Mapping[str, Any]) -> Any:
+    """An array with the coordinates that lie in its group and in the groups around it; times as such."""
+    array, groups = every[key], PurePosixPath(key).parents
+    named = {*_words(array), "spatial_ref"}
     coordinates: dict[Any, Any] = {}
-    for name in sorted({*every} - {path, *array.coords}, key=len):
-        one, (where, _, short) = every[name], name.rpartition("/")
-        around = f"{folder}/".startswith(f"{where}/".lstrip("/"))
-        along = one.dims in ((name,), (short,))
+    for path in sorted({*every} - {key, *array.coords}, key=len):
+        one, place = every[path], PurePosixPath(path)
+        along = one.dims in ((path,), (place.name,))
+        wanted = along or place.name in named or (one.ndim and kind_of(path, one.attrs)[1])
         fits = all(array.sizes.get(dim) == size for dim, size in one.sizes.items())
-        if fits and (around or name in array.dims) and (
-                along or short in named or (one.ndim and is_globe(name, one.attrs))):
-            coordinates[one.dims[0] if along else short] = _in_time(name, one)
-    return array.assign_coords(coordinates)
-
-
-def _stated(array: Any, group: Mapping[str, Any]) -> list[str]:
-    """Remark on attributes of an array or its group that may place it."""
-    stated = [f"{plain(name)} = {one_line(str(value), 40)}" for name, value in {**group, **array.attrs}.items()
-              if _PLACING.search(name)]
-    return [f"its attributes {', '.join(stated)} are left out, as no convention defines them; place samples with "
-            "--spacing and --origin"] if stated else []
+        if wanted and fits and (place.parent in groups or path in array.dims):
+            coordinates[one.dims[0] if along else place.name] = one.variable
+    array = array.assign_coords(coordinates)
+    xarray = library("xarray", extra="labelled", purpose="reading arrays with labels")
+    with warnings.catch_warnings(action="ignore"), suppress(Exception):  # else they stay numbers with a unit
+        array = array.assign_coords(xarray.decode_cf(
+            array.coords.to_dataset(), mask_and_scale=False, decode_coords=False, decode_timedelta=False).coords)
+    return array
 
 
 def _words(one: Any) -> list[str]:
@@ -252,25 +220,14 @@ def _words(one: Any) -> list[str]:
     return [word.rstrip(":") for name in _POINTERS for word in str({**one.encoding, **one.attrs}.get(name)).split()]
 
 
-def _in_time(name: str, one: Any) -> Any:
-    """Coordinates, times as such where their calendar is known."""
-    if " since " in str(one.attrs.get("units")):
-        xarray = library("xarray", extra="labelled", purpose="reading arrays with labels")
-        with warnings.catch_warnings(action="ignore"), suppress(Exception):  # else they stay numbers with a unit
-            return xarray.conventions.decode_cf_variable(name, one).load()
-    return one
-
-
 def _frame_axis(array: Any) -> int:
     """The axis along which frames are counted: that of times, or the first one."""
-    times = [is_time(array.coords[dim]) if dim in array.coords else str(dim).lower() in ("time", "t")
-             for dim in array.dims]
+    times = [is_time(array[dim]) for dim in array.dims]
     return times.index(True) if True in times else 0
 
 
-def _step(array: Any, dim: Any) -> str:
+def _step(times: Any) -> str:
     """Time from one frame to the next with its unit, if it is known and always the same."""
-    times = array.coords[dim].values if dim in array.coords else np.zeros(0)
     steps = np.unique(np.diff(times)) if times.dtype.kind in "mM" else []
     if len(steps) != 1 or not steps[0] > np.timedelta64(0):
         return ""

@@ -1,4 +1,4 @@
-"""Stored numbers and the samples that they become, by the attributes of netCDF: markers, valid ranges, scales.
+"""Samples of arrays with labels: unpacked and masked by the attributes of netCDF.
 
 Xarray makes floats of all packed and marked integers, and leaves out valid ranges.
 """
@@ -8,9 +8,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import one_line
+from ..field.missing import missing_samples
+from .libraries import reading
 
 _MARKERS = ("_FillValue", "missing_value", "nodata")
 _DECODED = {*_MARKERS, "scale_factor", "add_offset", "_Unsigned"}
@@ -19,61 +20,70 @@ _KINDS = {"true": "u", "false": "i"}
 """Kinds of integers by the attribute ``_Unsigned``."""
 
 
-class Packing:
-    """Rule by which the numbers of an array with labels become samples.
+class Samples:
+    """The samples of a DataArray by slices, masked where they are missing.
+
+    Parameters
+    ----------
+    array : xarray.DataArray
+    nodata : float, optional
+        Missing samples, instead of those that attributes of unpacked arrays state.
 
     Attributes
     ----------
     dtype : dtype
-        Of samples: integers if stored integers are scaled by whole numbers, else floats.
-    plain : bool
-        Whether samples are the numbers as they are given.
+        Integers if stored integers are scaled by whole numbers, else floats.
     remarks : list of str
         Attributes that are left out, and why.
     """
 
-    def __init__(self, array: Any) -> None:
-        self._attributes, self.remarks = {**array.encoding, **array.attrs}, list[str]()
-        self._decoded = bool(_DECODED & (array.encoding.keys() - array.attrs.keys()))
-        self._given = np.dtype(np.uint8) if array.dtype.kind == "b" else array.dtype.newbyteorder("=")
-        self._stored = np.dtype(array.encoding.get("dtype", self._given)) if self._decoded else self._given
-        kind = _KINDS.get(str(self._attributes.get("_Unsigned")).lower(), self._stored.kind)
-        self._turned = self._stored.kind in "iu" and kind != self._stored.kind
-        if self._turned:
-            self._stored = np.dtype(f"{kind}{self._stored.itemsize}")
-        self._slope, self._offset = self._number("scale_factor", 1), self._number("add_offset", 0)
-        ends = self._numbers("valid_range")
-        ends = ends if len(ends) == 2 else [self._number("valid_min", None), self._number("valid_max", None)]
-        self._outside = [(is_outside, end) for is_outside, end in zip((np.less, np.greater), ends, strict=True)
-                         if end is not None]
-        self._markers = [] if self._decoded else [number for name in _MARKERS for number in self._numbers(name)]
-        self.plain = self._decoded or (self._slope == 1 and self._offset == 0)
-        self.dtype = self._given if self._decoded else self._stored if self.plain else self._scaled()
+    windowed = True
 
-    def samples(self, given: NDArray[Any], marked: bool = True) -> Any:
-        """Unpack numbers to samples; markers and numbers out of range are masked if they are ``marked``."""
-        values = numbers = given.astype(self._given, copy=False)
+    def __init__(self, array: Any, nodata: float | None = None) -> None:
+        self._array, self._nodata, self.remarks = array, nodata, list[str]()
+        self.shape, self.ndim = tuple(array.shape), array.ndim
+        self._given = np.dtype(np.uint8) if array.dtype.kind == "b" else array.dtype.newbyteorder("=")
+        self._decoded = bool(_DECODED & (array.encoding.keys() - array.attrs.keys()))
+        self._attributes = {**array.encoding, **array.attrs}
+        stored = np.dtype(array.encoding.get("dtype", self._given)) if self._decoded else self._given
+        kind = _KINDS.get(str(self._attributes.get("_Unsigned")).lower(), stored.kind)
+        self._turned = stored.kind in "iu" and kind != stored.kind
+        self._stored = np.dtype(f"{kind}{stored.itemsize}") if self._turned else stored
+        self._factors = [(self._numbers(name) or [usual])[0] for name, usual in (("scale_factor", 1), ("add_offset", 0))]
+        low, high = (self._numbers(name) or [None] for name in ("valid_min", "valid_max"))
+        ends = zip((np.less, np.greater), self._numbers("valid_range") or [low[0], high[0]], strict=True)
+        self._outside = [(is_outside, end) for is_outside, end in ends if end is not None]
+        self._markers = [] if self._decoded else [number for name in _MARKERS for number in self._numbers(name)]
+        self._plain = self._decoded or self._factors == [1, 0]
+        self.dtype = self._given if self._decoded else self._stored if self._plain else np.dtype(np.float64)
+        whole = all(float(factor).is_integer() and abs(factor) < 2**31 for factor in self._factors)
+        if whole and not self._plain and self._stored.kind in "iu" and self._stored.itemsize < 8:
+            self.dtype = np.dtype(np.int64)
+
+    def __getitem__(self, window: Any) -> Any:
+        with reading("array"):
+            values = np.asarray(self._array[window].values).astype(self._given, copy=False)
+        slope, offset = self._factors
         if self._decoded:
-            numbers = (values - self._offset) / self._slope
-            numbers = numbers if self._stored.kind == "f" else np.rint(numbers)
+            numbers = (values - offset) / slope
+            numbers = np.rint(numbers) if self._stored.kind in "iu" else numbers
         else:
-            values = numbers = numbers.view(self._stored)
-        if not self.plain:
-            values = numbers.astype(self.dtype) * self.dtype.type(self._slope) + self.dtype.type(self._offset)
+            values = numbers = np.ascontiguousarray(values).view(self._stored)
+        if not self._plain:
+            values = numbers.astype(self.dtype) * self.dtype.type(slope) + self.dtype.type(offset)
         gone = np.zeros(values.shape, np.bool_)
-        if marked:
+        if self._nodata is None or not self._plain:
             for marker in self._markers:
                 gone |= numbers == marker
             # the range of packed integers is one of samples if it has fractions, as these do
             of_samples = self._stored.kind != "f" and any(isinstance(end, float) for _, end in self._outside)
             for is_outside, end in self._outside:
                 gone |= is_outside(values if of_samples else numbers, end)
-        if not self.plain and values.dtype.kind == "f":
+        if not self._plain and values.dtype.kind == "f":
             values[gone] = np.nan
+        if self._nodata is not None:
+            gone |= missing_samples(values, self._nodata)
         return np.ma.masked_array(values, gone)
-
-    def _number(self, name: str, usual: Any) -> Any:
-        return next(iter(self._numbers(name)), usual)
 
     def _numbers(self, name: str) -> list[Any]:
         """Numbers of an attribute, which may be text."""
@@ -84,14 +94,3 @@ class Packing:
             self.remarks.append(f"its {name} is ignored, as it is no number: {one_line(str(found), 40)}")
             return []
         return list((found.astype(self._stored) if self._turned and found.dtype.kind in "iu" else found).tolist())
-
-    def _scaled(self) -> np.dtype[Any]:
-        """Find a type of integers that holds all samples if these are whole, or else float64."""
-        factors = self._slope, self._offset
-        if self._stored.kind in "iu" and all(float(factor).is_integer() for factor in factors):
-            slope, offset = map(int, factors)
-            ends = [slope * int(end) + offset for end in (np.iinfo(self._stored).min, np.iinfo(self._stored).max)]
-            for kind in (np.dtype(np.int32), np.dtype(np.int64)):
-                if np.iinfo(kind).min <= min(ends) <= max(ends) <= np.iinfo(kind).max:
-                    return kind
-        return np.dtype(np.float64)
