@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,14 +38,14 @@ class Located(NamedTuple):
     ----------
     place : Placement
         With a remark on what is left out.
-    lost : array of bool, or None
+    lost : array of bool
         Samples without coordinates; broadcasts to the shape.
     around : int or None
         The axis along which longitudes run whose ends are not joined.
     """
 
     place: Placement
-    lost: NDArray[np.bool_] | None = None
+    lost: NDArray[np.bool_] = np.zeros(1, np.bool_)
     around: int | None = None
 
 
@@ -69,46 +69,41 @@ def located(array: Any, joined: bool = True) -> Located:
         not axes or (of_globe and not on_globe and not (system or "").startswith("EPSG:")))
     if not (curved or axes):
         return Located(Placement(crs=system, remark="; ".join(remarks)))
-    left = {one.name for one in nodes.values()} if not curved else {one.name for one in axes.values() if one.role in nodes}
-    if left:
+    if left := [plain(str(one.name)) for one in (axes if curved else nodes).values() if one.role in nodes]:
         why = "each sample has its own" if curved else "its axes have coordinates"
-        remarks.append(f"coordinates {plain(', '.join(map(str, left)))} are left out, since {why}")
+        remarks.append(f"coordinates {', '.join(left)} are left out, since {why}")
+    globe = of_globe if curved else on_globe
+    if globe and (curved or not system):
+        system = DEGREES
     if curved:
-        system = DEGREES if of_globe else system
         chosen = [nodes["x"], nodes["y"]]
         if len(dims) == 3:
             rest = [dim for dim in dims if all(dim not in one.dims for one in chosen)]
             chosen += [one for one in (*map(axes.get, rest), nodes.get("z")) if one is not None][:1] or [
                 _counted(dim, array, remarks) for dim in rest]
+        if len(chosen) < len(dims):
+            return Located(Placement(remark="its coordinates are ignored: those of each sample have no height"))
     else:
-        system = system or (DEGREES if on_globe else None)
         chosen = [axes[dim] if dim in axes else _counted(dim, array, remarks) for dim in dims]
-        rows = _order([one.role for one in chosen])
-        if on_globe and not _is_steady(longitude := chosen[rows.index(0)]):  # longitudes may begin again within
-            longitude.values = np.unwrap(longitude.values.astype(np.float64), period=TURN)
-        if not all(map(_is_steady, chosen)):
-            uneven = ", ".join(plain(str(one.name)) for one in chosen if not _is_steady(one))
-            return Located(Placement(remark=f"its coordinates are ignored: {uneven} neither rise nor fall"))
-        if system and not on_globe:
+        if uneven := [plain(str(one.name)) for one in chosen if not _is_steady(one)]:
+            return Located(Placement(remark=f"its coordinates are ignored: {', '.join(uneven)} neither rise nor fall"))
+        if system and not globe:
             chosen = [one * _metres(one, mapping) for one in chosen]
-        chosen = [chosen[rows.index(row)] for row in range(len(dims))]
-    if len(chosen) < len(dims):
-        return Located(Placement(remark="its coordinates are ignored: those of each sample have no height"))
+        rows = _order([one.role for one in chosen])
+        chosen = [chosen[axis] for axis in np.argsort(rows)]
     coordinates = [one.variable.set_dims({dim: one.sizes.get(dim, 1) for dim in dims}).values for one in chosen]
-    turns = of_globe if curved else on_globe
     x = max(axis for axis, size in enumerate(coordinates[0].shape) if size > 1 or not axis)
-    if turns and not (joined or curved) and goes_round(coordinates[0], x):
+    turns = globe and (joined or curved or not goes_round(coordinates[0], x))
+    if globe and not turns:
         remarks.append(f"its ends along axis {x} are not joined, as it is read in windows")
-        turns = False
-    units = ["_".join(one.units.split()) for one in chosen] if not system else [""]
+    units = ["" if system else "_".join(one.units.split()) for one in chosen]
     more = {"crs": system, "unit": " ".join(units) if all(units) else None, "remark": "; ".join(remarks)}
     if curved:
         place = at_nodes([one.astype(np.float64) for one in coordinates], turns, **more)
-        lost = np.isnan(sum(coordinates))
     else:
         place = along_axes([chosen[row].values for row in rows], rows, turns, **more)
-        lost = np.zeros(1, np.bool_)
-    return Located(place, lost if lost.any() else None, x if turns and not place.periodic else None)
+    lost = np.isnan(sum(coordinates)) if curved else np.zeros(1, np.bool_)
+    return Located(place, lost, x if turns and not place.periodic else None)
 
 
 def unpacked(array: Any) -> Any:
@@ -130,9 +125,8 @@ def unpacked(array: Any) -> Any:
 
 def is_time(one: Any) -> bool:
     """Whether coordinates are times."""
-    word = one.attrs.get("axis", one.attrs.get("standard_name", one.name))
-    return (one.dtype.kind in "mM" or " since " in str(one.attrs.get("units"))
-            or str(word).lower().rpartition("/")[2] in ("t", "time"))
+    word = one.attrs.get("axis", one.attrs.get("standard_name", str(one.name).rpartition("/")[2]))
+    return one.dtype.kind in "mM" or " since " in str(one.attrs.get("units")) or str(word).lower() in ("t", "time")
 
 
 def kind_of(name: Any, attributes: Mapping[str, Any]) -> tuple[str | None, bool]:
@@ -146,8 +140,8 @@ def kind_of(name: Any, attributes: Mapping[str, Any]) -> tuple[str | None, bool]
         role for word in (standard, unit, name) for role, known in _ROLES.items() if re.fullmatch(known, word)), None)
     if role not in _GLOBE:
         return role, False
-    by_name = re.fullmatch(f"{_NO_UNIT}|{_RADIANS}", unit) and any(re.fullmatch(_GLOBE[role], word) for word in (standard, name))
-    return role, bool(by_name or re.fullmatch(_DEGREES[role], unit))
+    named = any(re.fullmatch(_GLOBE[role], word) for word in (standard, name))
+    return role, bool(re.fullmatch(_DEGREES[role], unit) or (named and re.fullmatch(f"{_NO_UNIT}|{_RADIANS}", unit)))
 
 
 def is_mapping(coordinate: Any) -> bool:
@@ -161,7 +155,10 @@ def _along(dim: Any, array: Any, found: Sequence[Any], remarks: list[str]) -> An
         remarks.append(f"coordinates along {plain(str(dim))} are left out, as they are times or text; --frame takes one")
         return None
     some = [one for one in found if one.dims == (dim,) and (one.name == dim or one.role)]
-    return min(some, key=lambda one: (one.name != dim, not one.globe), default=None)
+    one = min(some, key=lambda one: (one.name != dim, not one.globe), default=None)
+    if one is not None and one.globe and one.role == "x" and not _is_steady(one):  # longitudes may begin again within
+        one.values = np.unwrap(one.values.astype(np.float64), period=TURN)
+    return one
 
 
 def _is_steady(along: Any) -> bool:
@@ -194,12 +191,11 @@ def _order(roles: Sequence[str | None]) -> list[int]:
     return [sorted(named).index(role) for role in named]
 
 
-def _mapping(array: Any, axes: Sequence[Any]) -> Mapping[str, Any]:
-    """Attributes of the grid mapping of the axes; of several each is followed by the coordinates that it is of."""
+def _mapping(array: Any, axes: Iterable[Any]) -> Mapping[str, Any]:
+    """Attributes of the grid mapping; of several, each with a list of coordinates (``crs: x y``), that of the axes."""
     asked = str(array.attrs.get("grid_mapping") or array.encoding.get("grid_mapping") or "spatial_ref")
-    first, *parts = re.split(r"(\S+?)\s*:", asked)
-    of = dict(zip(parts[::2], parts[1::2], strict=True)) or {first: ""}
-    names = sorted(of, key=lambda name: not {*of[name].split()} & {*axes})
+    lists = (re.search(rf"([^\s:]+)\s*:[^:]*\s{re.escape(str(name))}(?!\S)", asked) for name in axes)
+    names = [found[1] for found in lists if found] + re.findall(r"[^\s:]+", asked)
     return next((array.coords[name].attrs for name in names if name in array.coords), {})
 
 

@@ -38,7 +38,7 @@ _REMEDY = "choose one along {0} with --frame (frame= in Python), or array.isel({
 
 def is_labelled(thing: object) -> bool:
     """Whether this is a DataArray or a Dataset of xarray."""
-    return all(hasattr(thing, name) for name in ("coords", "sizes", "isel"))
+    return hasattr(thing, "isel")
 
 
 def open_(
@@ -149,7 +149,7 @@ def _field(array: Any, nodata: float | None, lazy: bool = False, series: bool = 
             if located(rest).place.periodic:
                 return _field(rest, nodata)
     remarks = samples.remarks
-    if lost is not None:
+    if lost.any():
         gone = lost & ~np.ma.getmaskarray(values) & (values.data == values.data)
         values[gone] = np.ma.masked
         remarks += [f"{gone.sum():,} samples have no coordinates, and are left out as missing"] * bool(gone.any())

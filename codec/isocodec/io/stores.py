@@ -69,7 +69,6 @@ def arrays_of(path: Path, held: ExitStack) -> Arrays:
 def _filled(array: Any) -> Any:
     """An array of netCDF, whose samples are missing where nothing was written; bytes may have any value."""
     usual = library("netCDF4", extra="labelled", purpose="reading netCDF").default_fillvals.get(array.dtype.str[1:])
-    array = array.reset_coords(drop=True)
     return array.assign_attrs({"_FillValue": usual, **array.attrs}) if usual and array.dtype.itemsize > 1 else array
 
 
@@ -78,16 +77,16 @@ def _hdf5(h5py: Any, file: Any) -> Arrays:
     file.visititems(lambda name, item: items.update({name: item}))
     file.visititems_links(lambda name, link: links.update({name: link}))
     # arrays in other files are not opened: even a shape may be looked up there
-    away = {name: [link.filename] for name, link in links.items() if isinstance(link, h5py.ExternalLink)}
-    names, found, refused = {item.id: name for name, item in items.items()}, dict[str, Any](), dict[str, InputError]()
+    refused = {name: _away(link.filename) for name, link in links.items() if isinstance(link, h5py.ExternalLink)}
+    names, found = {item.id: name for name, item in items.items()}, dict[str, Any]()
     for name, item in items.items():
         attributes = _attributes(item)
         if not isinstance(item, h5py.Dataset) or str(attributes.get("NAME")).startswith(_NO_VARIABLE):
             continue
-        sources = {each[0] for each in item.external or ()}
-        sources |= {each.file_name for each in item.virtual_sources()} - {"."} if item.is_virtual else set()
-        if sources:
-            away[name] = [*sources]
+        sources = [each[0] for each in item.external or ()]
+        sources += [each.file_name for each in item.virtual_sources()] if item.is_virtual else []
+        if {*sources} - {"."}:
+            refused[name] = _away(*{*sources} - {"."})
         elif item.size and not (item.is_virtual or item.id.get_storage_size()):
             refused[name] = InputError(f"holds the shape of '/{plain(name)}', {item.shape}, but no samples",
                                        code="empty", remedy="check that the file is complete")
@@ -95,18 +94,23 @@ def _hdf5(h5py: Any, file: Any) -> Arrays:
             scales = [names.get(axis[0].id) if len(axis) else None for axis in item.dims]
             array = _array(item, [name] if item.is_scale and item.ndim == 1 else scales, attributes, name)
             found[name] = _filled(array) if "_NCProperties" in file.attrs else array
-    refused |= {name: InputError(f"its samples lie in another file, {plain(str(files[0]))}", code="other-file",
-                                 remedy="read them with h5py, and give the array") for name, files in away.items()}
     return Arrays(found, {name: _attributes(item) for name, item in {"": file, **items}.items()}, refused)
+
+
+def _away(*files: Any) -> InputError:
+    return InputError(f"its samples lie in another file, {plain(', '.join(map(str, files)))}", code="other-file",
+                      remedy="read them with h5py, and give the array")
 
 
 def _attributes(item: Any) -> dict[str, Any]:
     """Numbers and texts among attributes of HDF5, arrays of one as what they hold."""
     out = {}
     for name, value in item.attrs.items():
-        value = np.ravel(value)[0] if np.shape(value) == (1,) else value
-        out[name] = value.decode(errors="replace") if isinstance(value, bytes) else value
-    return {name: value for name, value in out.items() if np.asarray(value).dtype.kind in "biufU"}
+        value = value[0] if np.shape(value) == (1,) else value
+        value = value.decode(errors="replace") if isinstance(value, bytes) else value
+        if np.asarray(value).dtype.kind in "biufU":
+            out[name] = value
+    return out
 
 
 def _zarr(zarr: Any, path: Path) -> Arrays:
@@ -143,13 +147,10 @@ def _levels(group: str, image: Mapping[str, Any], found: Mapping[str, Any]) -> d
     for level in image["datasets"]:
         scale, start = np.ones(len(axes)), np.zeros(len(axes))
         for step in (*level.get("coordinateTransformations", ()), *image.get("coordinateTransformations", ())):
-            if step["type"] == "scale":
-                scale, start = scale * step["scale"], start * step["scale"]
-            elif step["type"] == "translation":
-                start = start + step["translation"]
-            elif step["type"] != "identity":
-                raise InputError(f"places its samples by '{step['type']}'; a scale and a translation can be read",
+            if {*step} - {"type", "scale", "translation"}:
+                raise InputError(f"places its samples by {plain(str(step))}; a scale and a translation can be read",
                                  code="placement", remedy="open it with zarr, and give an isocodec.Field")
+            scale, start = scale * step.get("scale", 1), start * step.get("scale", 1) + step.get("translation", 0)
         path = group + str(level["path"]).strip("/")
         named = found[path].rename(dict(zip(found[path].dims, [axis["name"] for axis in axes], strict=True)))
         levels[path] = named.assign_coords({
