@@ -134,8 +134,8 @@ def kind_of(name: Any, attributes: Mapping[str, Any]) -> tuple[str | None, bool]
 
     The first of their axis, standard name, unit and name that is known states it.
     """
-    axis, unit, standard = (str(attributes.get(each, "")).strip().lower() for each in ("axis", "units", "standard_name"))
-    name = str(name).rpartition("/")[2].lower()
+    words = [str(attributes.get(each, "")).strip().lower() for each in ("axis", "standard_name", "units")]
+    axis, standard, unit, name = *words, str(name).rpartition("/")[2].lower()
     role = axis if axis in _ROLES else next((
         role for word in (standard, unit, name) for role, known in _ROLES.items() if re.fullmatch(known, word)), None)
     if role not in _GLOBE:
@@ -152,7 +152,7 @@ def is_mapping(coordinate: Any) -> bool:
 def _along(dim: Any, array: Any, found: Sequence[Any], remarks: list[str]) -> Any:
     """Coordinates along an axis: those of its name, or others that vary along it alone."""
     if dim in array.coords and all(one.name != dim for one in found):
-        remarks.append(f"coordinates along {plain(str(dim))} are left out, as they are times or text; --frame takes one")
+        remarks.append(f"coordinates along {plain(str(dim))}, times or text, are left out: --frame takes one")
         return None
     some = [one for one in found if one.dims == (dim,) and (one.name == dim or one.role)]
     one = min(some, key=lambda one: (one.name != dim, not one.globe), default=None)

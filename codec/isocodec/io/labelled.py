@@ -26,14 +26,12 @@ from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
 
 SUFFIXES = (*HDF5, *ZARR)
 _POINTERS = ("coordinates", "bounds", "grid_mapping", "ancillary_variables")
-_SECONDS = {"D": 86400, "h": 3600, "min": 60, "s": 1}
 _PLACING = re.compile(r"spacing|origin|element_?size|(pixel|voxel)_?size|resolution|global_?offset|direction", re.I)
 """Attributes by which files that do not follow the conventions place samples."""
 _MOST_REPEATED = 2
 """Columns of a grid around the globe that the first ones may repeat."""
 _WORDS = 200
 """Characters of a note at most that names a single coordinate."""
-_REMEDY = "choose one along {0} with --frame (frame= in Python), or array.isel({0}=0)"
 
 
 def is_labelled(thing: object) -> bool:
@@ -134,9 +132,8 @@ def of_labelled(
 def _field(array: Any, nodata: float | None, lazy: bool = False, series: bool = False) -> Field:
     if array.ndim not in (2, 3):
         sizes = ", ".join(f"{plain(str(name))} {count}" for name, count in array.sizes.items())
-        first = plain(str(array.dims[_frame_axis(array)])) if array.dims else "time"
         raise InputError(f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
-                         remedy=_REMEDY.format(first))
+                         remedy="choose one along the others with --frame (frame= in Python), or array.isel(time=0)")
     with reading("attributes"):
         samples, (place, lost, around) = Samples(array, nodata), located(array, joined=not lazy)
     if lazy:
@@ -231,6 +228,5 @@ def _step(times: Any) -> str:
     steps = np.unique(np.diff(times)) if times.dtype.kind in "mM" else []
     if len(steps) != 1 or not steps[0] > np.timedelta64(0):
         return ""
-    seconds = steps[0] / np.timedelta64(1, "s")
-    unit = next((unit for unit, size in _SECONDS.items() if seconds % size == 0), "s")
-    return f"{seconds / _SECONDS[unit]:g} {unit}"
+    unit = next((unit for unit in ("D", "h", "m") if not steps[0] % np.timedelta64(1, unit)), "s")
+    return f"{steps[0] / np.timedelta64(1, unit):g} {unit.replace('m', 'min')}"

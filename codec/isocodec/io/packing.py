@@ -49,37 +49,35 @@ class Samples:
         kind = _KINDS.get(str(self._attributes.get("_Unsigned")).lower(), stored.kind)
         self._turned = stored.kind in "iu" and kind != stored.kind
         self._stored = np.dtype(f"{kind}{stored.itemsize}") if self._turned else stored
-        self._factors = [(self._numbers(name) or [usual])[0] for name, usual in (("scale_factor", 1), ("add_offset", 0))]
-        low, high = (self._numbers(name) or [None] for name in ("valid_min", "valid_max"))
-        ends = zip((np.less, np.greater), self._numbers("valid_range") or [low[0], high[0]], strict=True)
+        self._slope, self._offset = (*self._numbers("scale_factor"), 1)[0], (*self._numbers("add_offset"), 0)[0]
+        self._packed = (self._slope, self._offset) != (1, 0)
+        low, high = ((*self._numbers(name), None)[0] for name in ("valid_min", "valid_max"))
+        ends = zip((np.less, np.greater), self._numbers("valid_range") or (low, high), strict=True)
         self._outside = [(is_outside, end) for is_outside, end in ends if end is not None]
         self._markers = [] if self._decoded else [number for name in _MARKERS for number in self._numbers(name)]
-        self._plain = self._decoded or self._factors == [1, 0]
-        self.dtype = self._given if self._decoded else self._stored if self._plain else np.dtype(np.float64)
-        whole = all(float(factor).is_integer() and abs(factor) < 2**31 for factor in self._factors)
-        if whole and not self._plain and self._stored.kind in "iu" and self._stored.itemsize < 8:
-            self.dtype = np.dtype(np.int64)
+        whole = all(float(factor).is_integer() and abs(factor) < 2**31 for factor in (self._slope, self._offset))
+        unpacked = np.int64 if whole and self._stored.kind in "iu" and self._stored.itemsize < 8 else np.float64
+        self.dtype = self._given if self._decoded else np.dtype(unpacked) if self._packed else self._stored
 
     def __getitem__(self, window: Any) -> Any:
         with reading("array"):
             values = np.asarray(self._array[window].values).astype(self._given, copy=False)
-        slope, offset = self._factors
-        if self._decoded:
-            numbers = (values - offset) / slope
-            numbers = np.rint(numbers) if self._stored.kind in "iu" else numbers
-        else:
-            values = numbers = np.ascontiguousarray(values).view(self._stored)
-        if not self._plain:
-            values = numbers.astype(self.dtype) * self.dtype.type(slope) + self.dtype.type(offset)
+            if self._decoded:
+                numbers = (values - self._offset) / self._slope
+                numbers = np.rint(numbers) if self._stored.kind in "iu" else numbers
+            else:
+                values = numbers = np.ascontiguousarray(values).view(self._stored)
+        if self._packed and not self._decoded:
+            values = numbers.astype(self.dtype) * self.dtype.type(self._slope) + self.dtype.type(self._offset)
         gone = np.zeros(values.shape, np.bool_)
-        if self._nodata is None or not self._plain:
+        if self._nodata is None or self._packed:
             for marker in self._markers:
                 gone |= numbers == marker
             # the range of packed integers is one of samples if it has fractions, as these do
             of_samples = self._stored.kind != "f" and any(isinstance(end, float) for _, end in self._outside)
             for is_outside, end in self._outside:
                 gone |= is_outside(values if of_samples else numbers, end)
-        if not self._plain and values.dtype.kind == "f":
+        if values is not numbers and values.dtype.kind == "f" and not self._decoded:
             values[gone] = np.nan
         if self._nodata is not None:
             gone |= missing_samples(values, self._nodata)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 from ..errors import InputError, plain
 from .libraries import library, reading
 
+_library = partial(library, extra="labelled", purpose="reading arrays with labels")
 HDF5, ZARR = (".nc", ".nc4", ".cdf", ".h5", ".hdf5", ".he5"), (".zarr", ".zarr.zip")
 _CLASSIC = {b"CDF\1": "scipy", b"CDF\2": "scipy", b"CDF\5": "netcdf4"}
 """Engines of xarray: netCDF4 fills up files that are cut short, scipy does not know the fifth kind."""
@@ -51,24 +53,24 @@ def is_store(path: Path) -> bool:
 def arrays_of(path: Path, held: ExitStack) -> Arrays:
     """Open a file, which is held open, or a store; raises `OSError`, `InputError` and `MissingExtraError`."""
     if path.is_dir() or path.name.lower().endswith(ZARR):
-        zarr = library("zarr", extra="labelled", purpose="reading Zarr")
+        zarr = _library("zarr")
         with reading("Zarr store", "check that the file is complete"):
             return _zarr(zarr, path)
     with path.open("rb") as file:
         engine = _CLASSIC.get(file.read(4))
     if engine:
-        xarray = library("xarray", extra="labelled", purpose="reading netCDF")
         with reading("netCDF file", "ncdump -h shows what it holds"):
-            dataset = held.enter_context(xarray.open_dataset(path, engine=engine, decode_cf=False, cache=False))
+            dataset = _library("xarray").open_dataset(path, engine=engine, decode_cf=False, cache=False)
+            held.enter_context(dataset)
             return Arrays({str(name): _filled(dataset[name]) for name in dataset.variables}, {"": dataset.attrs})
-    h5py = library("h5py", extra="labelled", purpose=f"reading {path.suffix}")
+    h5py = _library("h5py")
     with reading("HDF5 file", "h5dump -H shows what it holds"):
         return _hdf5(h5py, held.enter_context(h5py.File(path, "r")))
 
 
 def _filled(array: Any) -> Any:
     """An array of netCDF, whose samples are missing where nothing was written; bytes may have any value."""
-    usual = library("netCDF4", extra="labelled", purpose="reading netCDF").default_fillvals.get(array.dtype.str[1:])
+    usual = _library("netCDF4").default_fillvals.get(array.dtype.str[1:])
     return array.assign_attrs({"_FillValue": usual, **array.attrs}) if usual and array.dtype.itemsize > 1 else array
 
 
@@ -131,7 +133,7 @@ def _of_zarr(stored: Any, name: str) -> Any:
     if stored.metadata.zarr_format == 3:
         dims = stored.metadata.dimension_names or dims
         if isinstance(marker := attributes.get("_FillValue"), str):
-            coder = library("xarray.backends.zarr", extra="labelled", purpose="reading Zarr").FillValueCoder
+            coder = _library("xarray.backends.zarr").FillValueCoder
             attributes["_FillValue"] = coder.decode(marker, stored.dtype)
     else:
         dims = attributes.get("_ARRAY_DIMENSIONS", dims)
@@ -154,7 +156,7 @@ def _levels(group: str, image: Mapping[str, Any], found: Mapping[str, Any]) -> d
         path = group + str(level["path"]).strip("/")
         named = found[path].rename(dict(zip(found[path].dims, [axis["name"] for axis in axes], strict=True)))
         levels[path] = named.assign_coords({
-            dim: (dim, first + by * np.arange(size), {"axis": dim, "units": axis.get("unit", "")})
+            dim: (dim, first + by * np.arange(size), {"units": axis.get("unit", "")})
             for (dim, size), axis, by, first in zip(named.sizes.items(), axes, scale, start, strict=True)
             if axis.get("type", "space") == "space"})
     return levels
@@ -162,11 +164,9 @@ def _levels(group: str, image: Mapping[str, Any], found: Mapping[str, Any]) -> d
 
 def _array(stored: Any, dims: Sequence[str | None], attributes: Mapping[str, Any], path: str) -> Any:
     """A DataArray over an array with ``shape``, ``dtype`` and slices; axes without a name get one."""
-    xarray = library("xarray", extra="labelled", purpose="reading arrays with labels")
-    names: list[str] = []
-    for dim, size in zip(dims, stored.shape, strict=True):
-        name = dim if dim is not None and [*dims].count(dim) == 1 else f"axis of {size}"
-        names.append(name + " again" * names.count(name))
+    xarray = _library("xarray")
+    names = [dim if dim and [*dims].count(dim) == 1 else f"axis of {size}" + " again" * stored.shape[:axis].count(size)
+             for axis, (dim, size) in enumerate(zip(dims, stored.shape, strict=True))]
     indexing = xarray.core.indexing
 
     class Stored(xarray.backends.BackendArray):  # type: ignore[misc, name-defined]
