@@ -112,8 +112,7 @@ def unpacked(array: Any) -> Any:
     Their attributes are the unit, the ``role`` (x, y, z or None), and whether they are on the ``globe``.
     """
     unit, (role, globe) = str(array.attrs.get("units", "")).strip(), kind_of(array.name, array.attrs)
-    values = Samples(array)[(slice(None),) * array.ndim]
-    values = np.ma.filled(values if values.dtype.kind == "f" else values.astype(np.float64), np.nan)
+    values = np.ma.filled(Samples(array)[...] * 1.0, np.nan)
     values = np.where(np.isfinite(values), values, np.nan)
     if globe and re.fullmatch(_RADIANS, unit.lower()):
         values, unit = np.degrees(values.astype(np.float64)), "degree"

@@ -72,8 +72,8 @@ def open_(
         found = of_labelled(array, None, frame, frames, nodata, lazy)
         if frames or lazy:  # samples are read later
             weakref.finalize(found.fields if isinstance(found, Frames) else found.values, held.pop_all().close)
-    if isinstance(found, Field):
-        return found if found.placement else replace(found, remarks=(*found.remarks, *remarks))
+    if isinstance(found, Field) and not found.placement:
+        return replace(found, remarks=(*found.remarks, *remarks))
     return found
 
 
@@ -138,11 +138,12 @@ def _field(array: Any, nodata: float | None, lazy: bool = False, series: bool = 
         samples, (place, lost, around) = Samples(array, nodata), located(array, joined=not lazy)
     if lazy:
         return _described(array, samples, place, samples.remarks)
-    values = samples[(slice(None),) * array.ndim]
+    values = samples[...]
     for count in range(1, _MOST_REPEATED + 1) if around is not None and not series else ():
-        ends = (values.take(range(*part), around) for part in ((0, count), (-count, 0)))
-        if np.array_equal(*(one.astype(np.float64).filled(np.nan) for one in ends), equal_nan=True):
-            rest = array.isel({array.dims[around]: slice(-count)})  # type: ignore[index]
+        first, last = (values.take(range(*part), around).astype(np.float64).filled(np.nan)
+                       for part in ((0, count), (-count, 0)))
+        if np.array_equal(first, last, equal_nan=True):
+            rest = array.isel({array.dims[around]: slice(-count)})
             if located(rest).place.periodic:
                 return _field(rest, nodata)
     remarks = samples.remarks
@@ -197,12 +198,12 @@ def _with_coordinates(key: str, every: Mapping[str, Any]) -> Any:
     array, groups = every[key], PurePosixPath(key).parents
     named = {*_words(array), "spatial_ref"}
     coordinates: dict[Any, Any] = {}
-    for path in sorted({*every} - {key, *array.coords}, key=len):
-        one, place = every[path], PurePosixPath(path)
+    for path, one in sorted(every.items(), key=lambda item: len(item[0])):  # the nearest one comes last
+        place = PurePosixPath(path)
         along = one.dims in ((path,), (place.name,))
         wanted = along or place.name in named or (one.ndim and kind_of(path, one.attrs)[1])
         fits = all(array.sizes.get(dim) == size for dim, size in one.sizes.items())
-        if wanted and fits and (place.parent in groups or path in array.dims):
+        if wanted and fits and path not in (key, *array.coords) and (place.parent in groups or path in array.dims):
             coordinates[one.dims[0] if along else place.name] = one.variable
     array = array.assign_coords(coordinates)
     xarray = library("xarray", extra="labelled", purpose="reading arrays with labels")
@@ -225,8 +226,9 @@ def _frame_axis(array: Any) -> int:
 
 def _step(times: Any) -> str:
     """Time from one frame to the next with its unit, if it is known and always the same."""
-    steps = np.unique(np.diff(times)) if times.dtype.kind in "mM" else []
+    steps: Any = np.unique(np.diff(times)) if times.dtype.kind in "mM" else []
     if len(steps) != 1 or not steps[0] > np.timedelta64(0):
         return ""
-    unit = next((unit for unit in ("D", "h", "m") if not steps[0] % np.timedelta64(1, unit)), "s")
-    return f"{steps[0] / np.timedelta64(1, unit):g} {unit.replace('m', 'min')}"
+    units = {"D": np.timedelta64(1, "D"), "h": np.timedelta64(1, "h"), "min": np.timedelta64(1, "m")}
+    unit = next((unit for unit, each in units.items() if not steps[0] % each), "s")
+    return f"{steps[0] / units.get(unit, np.timedelta64(1, 's')):g} {unit}"

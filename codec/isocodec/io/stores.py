@@ -7,9 +7,10 @@ files.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
+from struct import error as struct_error
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,7 +55,7 @@ def arrays_of(path: Path, held: ExitStack) -> Arrays:
     """Open a file, which is held open, or a store; raises `OSError`, `InputError` and `MissingExtraError`."""
     if path.is_dir() or path.name.lower().endswith(ZARR):
         zarr = _library("zarr")
-        with reading("Zarr store", "check that the file is complete"):
+        with reading("Zarr store", "check that it is complete; zip what is in the folder, not the folder"):
             return _zarr(zarr, path)
     with path.open("rb") as file:
         engine = _CLASSIC.get(file.read(4))
@@ -129,17 +130,14 @@ def _zarr(zarr: Any, path: Path) -> Arrays:
 
 
 def _of_zarr(stored: Any, name: str) -> Any:
-    attributes, dims = dict(stored.attrs), [None] * stored.ndim
-    if stored.metadata.zarr_format == 3:
-        dims = stored.metadata.dimension_names or dims
-        if isinstance(marker := attributes.get("_FillValue"), str):
-            coder = _library("xarray.backends.zarr").FillValueCoder
-            attributes["_FillValue"] = coder.decode(marker, stored.dtype)
-    else:
-        dims = attributes.get("_ARRAY_DIMENSIONS", dims)
-        if stored.fill_value:  # 0 is what Zarr itself begins with, not a marker
-            attributes.setdefault("_FillValue", stored.fill_value)
-    return _array(stored, dims, attributes, name)
+    attributes = dict(stored.attrs)
+    dims = getattr(stored.metadata, "dimension_names", None) or attributes.get("_ARRAY_DIMENSIONS")
+    if isinstance(marker := attributes.get("_FillValue"), str):
+        with suppress(ValueError, struct_error):  # else it is a number as text
+            attributes["_FillValue"] = _library("xarray.backends.zarr").FillValueCoder.decode(marker, stored.dtype)
+    elif stored.metadata.zarr_format == 2 and stored.fill_value:  # 0 is what Zarr itself begins with, not a marker
+        attributes.setdefault("_FillValue", stored.fill_value)
+    return _array(stored, dims or [None] * stored.ndim, attributes, name)
 
 
 def _levels(group: str, image: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
@@ -169,7 +167,7 @@ def _array(stored: Any, dims: Sequence[str | None], attributes: Mapping[str, Any
              for axis, (dim, size) in enumerate(zip(dims, stored.shape, strict=True))]
     indexing = xarray.core.indexing
 
-    class Stored(xarray.backends.BackendArray):  # type: ignore[misc, name-defined]
+    class Stored(xarray.backends.BackendArray):  # type: ignore[name-defined]
         shape, dtype = tuple(stored.shape), np.dtype(stored.dtype)
 
         def __getitem__(self, key: Any) -> Any:
