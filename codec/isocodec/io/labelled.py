@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 import weakref
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
@@ -26,6 +25,8 @@ from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
 
 SUFFIXES = (*HDF5, *ZARR)
 _POINTERS = ("coordinates", "bounds", "grid_mapping", "ancillary_variables")
+_UNITS = ((86400, "D"), (3600, "h"), (60, "min"))
+"""Seconds of the units that a step in time is written in."""
 _PLACING = re.compile(r"spacing|origin|element_?size|(pixel|voxel)_?size|resolution|global_?offset|direction", re.I)
 """Attributes by which files that do not follow the conventions place samples."""
 _MOST_REPEATED = 2
@@ -207,7 +208,7 @@ def _with_coordinates(key: str, every: Mapping[str, Any]) -> Any:
             coordinates[one.dims[0] if along else place.name] = one.variable
     array = array.assign_coords(coordinates)
     xarray = library("xarray", extra="labelled", purpose="reading arrays with labels")
-    with warnings.catch_warnings(action="ignore"), suppress(Exception):  # else they stay numbers with a unit
+    with suppress(InputError), reading("times"):  # else they stay numbers with a unit
         array = array.assign_coords(xarray.decode_cf(
             array.coords.to_dataset(), mask_and_scale=False, decode_coords=False, decode_timedelta=False).coords)
     return array
@@ -215,7 +216,8 @@ def _with_coordinates(key: str, every: Mapping[str, Any]) -> Any:
 
 def _words(one: Any) -> list[str]:
     """Names of other arrays in attributes: of coordinates, bounds and grid mappings."""
-    return [word.rstrip(":") for name in _POINTERS for word in str({**one.encoding, **one.attrs}.get(name)).split()]
+    attributes = {**one.encoding, **one.attrs}
+    return re.findall(r"[^\s:]+", " ".join(str(attributes.get(name, "")) for name in _POINTERS))
 
 
 def _frame_axis(array: Any) -> int:
@@ -229,6 +231,6 @@ def _step(times: Any) -> str:
     steps: Any = np.unique(np.diff(times)) if times.dtype.kind in "mM" else []
     if len(steps) != 1 or not steps[0] > np.timedelta64(0):
         return ""
-    units = {"D": np.timedelta64(1, "D"), "h": np.timedelta64(1, "h"), "min": np.timedelta64(1, "m")}
-    unit = next((unit for unit, each in units.items() if not steps[0] % each), "s")
-    return f"{steps[0] / units.get(unit, np.timedelta64(1, 's')):g} {unit}"
+    seconds = steps[0] / np.timedelta64(1, "s")
+    size, unit = next((each for each in _UNITS if seconds % each[0] == 0), (1, "s"))
+    return f"{seconds / size:g} {unit}"

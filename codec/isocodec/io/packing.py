@@ -16,8 +16,8 @@ from .libraries import reading
 _MARKERS = ("_FillValue", "missing_value", "nodata")
 _DECODED = {*_MARKERS, "scale_factor", "add_offset", "_Unsigned"}
 """Attributes that xarray moves to the encoding when it applies them."""
-_KINDS = {"true": "u", "false": "i"}
-"""Kinds of integers by the attribute ``_Unsigned``."""
+_SIGNS = {"true": ("i", "u"), "false": ("u", "i")}
+"""Kinds of integers that the attribute ``_Unsigned`` replaces, and by which."""
 
 
 class Samples:
@@ -46,9 +46,9 @@ class Samples:
         self._decoded = bool(_DECODED & (array.encoding.keys() - array.attrs.keys()))
         self._attributes = {**array.encoding, **array.attrs}
         stored = np.dtype(array.encoding.get("dtype", self._given)) if self._decoded else self._given
-        kind = _KINDS.get(str(self._attributes.get("_Unsigned")).lower(), stored.kind)
-        self._turned = stored.kind in "iu" and kind != stored.kind
-        self._stored = np.dtype(f"{kind}{stored.itemsize}") if self._turned else stored
+        signs = _SIGNS.get(str(self._attributes.get("_Unsigned")).lower(), ("", ""))
+        self._stored = np.dtype(stored.str.replace(*signs))
+        self._turned = self._stored != stored
         self._slope, self._offset = (*self._numbers("scale_factor"), 1)[0], (*self._numbers("add_offset"), 0)[0]
         self._packed = (self._slope, self._offset) != (1, 0)
         low, high = ((*self._numbers(name), None)[0] for name in ("valid_min", "valid_max"))

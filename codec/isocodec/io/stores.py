@@ -86,10 +86,10 @@ def _hdf5(h5py: Any, file: Any) -> Arrays:
         attributes = _attributes(item)
         if not isinstance(item, h5py.Dataset) or str(attributes.get("NAME")).startswith(_NO_VARIABLE):
             continue
-        sources = [each[0] for each in item.external or ()]
-        sources += [each.file_name for each in item.virtual_sources()] if item.is_virtual else []
-        if {*sources} - {"."}:
-            refused[name] = _away(*{*sources} - {"."})
+        sources = {each[0] for each in item.external or ()}
+        sources |= {each.file_name for each in item.virtual_sources()} - {"."} if item.is_virtual else set()
+        if sources:
+            refused[name] = _away(*sources)
         elif item.size and not (item.is_virtual or item.id.get_storage_size()):
             refused[name] = InputError(f"holds the shape of '/{plain(name)}', {item.shape}, but no samples",
                                        code="empty", remedy="check that the file is complete")
