@@ -14,7 +14,7 @@ from ..field.placement import TURN, Placement
 from ..field.reference_system import crs_text, named_system
 from ..field.units import METRES, unit_of
 from .libraries import library
-from .packing import Samples
+from .packing import MaskedSamples
 from .places import along_axes, at_nodes, goes_round
 
 DEGREES = "EPSG:4326"
@@ -87,9 +87,9 @@ def located(array: Any, joined: bool = True) -> Located:
         chosen = [axes[dim] if dim in axes else _counted(dim, array, remarks) for dim in dims]
         if uneven := [plain(str(one.name)) for one in chosen if not _is_steady(one)]:
             return Located(Placement(remark=f"its coordinates are ignored: {', '.join(uneven)} neither rise nor fall"))
+        rows = _order([one.role for one in chosen])
         if system and not globe:
             chosen = [one * _metres(one, mapping) for one in chosen]
-        rows = _order([one.role for one in chosen])
         chosen = [chosen[axis] for axis in np.argsort(rows)]
     coordinates = [one.variable.set_dims({dim: one.sizes.get(dim, 1) for dim in dims}).values for one in chosen]
     x = max(axis for axis, size in enumerate(coordinates[0].shape) if size > 1 or not axis)
@@ -112,7 +112,7 @@ def unpacked(array: Any) -> Any:
     Their attributes are the unit, the ``role`` (x, y, z or None), and whether they are on the ``globe``.
     """
     unit, (role, globe) = str(array.attrs.get("units", "")).strip(), kind_of(array.name, array.attrs)
-    values = np.ma.filled(Samples(array)[...] * 1.0, np.nan)
+    values = np.ma.filled(MaskedSamples(array)[...] * 1.0, np.nan)
     values = np.where(np.isfinite(values), values, np.nan)
     if globe and re.fullmatch(_RADIANS, unit.lower()):
         values, unit = np.degrees(values.astype(np.float64)), "degree"

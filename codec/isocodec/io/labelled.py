@@ -20,7 +20,7 @@ from .arrays import VALUES, channel_of, check_kind
 from .conventions import is_mapping, is_time, kind_of, located
 from .in_turn import InTurn, check_frame, check_series, placed_field, unjoined
 from .libraries import choose, library, reading
-from .packing import Samples
+from .packing import MaskedSamples
 from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
 
 SUFFIXES = (*HDF5, *ZARR)
@@ -136,7 +136,7 @@ def _field(array: Any, nodata: float | None, lazy: bool = False, series: bool = 
         raise InputError(f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
                          remedy="choose one along the others with --frame (frame= in Python), or array.isel(time=0)")
     with reading("attributes"):
-        samples, (place, lost, around) = Samples(array, nodata), located(array, joined=not lazy)
+        samples, (place, lost, around) = MaskedSamples(array, nodata), located(array, joined=not lazy)
     if lazy:
         return _described(array, samples, place, samples.remarks)
     values = samples[...]

@@ -20,7 +20,7 @@ _SIGNS = {"true": ("i", "u"), "false": ("u", "i")}
 """Kinds of integers that the attribute ``_Unsigned`` replaces, and by which."""
 
 
-class Samples:
+class MaskedSamples:
     """The samples of a DataArray by slices, masked where they are missing.
 
     Parameters
