@@ -1,4 +1,4 @@
-"""Zarr, NetCDF of the classic kind, GRIB, DICOM and VTK image data: written with the libraries of their users."""
+"""Zarr, DICOM and VTK image data: written with the libraries of their users."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ import isocodec
 from commands import fails, ok
 from inputs import read_field, read_place
 from isocodec.api.inputs import Choice, windowed
-from isocodec.errors import InputError, OptionError
+from isocodec.errors import OptionError
 from libraries import Late
 from places import matrix
 
 pytestmark = pytest.mark.heavy
 
-h5py = Late("h5py")
 pydicom = Late("pydicom")
 FileDataset = Late("pydicom.dataset.FileDataset")
 FileMetaDataset = Late("pydicom.dataset.FileMetaDataset")
@@ -27,50 +26,15 @@ generate_uid = Late("pydicom.uid.generate_uid")
 SimpleITK = Late("SimpleITK")
 vtk = Late("vtk")
 numpy_to_vtk = Late("vtk.util.numpy_support.numpy_to_vtk")
-xarray = Late("xarray")
 zarr = Late("zarr")
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
 
 
-def grid() -> xarray.DataArray:
-    field = np.stack([HILL, HILL + 1]).astype(np.float32)
-    field[:, 2, 3] = np.nan
-    return xarray.DataArray(
-        field, dims=("time", "lat", "lon"), name="tas", attrs={"units": "K"},
-        coords={"time": np.array(["2020-01-01", "2020-01-02"], "datetime64[ns]"),
-                "lat": ("lat", 60 - 0.5 * np.arange(20), {"units": "degrees_north"}),
-                "lon": ("lon", 5 + 0.25 * np.arange(30), {"units": "degrees_east"})},
-    )
-
-
-@pytest.mark.parametrize("name", ["a.zarr", "a.nc"])
-def test_labelled_files(tmp_path: Path, name: str) -> None:
-    """Values, holes, coordinates and the time of a frame, by read and by the command line."""
-    path = tmp_path / name
-    if name == "a.zarr":
-        grid().to_dataset().to_zarr(path)
-    else:
-        grid().to_dataset().to_netcdf(path, engine="scipy")
-        assert path.read_bytes().startswith(b"CDF")
-    field = isocodec.read(path, frame=1)
-    assert np.array_equal(field.values, grid().values[1], equal_nan=True)
-    assert field.placement is not None and field.placement.matrix.tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
-    assert (field.name, field.unit, field.crs) == ("tas", "K", "EPSG:4326")
-    assert field.notes["time"].startswith("2020-01-02")
-    ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
-    file = isocodec.open(tmp_path / "a.iso")
-    assert np.array_equal(file.placement.matrix, field.placement.matrix)
-    assert file.crs == "EPSG:4326" and not file.valid()[2, 3] and file.valid().sum() == 599
-    assert read_field(path, key="tas", frame=0).shape == (20, 30)
-    with pytest.warns(UserWarning, match="time"):
-        assert isocodec.read(path).shape == (2, 20, 30)
-
-
 def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
     """As zarr.open makes them: without names and coordinates."""
-    path, values = tmp_path / "a.zarr", np.nan_to_num(grid().values, nan=60.0)
+    path, values = tmp_path / "a.zarr", np.stack([HILL, HILL + 1]).astype(np.float32)
     stored = zarr.open(str(path), mode="w", shape=values.shape, chunks=(1, 10, 10), dtype=values.dtype)
     stored[:] = values
     assert np.array_equal(isocodec.read(path).values, values)
@@ -80,53 +44,6 @@ def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
     ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
     assert np.array_equal(isocodec.open(tmp_path / "a.iso").above(), values[1] > 70)
     ok("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 70, "--tile", 128)
-
-
-@pytest.mark.parametrize("kind", [2, 3, "nc", "classic"])
-def test_tiles_of_packed_samples(tmp_path: Path, kind: int | str) -> None:
-    """Attributes say what stored numbers mean, to ``tile`` as to ``encode``: those that stand for none are holes."""
-    y, x = np.mgrid[:70, :80]
-    field = np.rint(40 * np.sin(x / 9) * np.cos(y / 7)) * 0.25 + 100
-    field[20:26, 30:39] = np.nan
-    array = xarray.DataArray(field, dims=("y", "x"), name="a")
-    packing = {"dtype": "int16", "scale_factor": 0.25, "add_offset": 60.0, "_FillValue": -999}
-    if kind == "nc":
-        path = tmp_path / "a.nc"
-        with h5py.File(path, "w") as file:
-            stored = file.create_dataset("a", data=np.nan_to_num((field - 60) * 4, nan=-999).astype(np.int16))
-            stored.attrs.update({name: packing[name] for name in ("scale_factor", "add_offset", "_FillValue")})
-    elif kind == "classic":
-        path = tmp_path / "a.nc"
-        array.to_dataset().to_netcdf(path, engine="scipy", encoding={"a": packing})
-    else:
-        path = tmp_path / "a.zarr"
-        array.to_dataset().to_zarr(path, encoding={"a": packing}, zarr_format=kind)
-    tiled, whole = tmp_path / "tiles.iso", tmp_path / "whole.iso"
-    for isovalue in (100.1, 95.3):
-        ok("encode", path, "-o", tiled, "--isovalue", isovalue, "--tile", "32", "--precision", "signs")
-        ok("encode", path, "-o", whole, "--isovalue", isovalue, "--precision", "signs")
-        mine, other = isocodec.decode(tiled), isocodec.decode(whole)
-        assert len(other.points) > 100
-        assert set(map(tuple, mine.points)) == set(map(tuple, other.points))
-
-
-def test_tiles_of_hdf5(tmp_path: Path) -> None:
-    """The array that ``encode`` takes, without axes of one sample; samples in other files are left there."""
-    field = np.rint(BALL[5] * 3).astype(np.int16)
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.create_dataset("deep/values", data=field[None])
-        file.create_dataset("bounds", data=np.zeros((13, 2)))
-    ok("encode", tmp_path / "a.h5", "-o", tmp_path / "a.iso", "--isovalue", 200.5, "--precision", "exact",
-       "--key", "deep/values", "--tile", 128)
-    made, whole = isocodec.decode(tmp_path / "a.iso"), isocodec.decode(isocodec.encode(field, 200.5, precision="exact"))
-    assert len(made.points) > 4 and set(map(tuple, made.points)) == set(map(tuple, whole.points))
-    said = fails(3, "encode", tmp_path / "a.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5, "--tile", 128)
-    assert "deep/values" in said
-    with h5py.File(tmp_path / "out.h5", "w") as file:
-        (tmp_path / "elsewhere").write_bytes(field.tobytes())
-        file.create_dataset("a", field.shape, field.dtype, external=[(str(tmp_path / "elsewhere"), 0, field.nbytes)])
-    said = fails(3, "encode", tmp_path / "out.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5, "--tile", 128)
-    assert "elsewhere" in said and not (tmp_path / "b.iso").exists()
 
 
 def test_tiles_of_damaged_zarr(tmp_path: Path) -> None:
@@ -148,23 +65,6 @@ def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:
         group.create_array(name, data=start + step * np.arange(size), dimension_names=(name,))
     place = windowed(path, Choice()).placement
     assert place is not None and place.matrix is not None and place.matrix.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
-
-
-def test_labelled_files_that_leave_a_choice(tmp_path: Path) -> None:
-    xarray.Dataset({"a": grid()[0], "b": grid()[1].drop_vars("time")}).to_netcdf(tmp_path / "two.nc", engine="scipy")
-    with pytest.raises(InputError, match=r"a, b: choose one with --key"):
-        read_field(tmp_path / "two.nc")
-    assert np.array_equal(read_field(tmp_path / "two.nc", key="b"), grid().values[1], equal_nan=True)
-    with pytest.raises(OptionError, match="no frame 2"):
-        grid().to_dataset().to_netcdf(tmp_path / "series.nc", engine="scipy")
-        read_field(tmp_path / "series.nc", frame=2)
-    data = (tmp_path / "two.nc").read_bytes()
-    (tmp_path / "cut.nc").write_bytes(data[: len(data) // 2])
-    with pytest.raises(InputError):
-        read_field(tmp_path / "cut.nc", key="b")
-    (tmp_path / "none.zarr").mkdir()
-    with pytest.raises(InputError):
-        read_field(tmp_path / "none.zarr")
 
 
 # ---- DICOM ----------------------------------------------------------------------------------------------------------

@@ -98,20 +98,3 @@ def goes_round(longitude: Array, axis: int) -> bool:
         # on curvilinear grids rows beyond a pole do not go around anything
         closes = (np.abs(np.abs(turn) - TURN) < 1e-3) & (last <= (1 + _CLOSES) * typical) & (last > 0) & (first != 0)
     return bool(np.count_nonzero(closes) * 2 > closes.size)
-
-
-def as_integers(values: NDArray[Any], stored: Any) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-    """Integers of the type ``stored`` that a library made floats of to mark missing ones, and a mask of those.
-
-    Values that are no integers stay as they are; those that do not fit the type (unsigned numbers in files that know
-    only signed ones) become int64.
-    """
-    if values.dtype.kind != "f" or stored is None or np.dtype(stored).kind not in "iu":
-        return values, None
-    gone = np.isnan(values)
-    bare = np.where(gone, 0, values)
-    if (bare != np.rint(bare)).any() or np.abs(bare).max(initial=0) >= 2**53:
-        return values, None
-    ends = np.iinfo(stored)
-    fits = ends.min <= bare.min(initial=0) and bare.max(initial=0) <= ends.max
-    return bare.astype(stored if fits else np.int64), gone if gone.any() else None

@@ -1,11 +1,16 @@
-"""Arrays of HDF5 files (h5py), classic netCDF files and Zarr stores as variables of xarray, read when asked for."""
+"""Arrays of HDF5 files (h5py), classic netCDF files and Zarr stores as DataArrays of xarray, read when asked for.
+
+Xarray's engines refuse arrays some of whose axes have no names, which HDF5 and OME-Zarr have, and follow links to other
+files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from functools import cache
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
+from struct import error as struct_error
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,8 +18,10 @@ import numpy as np
 from ..errors import InputError, plain
 from .libraries import library, reading
 
+_library = partial(library, extra="labelled", purpose="reading arrays with labels")
 HDF5, ZARR = (".nc", ".nc4", ".cdf", ".h5", ".hdf5", ".he5"), (".zarr", ".zarr.zip")
-CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")
+_CLASSIC = {b"CDF\1": "scipy", b"CDF\2": "scipy", b"CDF\5": "netcdf4"}
+"""Engines of xarray: netCDF4 fills up files that are cut short, scipy does not know the fifth kind."""
 _METADATA = ("zarr.json", ".zarray", ".zgroup")
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
@@ -24,25 +31,19 @@ class Arrays(NamedTuple):
 
     Attributes
     ----------
-    found : mapping of str to xarray.Variable
+    found : mapping of str to xarray.DataArray
     attributes : mapping of str to mapping
-        Attributes of groups, by their paths.
-    netcdf : bool
-        Whether numbers that were never written are those of netCDF.
+        Attributes of groups.
+    refused : mapping of str to InputError
+        Arrays that cannot be read.
     default : str or None
-        The one that is read if there are several.
-    along : mapping of str to mapping of str to Variable
-        Coordinates along axes that are no arrays of the file, by array.
-    away : mapping of str to str
-        Arrays that lie in other files, and which.
+        The one that is read if there are several: the finest level of an OME-Zarr image.
     """
 
     found: Mapping[str, Any]
     attributes: Mapping[str, Mapping[str, Any]] = {}
-    netcdf: bool = False
+    refused: Mapping[str, InputError] = {}
     default: str | None = None
-    along: Mapping[str, Mapping[str, Any]] = {}
-    away: Mapping[str, str] = {}
 
 
 def is_store(path: Path) -> bool:
@@ -50,175 +51,128 @@ def is_store(path: Path) -> bool:
     return any((path / name).is_file() for name in _METADATA)
 
 
-@contextmanager
-def arrays_of(path: Path) -> Iterator[Arrays]:
-    """Open a file or store; raises `OSError`, `InputError` and `MissingExtraError`."""
+def arrays_of(path: Path, held: ExitStack) -> Arrays:
+    """Open a file, which is held open, or a store; raises `OSError`, `InputError` and `MissingExtraError`."""
     if path.is_dir() or path.name.lower().endswith(ZARR):
-        yield _zarr(path)
-        return
+        zarr = _library("zarr")
+        with reading("Zarr store", "check that it is complete; zip what is in the folder, not the folder"):
+            return _zarr(zarr, path)
     with path.open("rb") as file:
-        start = file.read(4)
-    if start in CLASSIC:
-        xarray = library("xarray", extra="labelled", purpose="reading netCDF")
-        # netCDF4 fills up files that are cut short, scipy does not know the fifth kind
-        engine = ("netCDF4", "netcdf4") if start == CLASSIC[-1] else ("scipy.io", "scipy")
-        library(engine[0], extra="labelled", purpose="reading netCDF of the classic kind")
+        engine = _CLASSIC.get(file.read(4))
+    if engine:
         with reading("netCDF file", "ncdump -h shows what it holds"):
-            file = xarray.open_dataset(path, engine=engine[1], decode_cf=False, cache=False)
-        with file:
-            yield Arrays({str(name): one for name, one in file.variables.items()}, {"": file.attrs}, netcdf=True)
-        return
-    h5py = library("h5py", extra="labelled", purpose=f"reading {path.suffix}")
+            dataset = _library("xarray").open_dataset(path, engine=engine, decode_cf=False, cache=False)
+            held.enter_context(dataset)
+            return Arrays({str(name): _filled(dataset[name]) for name in dataset.variables}, {"": dataset.attrs})
+    h5py = _library("h5py")
     with reading("HDF5 file", "h5dump -H shows what it holds"):
-        opened = h5py.File(path, "r")
-    with opened:
-        yield _hdf5(h5py, opened)
+        return _hdf5(h5py, held.enter_context(h5py.File(path, "r")))
+
+
+def _filled(array: Any) -> Any:
+    """An array of netCDF, whose samples are missing where nothing was written; bytes may have any value."""
+    usual = _library("netCDF4").default_fillvals.get(array.dtype.str[1:])
+    return array.assign_attrs({"_FillValue": usual, **array.attrs}) if usual and array.dtype.itemsize > 1 else array
 
 
 def _hdf5(h5py: Any, file: Any) -> Arrays:
-    there: dict[str, Any] = {}
-    groups: dict[str, Any] = {"": file}
-    links: dict[str, Any] = {}
-    with reading("HDF5 file"):
-        file.visititems(lambda name, item: (there if hasattr(item, "shape") else groups).update({name: item}))
-        file.visititems_links(lambda name, link: links.update({name: link}))
-        # these are not opened: even a shape may be looked up in another file
-        away = {name: str(link.filename) for name, link in links.items() if isinstance(link, h5py.ExternalLink)}
-        for name, item in there.items():
-            virtual = item.virtual_sources() if item.is_virtual else ()
-            others = [each[0] for each in item.external or ()]
-            others += [part.file_name for part in virtual if part.file_name != "."]
-            away |= {name: str(others[0])} if others else {}
-        found = {name: item for name, item in there.items() if name not in away and item.shape is not None}
-        names = {item.id: name for name, item in found.items()}
-        made = {name: _of_hdf5(name, item, names) for name, item in found.items()}
-        made = {name: one for name, one in made.items() if not str(one.attrs.get("NAME")).startswith(_NO_VARIABLE)}
-        about = {name: _attributes(item) for name, item in groups.items()}
-    return Arrays(made, about, "_NCProperties" in file.attrs, away=away)
+    items, links = dict[str, Any](), dict[str, Any]()
+    file.visititems(lambda name, item: items.update({name: item}))
+    file.visititems_links(lambda name, link: links.update({name: link}))
+    # arrays in other files are not opened: even a shape may be looked up there
+    refused = {name: _away(link.filename) for name, link in links.items() if isinstance(link, h5py.ExternalLink)}
+    names, found = {item.id: name for name, item in items.items()}, dict[str, Any]()
+    for name, item in items.items():
+        attributes = _attributes(item)
+        if not isinstance(item, h5py.Dataset) or str(attributes.get("NAME")).startswith(_NO_VARIABLE):
+            continue
+        sources = {each[0] for each in item.external or ()}
+        sources |= {each.file_name for each in item.virtual_sources()} - {"."} if item.is_virtual else set()
+        if sources:
+            refused[name] = _away(*sources)
+        elif item.size and not (item.is_virtual or item.id.get_storage_size()):
+            refused[name] = InputError(f"holds the shape of '/{plain(name)}', {item.shape}, but no samples",
+                                       code="empty", remedy="check that the file is complete")
+        elif item.shape is not None:
+            scales = [names.get(axis[0].id) if len(axis) else None for axis in item.dims]
+            array = _array(item, [name] if item.is_scale and item.ndim == 1 else scales, attributes, name)
+            found[name] = _filled(array) if "_NCProperties" in file.attrs else array
+    return Arrays(found, {name: _attributes(item) for name, item in {"": file, **items}.items()}, refused)
 
 
-def _of_hdf5(name: str, item: Any, names: Mapping[Any, str]) -> Any:
-    """An array with the names of its scales for its axes."""
-    def get(key: Any) -> Any:
-        if item.size and not (item.is_virtual or item.id.get_storage_size()):
-            raise InputError(f"holds the shape of '/{plain(name)}', {item.shape}, but no samples", code="empty",
-                             remedy="check that the file is complete")
-        return item[key]
-
-    scales = [next((names[scale.id] for scale in axis.values() if scale.id in names), None) for axis in item.dims]
-    dims = [scale if scales.count(scale) == 1 else None for scale in scales]
-    return lazy(item, [name] if item.is_scale and item.ndim == 1 else dims, _attributes(item), get)
+def _away(*files: Any) -> InputError:
+    return InputError(f"its samples lie in another file, {plain(', '.join(map(str, files)))}", code="other-file",
+                      remedy="read them with h5py, and give the array")
 
 
 def _attributes(item: Any) -> dict[str, Any]:
+    """Numbers and texts among attributes of HDF5, arrays of one as what they hold."""
     out = {}
-    for name in item.attrs:
-        with suppress(KeyError, TypeError, ValueError, OSError):  # of a type that numpy does not have
-            value = item.attrs[name]
-            if np.shape(value) == (1,) or (np.ndim(value) and np.size(value) == 1 and value.dtype.kind in "OSU"):
-                value = value.ravel()[0]
-            out[name] = value.decode(errors="replace") if isinstance(value, bytes) else value
-    return {name: one for name, one in out.items() if isinstance(one, str) or np.asarray(one).dtype.kind in "biufSUO"}
-
-
-def _zarr(path: Path) -> Arrays:
-    """A store, which is an array or a group of them."""
-    zarr = library("zarr", extra="labelled", purpose="reading Zarr")
-    with reading("Zarr store", "check that the file is complete"):
-        inside = ""
-        root: Any = str(path)
-        if path.is_file():
-            root = zarr.storage.ZipStore(path, mode="r")
-            from zipfile import ZipFile
-
-            # the folder that was packed, or what was in it
-            with ZipFile(path) as packed:
-                tops = [name.rpartition("/")[0] for name in packed.namelist() if name.rpartition("/")[2] in _METADATA]
-            inside = min(tops, key=len, default="")
-        top = zarr.open(root, path=inside, mode="r")
-        members = {"": top} if hasattr(top, "dtype") else {"": top, **dict(top.members(max_depth=None))}
-        arrays = {name: _of_zarr(one) for name, one in members.items() if hasattr(one, "dtype")}
-        about = {name: dict(one.attrs) for name, one in members.items() if name not in arrays}
-        along: dict[str, dict[str, Any]] = {}
-        for name, attributes in about.items():
-            along |= _levels(f"{name}/" if name else "", attributes, arrays)
-    return Arrays(arrays, about, default=next(iter(along), None), along=along)
-
-
-def _of_zarr(stored: Any) -> Any:
-    attributes = dict(stored.attrs)
-    dims: Sequence[str | None] | None = stored.metadata.dimension_names if stored.metadata.zarr_format == 3 else (
-        attributes.pop("_ARRAY_DIMENSIONS", None))
-    # of Zarr 2, 0 is what Zarr itself begins with, not a marker
-    if stored.metadata.zarr_format == 2 and stored.fill_value:
-        attributes.setdefault("_FillValue", stored.fill_value)
-    named = dims is not None and len(dims) == len(set(dims)) == stored.ndim
-    return lazy(stored, dims if named and dims else [None] * stored.ndim, attributes)
-
-
-def _levels(group: str, attributes: Mapping[str, Any], arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Coordinates along the axes in space of multiscale images of OME-Zarr, by array, the finest first.
-
-    The arrays get the names of these axes.
-    """
-    out: dict[str, dict[str, Any]] = {}
-    ome = attributes.get("ome")
-    images = (ome if isinstance(ome, Mapping) else attributes).get("multiscales")
-    for image in images if isinstance(images, list) else ():
-        axes = [axis if isinstance(axis, dict) else {"name": str(axis)} for axis in image.get("axes", "tczyx")]
-        names = [str(axis["name"]) for axis in axes]
-        for level in image["datasets"]:
-            name = group + str(level["path"]).strip("/")
-            if name not in arrays or arrays[name].ndim != len(axes):
-                continue
-            scale, start = np.ones(len(axes)), np.zeros(len(axes))
-            for step in (*level.get("coordinateTransformations", ()), *image.get("coordinateTransformations", ())):
-                if step["type"] == "scale":
-                    factor = np.array(step["scale"], np.float64)
-                    scale, start = scale * factor, start * factor
-                elif step["type"] == "translation":
-                    start = start + np.array(step["translation"], np.float64)
-                elif step["type"] != "identity":
-                    raise InputError(f"places its samples by '{step['type']}'; a scale and a translation can be read",
-                                     code="placement", remedy="open it with zarr, and give an isocodec.Field")
-            one = arrays[name]
-            arrays[name] = one._replace(dims=names)
-            out[name] = {
-                dim: type(one)(dim, start[i] + scale[i] * np.arange(one.shape[i]),
-                               {"axis": dim, **({"units": axis["unit"]} if "unit" in axis else {})})
-                for i, (dim, axis) in enumerate(zip(names, axes, strict=True)) if axis.get("type", "space") == "space"
-            }
+    for name, value in item.attrs.items():
+        value = value[0] if np.shape(value) == (1,) else value
+        value = value.decode(errors="replace") if isinstance(value, bytes) else value
+        if np.asarray(value).dtype.kind in "biufU":
+            out[name] = value
     return out
 
 
-def lazy(
-    stored: Any, dims: Sequence[str | None], attributes: Mapping[str, Any], get: Callable[[Any], Any] | None = None
-) -> Any:
-    """A variable of xarray over an array with ``shape``, ``dtype`` and slices; axes without a name get one."""
-    xarray = library("xarray", extra="labelled", purpose="reading arrays with labels")
-    names: list[str] = []
-    for dim, size in zip(dims, stored.shape, strict=True):
-        name = f"axis of {size}"
-        while dim is None and name in names:
-            name += " again"
-        names.append(name if dim is None else dim)
-    made = _lazy_class()(tuple(stored.shape), np.dtype(stored.dtype), get or stored.__getitem__)
-    return xarray.Variable(names, xarray.core.indexing.LazilyIndexedArray(made), dict(attributes))
+def _zarr(zarr: Any, path: Path) -> Arrays:
+    """A store, which is an array or a group of them, perhaps in a zip."""
+    top = zarr.open(zarr.storage.ZipStore(path) if path.is_file() else path, mode="r")
+    members = {"": top, **(dict(top.members(max_depth=None)) if isinstance(top, zarr.Group) else {})}
+    found = {name: _of_zarr(one, name) for name, one in members.items() if isinstance(one, zarr.Array)}
+    levels: dict[str, Any] = {}
+    for name, one in members.items():
+        for image in dict(one.attrs.get("ome", one.attrs)).get("multiscales", ()):
+            levels |= _levels(f"{name}/".lstrip("/"), image, found)
+    return Arrays({**found, **levels}, {name: dict(one.attrs) for name, one in members.items()},
+                  default=next(iter(levels), None))
 
 
-@cache
-def _lazy_class() -> Any:
-    """The class of arrays whose slices are read by a function."""
-    xarray = library("xarray", extra="labelled", purpose="reading arrays with labels")
+def _of_zarr(stored: Any, name: str) -> Any:
+    attributes = dict(stored.attrs)
+    dims = getattr(stored.metadata, "dimension_names", None) or attributes.get("_ARRAY_DIMENSIONS")
+    if isinstance(marker := attributes.get("_FillValue"), str):
+        with suppress(ValueError, struct_error):  # else it is a number as text
+            attributes["_FillValue"] = _library("xarray.backends.zarr").FillValueCoder.decode(marker, stored.dtype)
+    elif stored.metadata.zarr_format == 2 and stored.fill_value:  # 0 is what Zarr itself begins with, not a marker
+        attributes.setdefault("_FillValue", stored.fill_value)
+    return _array(stored, dims or [None] * stored.ndim, attributes, name)
+
+
+def _levels(group: str, image: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    """Levels of an image of OME-Zarr with coordinates along their axes in space."""
+    levels = {}
+    axes = [axis if isinstance(axis, dict) else {"name": str(axis)} for axis in image.get("axes", "tczyx")]
+    for level in image["datasets"]:
+        scale, start = np.ones(len(axes)), np.zeros(len(axes))
+        for step in (*level.get("coordinateTransformations", ()), *image.get("coordinateTransformations", ())):
+            if {*step} - {"type", "scale", "translation"}:
+                raise InputError(f"places its samples by {plain(str(step))}; a scale and a translation can be read",
+                                 code="placement", remedy="open it with zarr, and give an isocodec.Field")
+            scale, start = scale * step.get("scale", 1), start * step.get("scale", 1) + step.get("translation", 0)
+        path = group + str(level["path"]).strip("/")
+        named = found[path].rename(dict(zip(found[path].dims, [axis["name"] for axis in axes], strict=True)))
+        levels[path] = named.assign_coords({
+            dim: (dim, first + by * np.arange(size), {"units": axis.get("unit", "")})
+            for (dim, size), axis, by, first in zip(named.sizes.items(), axes, scale, start, strict=True)
+            if axis.get("type", "space") == "space"})
+    return levels
+
+
+def _array(stored: Any, dims: Sequence[str | None], attributes: Mapping[str, Any], path: str) -> Any:
+    """A DataArray over an array with ``shape``, ``dtype`` and slices; axes without a name get one."""
+    xarray = _library("xarray")
+    names = [dim if dim and [*dims].count(dim) == 1 else f"axis of {size}" + " again" * stored.shape[:axis].count(size)
+             for axis, (dim, size) in enumerate(zip(dims, stored.shape, strict=True))]
     indexing = xarray.core.indexing
-    base: Any = xarray.backends.BackendArray
 
-    class Stored(base):
-        def __init__(self, shape: tuple[int, ...], dtype: np.dtype[Any], get: Callable[[Any], Any]) -> None:
-            self.shape, self.dtype, self._get = shape, dtype, get
+    class Stored(xarray.backends.BackendArray):  # type: ignore[name-defined]
+        shape, dtype = tuple(stored.shape), np.dtype(stored.dtype)
 
         def __getitem__(self, key: Any) -> Any:
             return indexing.explicit_indexing_adapter(
-                key, self.shape, indexing.IndexingSupport.BASIC, lambda found: np.asarray(self._get(found)))
+                key, self.shape, indexing.IndexingSupport.BASIC, lambda found: np.asarray(stored[found]))
 
-    return Stored
+    return xarray.DataArray(indexing.LazilyIndexedArray(Stored()), dims=names, attrs=attributes,
+                            name=path.rpartition("/")[2] or None)
