@@ -31,9 +31,7 @@ def check_kind(dtype: Any) -> None:
     """Raise `InputError` unless a dtype is one of real numbers or truth values."""
     if dtype.kind in "biuf":
         return
-    names = {"c": "complex numbers", "M": "dates", "m": "dates", "O": "Python objects or strings", "U": "strings",
-             "S": "strings", "T": "strings", "V": f"records ({', '.join(map(plain, dtype.names or ()))})"}
-    raise InputError(f"holds {names.get(dtype.kind, 'values')} (dtype {dtype}), not real numbers", code="dtype",
+    raise InputError(f"holds values of the type {plain(str(dtype))}, not real numbers", code="dtype",
                      remedy="give a part that holds real numbers")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..errors import InputError, plain
+from ..errors import InputError, one_line
 from ..field.framed import Frames
 from ..field.missing import missing_samples
 from ..field.placement import Placement
@@ -105,8 +106,7 @@ def _is_stack(tiff: Any, path: str) -> bool:
 def _stack(tiff: Any, choice: Choice) -> Field | Frames:
     """Read all pages, or one of them, of a stack with axes such as TZYX."""
     if len(tiff.series) != 1:
-        shapes = ", ".join(str(each.shape) for each in tiff.series[:20])
-        raise InputError(f"holds {len(tiff.series)} pictures of different kinds: {shapes}", code="series",
+        raise InputError(f"holds {len(tiff.series)} pictures of different kinds", code="series",
                          remedy="choose a page with --key, counted from 1")
     (series,) = tiff.series
     axes = str(series.axes)
@@ -123,38 +123,36 @@ def _stack(tiff: Any, choice: Choice) -> Field | Frames:
     marked = tiff.pages[0].tags.valueof(_NODATA) if choice.nodata is None else choice.nodata
     with suppress(TypeError, ValueError):
         values = np.ma.masked_array(values, missing_samples(values, float(str(marked).strip(" \0"))))
-    where, remarks = None, []
     letters = [axis for axis, count in zip(axes, values.shape, strict=True) if count > 1]
-    letters = letters[(choice.frame is not None) + choice.frames :]
+    where, remarks = None, list[str]()
     try:
-        where = _place(tiff, letters)
-    except InputError as error:
-        remarks = [error.message]
-    except (ElementTree.ParseError, AttributeError, ValueError, ZeroDivisionError):
-        remarks = ["the sizes of its pixels are ignored: they are damaged"]
+        sizes = _sizes(tiff)
+        where = _place(sizes, letters[(choice.frame is not None) + choice.frames :]) if sizes else None
+    except (ElementTree.ParseError, AttributeError, KeyError, ValueError, ZeroDivisionError) as error:
+        remarks = [f"the sizes of its pixels are ignored: {one_line(str(error))}; set them with --spacing"]
+    if any(tag in tiff.pages[0].tags for tag in _GEOGRAPHY):
+        where, remarks = None, ["the coordinates of a stack of pages are ignored; take a page with --key"]
     return of_array(values, choice, where, remarks=remarks)
 
 
-def _place(tiff: Any, letters: list[str]) -> Placement | None:
-    """Sizes of pixels or voxels along these axes, as OME and ImageJ have them."""
-    tags, notes = tiff.pages[0].tags, tiff.imagej_metadata or {}
-    if any(tag in tags for tag in _GEOGRAPHY):
-        raise InputError("the coordinates of a stack of pages are ignored; take a page with --key")
-    sizes = dict[str, tuple[float, str]]()
-    unit = str(notes.get("unit") or "").replace("\\u00B5", "µ")
+def _sizes(tiff: Any) -> dict[str, tuple[float, str]]:
+    """Find sizes of pixels or voxels and their units by axis, as OME and ImageJ have them."""
     if tiff.ome_metadata:
         pixels: Any = ElementTree.fromstring(tiff.ome_metadata).find(".//{*}Pixels")
-        sizes = {axis: (float(size), pixels.get(f"PhysicalSize{axis}Unit", "µm"))
-                 for axis in "XYZ" if (size := pixels.get(f"PhysicalSize{axis}"))}
-    elif unit not in ("", "pixel") or "spacing" in notes:
-        sizes = {axis: (found[1] / found[0], unit) for axis in "XY" if (found := tags.valueof(f"{axis}Resolution"))}
-        sizes |= {"Z": (float(notes["spacing"]), unit)} if "spacing" in notes else {}
-    if not sizes:
-        return None
+        return {axis: (float(size), pixels.get(f"PhysicalSize{axis}Unit", "µm"))
+                for axis in "XYZ" if (size := pixels.get(f"PhysicalSize{axis}"))}
+    tags, notes = tiff.pages[0].tags, tiff.imagej_metadata or {}
+    unit = str(notes.get("unit") or "").replace("\\u00B5", "µ")
+    if unit in ("", "pixel") and "spacing" not in notes:
+        return {}
+    sizes = {axis: (found[1] / found[0], unit) for axis in "XY" if (found := tags.valueof(f"{axis}Resolution"))}
+    return {**sizes, "Z": (float(notes["spacing"]), unit)} if "spacing" in notes else sizes
+
+
+def _place(sizes: Mapping[str, tuple[float, str]], letters: list[str]) -> Placement:
     n = len(letters)
-    if letters != [*"ZYX"[-n:]] or not {*letters} <= sizes.keys():
-        raise InputError(f"the sizes of its pixels are ignored: its axes are {plain(', '.join(letters))}, and "
-                         f"{', '.join(sizes)} have sizes; set them with --spacing")
+    if letters != [*"ZYX"[-n:]]:
+        raise ValueError(f"its axes are {', '.join(letters)}")
     steps, units = zip(*(sizes[axis] for axis in reversed(letters)), strict=True)
     each = ["_".join(unit.split()) for unit in units]
     matrix = np.pad(np.fliplr(np.diag(steps)), ((0, 0), (0, 1)))

@@ -148,8 +148,6 @@ def open_(path: Path, choice: Choice) -> Field | Frames:
         if "SegmentationType" in first.header:
             field, _ = _segmentation(planes, choice if segmented else replace(choice, key=None))
             return of_frames(lambda number: field, 1, choice)
-        if first.get("PhotometricInterpretation") == "PALETTE COLOR":
-            raise InputError("holds indices of a palette, not samples", code="palette", remedy="save it as grey")
         colours = int(first.get("SamplesPerPixel") or 1)
         channel = channel_of(colours, choice.band)
         volumes, matrix, differ = _arranged(_stack(planes, remarks))
@@ -205,6 +203,7 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
             continue
         count = int(header.get("NumberOfFrames") or 1)
         odd = {
+            "holds indices of a palette, not samples": header.get("PhotometricInterpretation") == "PALETTE COLOR",
             "is a picture of tiles": "TotalPixelMatrixRows" in header,
             f"describes other frames than its {count}":
                 len(header.get("PerFrameFunctionalGroupsSequence") or range(count)) != count,
@@ -212,7 +211,8 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
             "has samples in high bits of words": int(header.get("HighBit") or 0) >= int(header.get("BitsStored") or 64),
         }
         for words in (each for each, holds in odd.items() if holds):
-            raise InputError(words, code="unreadable", remedy="write it in another way first, as by dcmconv +te IN OUT")
+            raise InputError(words, code="unreadable",
+                             remedy="convert it first, by dcmconv +te IN OUT, dcm2niix or highdicom")
         found += [_Plane(one, number, _flat(header, number)) for number in range(count)]
     named = ", ".join(sorted({*others}))
     if not found:
@@ -320,7 +320,7 @@ def _times(heaps: list[list[_Plane]]) -> tuple[str, list[list[_Plane]]]:
         if whole and None not in found[0] and all(each.keys() == found[0].keys() for each in found):
             return name, [[each[value] for each in found] for value in sorted(found[0])]
     raise InputError(
-        f"holds several slices in one place, {more[0][0]} and {more[0][1]}, that differ by nothing known, or lack others",
+        f"holds several slices in one place, {more[0][0]} and {more[0][1]}, that differ by nothing, or lack others",
         code="slices", remedy="keep those of one volume in a folder, or convert them by dcm2niix")
 
 

@@ -88,7 +88,7 @@ def of_vtk(data: Any, choice: Choice) -> Field | Mesh:
         if hasattr(data, "recursive_iterator"):
             blocks = dict(data.recursive_iterator("items", skip_none=True, prepend_names=True, separator="/"))
             named = [name for name in blocks if f"{key}/".startswith(f"{name}/")]
-            full = [name for name, each in blocks.items() if _arrays(each.point_data) or _arrays(each.cell_data)]
+            full = [name for name, each in blocks.items() if each.array_names]
             name = max(named, key=len) if named else choose(full if len(full) == 1 else [*blocks], None, "blocks")
             data, key = blocks[name], str(key)[len(name) + 1 :] or None if named else key
         if not hasattr(data, "n_cells"):
