@@ -59,7 +59,8 @@ def test_archives(tmp_path: Path) -> None:
     np.savez(tmp_path / "b.npz", a=CELLS, b=CELLS)
     np.savez(tmp_path / "c.npz", a=np.array([None, {}], dtype=object))
     np.savez(tmp_path / "d.npz")
-    for name, choice, right in (("one", {}, CELLS), ("a", {}, CELLS), ("a", {"key": "other", "frame": 2}, CELLS[2] + 1)):
+    other = {"key": "other", "frame": 2}
+    for name, choice, right in (("one", {}, CELLS), ("a", {}, CELLS), ("a", other, CELLS[2] + 1)):
         assert np.array_equal(isocodec.read(tmp_path / f"{name}.npz", **choice).values, right)
     for name, choice, words in (("b.npz", {}, "2 arrays: a, b: choose one with --key"), ("c.npz", {}, "cannot be read"),
                                 ("d.npz", {}, "no arrays"), ("a.npy", {"key": "a"}, "single array")):

@@ -165,7 +165,8 @@ def test_pages_of_different_kinds_and_geography(tmp_path: Path) -> None:
         isocodec.read(tmp_path / "a.tif")
     assert np.array_equal(isocodec.read(tmp_path / "a.tif", key="2").values, CELLS[0])
     scale = [(33550, "d", 3, (30.0, 30.0, 0.0)), (33922, "d", 6, (0, 0, 0, 5e5, 4e6, 0))]
-    tifffile.imwrite(tmp_path / "b.tif", CELLS, photometric="minisblack", extratags=[*scale, (42113, "s", 0, "9", True)])
+    marker = (42113, "s", 0, "9", True)
+    tifffile.imwrite(tmp_path / "b.tif", CELLS, photometric="minisblack", extratags=[*scale, marker])
     with pytest.warns(UserWarning, match="take a page with --key"):
         assert np.array_equal(isocodec.read(tmp_path / "b.tif").mask, CELLS == 9)
     with warnings.catch_warnings():

@@ -35,7 +35,8 @@ def test_pairs_of_volumes(tmp_path: Path, kind: str, given: str) -> None:
     nibabel.save(made, tmp_path / "a.img")
     asked = nibabel.load(tmp_path / "a.img")
     field = isocodec.read(tmp_path / f"a{given}")
-    assert np.array_equal(field.values, np.array(asked.dataobj)) and np.allclose(field.placement.matrix, asked.affine[:3])
+    assert np.array_equal(field.values, np.array(asked.dataobj))
+    assert np.allclose(field.placement.matrix, asked.affine[:3])
     assert any("left and right" in remark for remark in field.remarks) == ("Analyze" in kind)
 
 

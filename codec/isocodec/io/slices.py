@@ -224,11 +224,14 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
 
 def _flat(header: Any, number: int) -> Any:
     """Collect the attributes of a frame, those that sequences state of it before those of all frames."""
+    groups = [some[number % len(some)] for name in ("Shared", "PerFrame")
+              if (some := header.get(f"{name}FunctionalGroupsSequence"))]
+    if not groups:
+        return header
     flat = _library("pydicom").Dataset()
     flat.update(header)
-    for name in ("Shared", "PerFrame"):
-        some = header.get(f"{name}FunctionalGroupsSequence")
-        for each in some[number % len(some)] if some else ():
+    for group in groups:
+        for each in group:
             if each.VR == "SQ" and each.value and not each.tag.is_private:
                 flat.update(each.value[0])
     return flat
