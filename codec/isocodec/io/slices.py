@@ -237,7 +237,7 @@ def _flat(header: Any, number: int) -> Any:
     return flat
 
 
-def _named(what: str, found: Mapping[tuple[str, ...], Any], key: str | None) -> Any:
+def _named(what: str, found: Mapping[Any, Any], key: str | None) -> Any:
     """Choose what has a name among others, or the only one; errors list all names."""
     named = [each for names, each in found.items() if key is None or key in names]
     if len(named) != 1:

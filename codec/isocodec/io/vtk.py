@@ -88,8 +88,7 @@ def of_vtk(data: Any, choice: Choice) -> Field | Mesh:
         if hasattr(data, "recursive_iterator"):
             blocks = dict(data.recursive_iterator("items", skip_none=True, prepend_names=True, separator="/"))
             named = [name for name in blocks if f"{key}/".startswith(f"{name}/")]
-            full = [name for name, each in blocks.items() if each.array_names]
-            name = max(named, key=len) if named else choose(full if len(full) == 1 else [*blocks], None, "blocks")
+            name = max(named, key=len) if named else choose([*blocks], None, "blocks")
             data, key = blocks[name], str(key)[len(name) + 1 :] or None if named else key
         if not hasattr(data, "n_cells"):
             raise InputError(f"holds {plain(type(data).__name__)}, not a grid or a mesh", code="mesh")
@@ -130,10 +129,12 @@ def _complaints() -> Iterator[None]:
 def _steps(path: Path) -> tuple[Sequence[float], Callable[[int], Any]]:
     """Find the times of a file and what reads one of them."""
     pyvista, suffix = _vtk("pyvista"), path.suffix.lower()
-    known = suffix in pyvista.core.utilities.reader.CLASS_READERS and suffix not in _BY_MESHIO
+    known, bare = suffix in pyvista.core.utilities.reader.CLASS_READERS and suffix not in _BY_MESHIO, set[str]()
     if suffix in (".xdmf", ".xmf"):
         items = [*ElementTree.parse(path).iter()]
         known = any(each.tag == "Time" for each in items)  # PyVista does not read others
+        # VTK takes values of a series for those of the bare mesh that it points to
+        bare = {str(each.get("Name")) for each in items if each.tag == "Grid" and not each.findall(".//Attribute")}
         for each in items:
             if each.get("Format", "XML").upper() not in ("XML", "ASCII", "APPENDED"):
                 (path.parent / str(each.text).strip().partition(":")[0]).stat()  # VTK crashes where it is missing
@@ -148,6 +149,8 @@ def _steps(path: Path) -> tuple[Sequence[float], Callable[[int], Any]]:
         if len(times) > 1:
             reader.set_active_time_point(number)
         data = reader.read()
+        for name in bare.intersection(data.keys() if hasattr(data, "recursive_iterator") else ()):
+            del data[name]
         if suffix == ".pvti":  # its pieces state how the image is turned, and VTK does not look there
             piece = next(ElementTree.parse(path).iter("Piece")).attrib["Source"]
             data.direction_matrix = pyvista.read(path.parent / piece).direction_matrix
