@@ -24,11 +24,10 @@ from .libraries import choose, library, reading
 TIFF, _MOSAIC = (".tif", ".tiff"), ".vrt"
 SUFFIXES = (*TIFF, _MOSAIC, ".gpkg", ".asc", ".hgt", ".img", ".dem", ".bil", ".bip", ".bsq", ".flt", ".dt0", ".dt1",
             ".dt2", ".jp2", ".sdat", ".rst", ".grd", ".bt")
-_NAMING = {"VRT", "WMS", "WCS", "WMTS", "GTI", "STACTA", "STACIT", "OGCAPI", "DAAS", "EEDAI", "PLMOSAIC", "HTTP",
-           "KMLSUPEROVERLAY", "PDS4", "netCDF", "HDF5", "GRIB", "Zarr"}
-"""Drivers whose files name other files and servers, which GDAL opens by content, and those of `labelled`."""
-_OTHERS = {"ENVI", "EHdr", "GRASSASCIIGrid", "GSBG", "GS7BG", "GSAG"}
-"""Drivers that rasterio does not list by suffix."""
+_DRIVERS = ["GTiff", "GPKG", "AAIGrid", "GRASSASCIIGrid", "SRTMHGT", "HFA", "USGSDEM", "ENVI", "EHdr", "DTED",
+            "JP2OpenJPEG", "SAGA", "RST", "GSBG", "GS7BG", "GSAG", "BT", "NITF", "PCRaster", "ZMap", "PNG", "JPEG",
+            "BMP", "GIF", "PNM", "WEBP"]
+"""Drivers of GDAL, which opens files by their content; those of others name further files and servers."""
 
 
 @contextmanager
@@ -53,9 +52,8 @@ def open_(path: str, key: str | None = None) -> Any:
     A key is the page of a TIFF, counted from 1, or the table of a GeoPackage.
     """
     with _gdal(path) as rasterio:
-        drivers = {*rasterio.drivers.raster_driver_extensions().values()} - _NAMING | _OTHERS
         # rasterio.open takes one driver alone
-        file = rasterio.io.DatasetReader(path, driver=["VRT"] if path.lower().endswith(_MOSAIC) else sorted(drivers))
+        file = rasterio.io.DatasetReader(path, driver=["VRT"] if path.lower().endswith(_MOSAIC) else _DRIVERS)
         if file.driver in ("EHdr", "ENVI"):  # GDAL takes what is not there for zeros
             bits = int(file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8 * np.dtype(file.dtypes[0]).itemsize))
             least, size = file.count * file.width * file.height * bits // 8, Path(file.files[0]).stat().st_size
