@@ -254,9 +254,11 @@ def test_lists_of_files(tmp_path: Path) -> None:
     for listed in ("LIST\ns0\ns1\ns2\n", "s%d 0 2 1\n"):
         (tmp_path / "a.mhd").write_text(head + listed)
         assert np.array_equal(isocodec.read(tmp_path / "a.mhd").values, VALUES)
-    (tmp_path / "a.mhd").write_text(head + "s%d 2 0 -1\n")
-    with pytest.raises(InputError, match="falling numbers"):  # ITK would leave the samples as memory was
-        isocodec.read(tmp_path / "a.mhd")
+    # ITK would leave the samples as memory was, or crash
+    for text in (head + "s%d 2 0 -1\n", head.replace("NDims = 3", "NDims = 2147483648") + "s0\n"):
+        (tmp_path / "a.mhd").write_text(text)
+        with pytest.raises(InputError, match="falling numbers, or has other than two to five axes"):
+            isocodec.read(tmp_path / "a.mhd")
 
 
 def test_other_formats_are_not_tried(tmp_path: Path) -> None:

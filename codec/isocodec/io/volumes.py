@@ -75,9 +75,9 @@ def open_(path: Path, choice: Choice) -> Field | Frames:
         header = file.read(_HEADER)
     with reading("volume", "check that the files that its header names lie beside it, and that an axis of volumes has "
                  "the kind 'list'"):
-        if re.search(rb"^ElementDataFile *=.*%.* -\d+\s*$", header, re.M):
-            raise InputError("names files by falling numbers, which ITK does not read", code="unreadable",
-                             remedy="list them: ElementDataFile = LIST")
+        if re.search(rb"^ElementDataFile *=.*%.* -\d+\s*$|^NDims *=(?! *[2-5]\s)", header, re.M):  # ITK crashes
+            raise InputError("names files by falling numbers, or has other than two to five axes", code="unreadable",
+                             remedy="list the files: ElementDataFile = LIST")
         packed = re.search(rb"^CompressedData *= *True[^\0]*?^ElementDataFile *= *([^\r\n]*)\r?\n", header, re.M)
         if packed:  # of damaged samples ITK takes what there is
             name = packed[1].strip().decode()
