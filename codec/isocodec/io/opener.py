@@ -129,7 +129,7 @@ def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
         return found
 
 
-def of_object(thing: Any, choice: Choice | None = None) -> Found:
+def of_object(thing: Any, choice: Choice) -> Found:
     """Take an object of another library that is in memory, as `read` does.
 
     Raises
@@ -139,7 +139,6 @@ def of_object(thing: Any, choice: Choice | None = None) -> Found:
     OptionError
         If a choice does not apply to it.
     """
-    choice = choice or Choice()
     if isinstance(thing, Field | Frames | Mesh):
         return _taken(lambda it, _: it, "", thing, choice)
     if known := _of_library(thing):
