@@ -15,6 +15,7 @@ import pytest
 import isocodec
 from isocodec.errors import InputError, MissingExtraError, OptionError
 from isocodec.io.opener import SUFFIXES, Choice, load
+from tables import looped
 
 HILLS = np.rint(100 - 3 * np.hypot(*(np.mgrid[:13, :17] - np.array([5.3, 8.2])[:, None, None]))).astype(np.int16)
 
@@ -70,18 +71,13 @@ KINDS = [".npy", ".npz", ".png", ".tif", ".h5", ".nc"]
 
 
 @pytest.mark.parametrize("suffix", KINDS)
-@pytest.mark.parametrize("way", ["path", "file", "bytes", "url"])
-def test_ways_to_give_a_file(tmp_path: Path, suffix: str, way: str) -> None:
-    """By name, or by first bytes where there is none."""
+def test_ways_to_give_a_file(tmp_path: Path, suffix: str) -> None:
+    """By name, or by first bytes where there is none; nothing is said of what is kept."""
     path = written(tmp_path, suffix)
-    if way == "file":
-        with path.open("rb") as file:
-            found: Any = isocodec.read(file)
-    elif way == "bytes":
-        found = isocodec.read(io.BytesIO(path.read_bytes()))
-    else:
-        found = isocodec.read(str(path) if way == "path" else f"file://{path}")
-    assert np.array_equal(found.values, HILLS)
+    with path.open("rb") as file, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for source in (path, str(path), file, io.BytesIO(path.read_bytes()), f"file://{path}"):
+            assert np.array_equal(isocodec.read(source).values, HILLS)
 
 
 def test_copies_of_files_last_as_long_as_their_samples(tmp_path: Path) -> None:
@@ -94,34 +90,29 @@ def test_copies_of_files_last_as_long_as_their_samples(tmp_path: Path) -> None:
     assert np.array_equal(lazy.values[2:5, 3:9], HILLS[2:5, 3:9])
 
 
-@pytest.mark.parametrize("source, word", [
-    (io.BytesIO(b"nothing known"), "unknown format"), (object(), "not numbers"), ({"a": 1}, "not numbers"),
-])
-def test_what_is_nothing(source: Any, word: str) -> None:
-    with pytest.raises(InputError, match=word):
-        isocodec.read(source)
+def test_what_is_nothing_unknown_or_damaged(tmp_path: Path) -> None:
+    for source, words in ((io.BytesIO(b"nothing known"), "unknown format"), (object(), "not numbers"),
+                          ({"a": 1}, "not numbers")):
+        with pytest.raises(InputError, match=words):
+            isocodec.read(source)
+    for source in (tmp_path / "no-such.npy", f"file://{tmp_path}/no-such.npy"):
+        with pytest.raises(FileNotFoundError, match="no-such"):
+            isocodec.read(source)
+    for suffix, words in ((".xlsx", r"a\.xlsx: \.xlsx is not a supported format.*\.nii\.gz.*\.npy"), (".grib", "cdo")):
+        (tmp_path / f"a{suffix}").write_text("1 2 3")
+        with pytest.raises(InputError, match=words):
+            isocodec.read(tmp_path / f"a{suffix}")
+    for suffix in (".npy", ".npz", ".png", ".tif", ".h5", ".nc", ".las", ".mha", ".nii", ".vti"):
+        (tmp_path / f"a{suffix}").write_bytes(b"this is a text, not a field\n" * 40)
+        with pytest.raises(InputError) as caught:
+            isocodec.read(tmp_path / f"a{suffix}")
+        assert str(caught.value).startswith(str(tmp_path)) and "\n" not in str(caught.value)
+        assert "0x" not in str(caught.value)  # where VTK keeps its objects
 
 
-def test_files_that_are_not_there_or_unknown(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        isocodec.read(tmp_path / "a.npy")
-    with pytest.raises(FileNotFoundError, match="no-such"):
-        isocodec.read(f"file://{tmp_path}/no-such.npy")
-    (tmp_path / "a.xlsx").write_text("1 2 3")
-    with pytest.raises(InputError, match=r"a\.xlsx: \.xlsx is not a supported format.*\.npy.*\.nii\.gz"):
-        isocodec.read(tmp_path / "a.xlsx")
-
-
-@pytest.mark.parametrize("suffix", [".npy", ".npz", ".png", ".tif", ".h5", ".nc", ".las", ".mha", ".nii", ".vti"])
-def test_other_bytes_are_errors_of_ours(tmp_path: Path, suffix: str) -> None:
-    (tmp_path / f"a{suffix}").write_bytes(b"this is a text, not a field\n" * 40)
-    with pytest.raises(InputError) as caught:
-        isocodec.read(tmp_path / f"a{suffix}")
-    assert str(caught.value).startswith(str(tmp_path)) and "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("suffix, choice", [
+@looped("suffix, choice", [
     (".npy", {"band": 1}), (".png", {"key": "a"}), (".png", {"frames": True}), (".npz", {"band": 2}),
+    (".npz", {"band": 2}), (".png", {"frame": 0}),
 ])
 def test_choices_that_do_not_apply_are_refused(tmp_path: Path, suffix: str, choice: dict[str, Any]) -> None:
     with pytest.raises(OptionError, match="does not apply"):
@@ -145,7 +136,7 @@ def test_choices_that_do_not_apply_to_objects_are_refused() -> None:
             isocodec.read(thing, **choice)
 
 
-@pytest.mark.parametrize("module, suffix, extra", [
+@looped("module, suffix, extra", [
     ("tifffile", ".tif", "raster"), ("h5py", ".h5", "labelled"), ("PIL.Image", ".png", "pictures"),
 ])
 def test_a_library_that_is_missing(
@@ -189,10 +180,3 @@ def test_objects_go_straight_into_encoding(tmp_path: Path) -> None:
 
 def test_suffixes_are_listed_once() -> None:
     assert len({*SUFFIXES}) == len(SUFFIXES) and ".grib" not in SUFFIXES
-
-
-@pytest.mark.parametrize("suffix", KINDS)
-def test_nothing_is_said_of_what_is_kept(tmp_path: Path, suffix: str) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        isocodec.read(written(tmp_path, suffix))

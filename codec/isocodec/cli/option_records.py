@@ -411,7 +411,7 @@ class Reading(Arguments):
 
     key: str | None = option("--key", heading=INPUT, metavar="NAME",
                              help="Array of a file with several (of VTK also BLOCK/ARRAY, ARRAY:x, "
-                                  "ARRAY:magnitude); series, stack or segment of DICOM; values of a mesh or points.")
+                                  "ARRAY:magnitude); series or segment of DICOM; values of a mesh or points.")
     band: int | None = option("--band", heading=INPUT, type=COUNT, metavar="N",
                               help="Band of a raster or channel of a picture, from 1; 1 takes indices of a palette.")
     bbox: tuple[float, ...] | None = option(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,26 +14,24 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import CRS, PLACEMENT, Placement
 from ..field.sampled import Field
-from .in_turn import InTurn, check_frame, check_series, placed_field
+from .in_turn import Choice, InTurn, check_frame, check_series, placed_field
 from .libraries import choose, reading
 from .places import along_axes, at_nodes
 
+SUFFIXES = (".npy", ".npz")
 VALUES = "values"
 """Name of the array that is taken if there are several and no key is given."""
 _PAIRS = (("lon", "lat"), ("longitude", "latitude"), ("rlon", "rlat"), ("nav_lon", "nav_lat"), ("x", "y"))
 """Names of coordinates x and y in .npz files."""
-_ARCHIVE = b"PK"
-_PLACED = "placed"
-"""Name of the points in the world, beside those in samples."""
+_POINTS, _CELLS, _PLACED = "points", "cells", "placed"
+"""Names of the arrays of a mesh; of its points in samples and in the world."""
 
 
 def check_kind(dtype: Any) -> None:
     """Raise `InputError` unless a dtype is one of real numbers or truth values."""
     if dtype.kind in "biuf":
         return
-    names = {"c": "complex numbers", "M": "dates", "m": "dates", "O": "Python objects or strings", "U": "strings",
-             "S": "strings", "T": "strings", "V": f"records ({', '.join(map(plain, dtype.names or ()))})"}
-    raise InputError(f"holds {names.get(dtype.kind, 'values')} (dtype {dtype}), not real numbers", code="dtype",
+    raise InputError(f"holds values of the type {plain(str(dtype))}, not real numbers", code="dtype",
                      remedy="give a part that holds real numbers")
 
 
@@ -55,134 +54,101 @@ def channel_of(count: int, band: int | None) -> int:
 
 
 def numbers(values: Any) -> Any:
-    """Real numbers in native byte order, contiguous, a masked array if they are masked; truth values as uint8."""
+    """Convert real numbers to native byte order, contiguous, and truth values to uint8; masks stay."""
     values = np.asanyarray(values)
     check_kind(values.dtype)
-    if values.dtype.kind == "b":
-        values = values.astype(np.uint8)
-    bare = np.ascontiguousarray(np.asarray(values), values.dtype.newbyteorder("="))
+    kind = np.dtype(np.uint8) if values.dtype.kind == "b" else values.dtype.newbyteorder("=")
+    bare = np.ascontiguousarray(np.asarray(values), kind)
     masked = isinstance(values, np.ma.MaskedArray)
     return np.ma.masked_array(bare, np.ascontiguousarray(np.ma.getmaskarray(values))) if masked else bare
 
 
 def of_array(
-    values: Any, frame: int | None = None, frames: bool = False, placement: Placement | None = None, **more: Any
+    values: Any, choice: Choice, placement: Placement | None = None, **more: Any
 ) -> Field | Frames:
-    """Samples of an array with two or three axes, or with a further first one that counts frames.
+    """Read an array of two or three axes, or with a further first one that counts frames.
 
-    Parameters
-    ----------
-    values : array_like
-        Bool, integers or floats; of a masked array, what is masked is missing.
-    frame : int, optional
-        Number of the frame, counted from 0.
-    frames : bool
-        Give all frames; with ``frame``, the slices of that one.
-    placement : Placement, optional
-        Of a frame, or of the whole without frames.
-    **more
-        Attributes of `Field`.
-
-    Raises
-    ------
-    InputError
-        If these are not real numbers.
-    OptionError
-        If there is no such frame.
+    Without ``frames``, ``placement`` is that of the whole; ``more`` are attributes of `Field`. Raises `InputError`
+    unless these are real numbers, `OptionError` if there is no such frame.
     """
     values = np.asanyarray(values)
     check_kind(values.dtype)
     whole = values.shape
-    if frame is not None:
-        check_frame(frame, len(values) if values.ndim > 2 else 0)
-        values = values[frame]
-    if not frames:
+    if choice.frame is not None:
+        check_frame(choice.frame, len(values) if values.ndim > 2 else 0)
+        values = values[choice.frame]
+    if not choice.frames:
         return placed_field(values, None, placement, **more)
     check_series(values.ndim)
     remarks = more.get("remarks", ())
     return Frames(InTurn(len(values), lambda at: placed_field(values[at], None, placement, **more), whole, remarks))
 
 
-def open_(path: str, key: str | None = None, frame: int | None = None, frames: bool = False) -> Field | Frames | Mesh:
+def open_(path: Path, choice: Choice) -> Field | Frames | Mesh:
     """Read an .npy file, whose samples stay in the file until they are used, or an .npz archive.
 
     An archive with ``points`` and ``cells`` is a mesh. Beside an array, ``placement`` is the matrix that places it and
     ``crs`` its reference system; or arrays such as ``lon`` and ``lat`` are its coordinates.
-
-    Raises
-    ------
-    InputError, OptionError
     """
-    with reading("NumPy file"), open(path, "rb") as file:
-        start = file.read(6)
-        if start != b"\x93NUMPY" and not start.startswith(_ARCHIVE):
-            raise InputError("is not a NumPy file", code="unreadable")
     with reading("NumPy file"):
-        found = np.load(path, mmap_mode="r", allow_pickle=False)
-        if not hasattr(found, "files"):
-            if key is not None:
+        found = np.load(path, mmap_mode="r")
+        if isinstance(found, np.ndarray):
+            if choice.key is not None:
                 raise OptionError("a key names an array of an .npz file; this is a single array", code="key")
-            plain = found.dtype.isnative and found.dtype.kind != "b"
-            return of_array(found if plain else numbers(found), frame, frames)
+            return of_array(found if found.dtype.isnative and found.dtype != bool else numbers(found), choice)
         with found:
-            if {"points", "cells"} <= {*found.files}:
-                return _mesh(found, key, frame)
-            return _archived(found, key, frame, frames)
+            return (_mesh if {_POINTS, _CELLS} <= {*found} else _field)(found, choice)
 
 
-def _archived(archive: Mapping[str, Any], key: str | None, frame: int | None, frames: bool) -> Field | Frames:
-    names = [name for name in archive if name not in (PLACEMENT, CRS)]
-    if not names:
-        raise InputError("holds no arrays", code="key")
-    name = choose(names if key is None else [*archive], VALUES if key is None and VALUES in names else key)
-    values = archive[name]
-    if not isinstance(values, np.ndarray):
-        raise InputError(f"'{plain(name)}' is not an array", code="key")
-    values = numbers(values)
-    n = values.ndim - (1 if (frame is not None) != frames else 2 if frames else 0)
-    where, remark = _placement(archive, values.shape[-n:] if n > 0 else ())
-    return of_array(values, frame, frames, where, remarks=(remark,) if remark else ())
+def _field(archive: Mapping[str, Any], choice: Choice) -> Field | Frames:
+    key, names = choice.key, [name for name in archive if name not in (PLACEMENT, CRS)]
+    values = numbers(archive[choose(names, VALUES if key is None and VALUES in names else key)])
+    n = values.ndim - (choice.frame is not None) - choice.frames
+    where, remarks = _placement(archive, values.shape[values.ndim - n :])
+    return of_array(values, choice, where, remarks=remarks)
 
 
-def _placement(archive: Mapping[str, Any], shape: Sequence[int]) -> tuple[Placement | None, str]:
-    crs = _text(archive)
+def _placement(archive: Mapping[str, Any], shape: Sequence[int]) -> tuple[Placement | None, list[str]]:
+    crs = _crs(archive)
     if PLACEMENT in archive:
-        return Placement(archive[PLACEMENT], crs=crs), ""
-    remark = ""
-    for pair in _PAIRS if len(shape) == 2 else ():
-        if {*pair} <= archive.keys():
-            x, y = (np.asarray(numbers(archive[name]), np.float64) for name in pair)
-            if x.shape == y.shape == tuple(shape):
-                return at_nodes([x, y], pair[0] != "x", crs=crs), ""
-            if x.ndim == y.ndim == 1 and (len(y), len(x)) == tuple(shape):
-                return along_axes([y, x], [1, 0], pair[0] != "x", crs=crs), ""
-            remark = (f"its {pair[0]} {x.shape} and {pair[1]} {y.shape} are left out: they do not fit samples of shape "
-                      f"{tuple(shape)}, whose first axis is {pair[1]}")
-    return None, remark
+        return Placement(archive[PLACEMENT], crs=crs), []
+    remarks = []
+    for pair in _PAIRS:
+        if len(shape) != 2 or not {*pair} <= {*archive}:
+            continue
+        x, y = (numbers(archive[name]).astype(np.float64) for name in pair)
+        turns = pair[0] != "x"
+        if x.shape == y.shape == shape:
+            return at_nodes([x, y], turns, crs=crs), []
+        if (*y.shape, *x.shape) == shape:
+            return along_axes([y, x], [1, 0], turns, crs=crs), []
+        remarks = [f"its {pair[0]} {x.shape} and {pair[1]} {y.shape} are left out: they do not fit samples of shape "
+                   f"{shape}, whose first axis is {pair[1]}"]
+    return None, remarks
 
 
-def _text(archive: Mapping[str, Any]) -> str | None:
+def _crs(archive: Mapping[str, Any]) -> str | None:
     return str(archive[CRS]) or None if CRS in archive else None
 
 
-def _mesh(archive: Mapping[str, Any], key: str | None, frame: int | None) -> Mesh:
-    points, cells = np.asarray(archive["points"], np.float64), np.asarray(archive["cells"]).astype(np.int64)
+def _mesh(archive: Mapping[str, Any], choice: Choice) -> Mesh:
+    points, cells = np.asarray(archive[_POINTS], np.float64), np.asarray(archive[_CELLS]).astype(np.int64)
     if points.ndim != 2 or cells.ndim != 2 or cells.shape[1] not in (3, 4):
         raise InputError("holds points or cells of another shape", code="mesh")
-    names = [name for name in archive if name not in ("points", "cells", _PLACED, PLACEMENT, CRS)]
-    names = [name for name in names if np.shape(archive[name])[-1:] == (len(points),)]
+    values = {name: archive[name] for name in archive if name not in (_POINTS, _CELLS, _PLACED, PLACEMENT, CRS)}
+    values = {name: each for name, each in values.items() if each.shape[-1:] == points.shape[:1]}
     if _PLACED in archive and len(archive[_PLACED]) == len(points):
         points = np.asarray(archive[_PLACED], np.float64)
     elif PLACEMENT in archive:
         points = Placement(archive[PLACEMENT]).place(points)
-    return valued(points, cells, {name: archive[name] for name in names}, key, frame, crs=_text(archive))
+    return valued(points, cells, values, choice.key, choice.frame, crs=_crs(archive))
 
 
 def valued(
     points: NDArray[Any], cells: NDArray[Any] | None, values: Mapping[str, Any], key: str | None,
     frame: int | None = None, **more: Any,
 ) -> Mesh:
-    """A mesh or scattered points with the values that a key names, or the only ones, or those named ``z``; or bare.
+    """Make a mesh, or scattered points, with the values of a key, or the only ones, or those named ``z``; or bare.
 
     Parameters
     ----------
@@ -203,13 +169,16 @@ def valued(
     OptionError
         If there is no such frame.
     """
-    if cells is not None and cells.shape[1] == 3 and points.shape[1] == 3 and (points[:, 2] == 0).all():
+    if cells is not None and cells.shape[1] == 3 and points.shape[1] == 3 and not points[:, 2].any():
         points = np.ascontiguousarray(points[:, :2])
-    axes = {name: points[:, axis] for axis, name in enumerate("xyz"[: points.shape[1]])}
+    if key is None:
+        key = next(iter(values)) if len(values) == 1 else "z" if "z" in values else None
+    if key is None:
+        return Mesh(points, cells, **more)
+    axes = dict(zip("xyz", points.T, strict=False))
     known = {**(axes if key in axes or cells is not None else {}), **values}
-    name = key if key is not None else next(iter(values)) if len(values) == 1 else "z" if "z" in values else None
-    chosen = None if name is None else numbers(known[choose([*known], name, "values at points")])
-    if chosen is not None and frame is not None:
+    chosen = numbers(known[choose([*known], key, "values at points")])
+    if frame is not None:
         check_frame(frame, len(chosen) if chosen.ndim == 2 else 0)
         chosen = chosen[frame]
     return Mesh(points, cells, chosen, **more)

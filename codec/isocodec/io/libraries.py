@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +15,8 @@ __all__ = ["choose", "library", "reading"]
 
 _OF_CONTENT = (errno.EINVAL, errno.EOVERFLOW, errno.EFBIG, errno.ERANGE, errno.EDOM)
 """Errors of the operating system that come of numbers in a file, such as a place before its beginning."""
+_ADDRESS = re.compile(r" ?(at |\()?0x[0-9a-fA-F]{6,}\)?")
+"""An address in memory, with which VTK and Python name objects."""
 _LISTED = 20
 """Names that an error lists at most."""
 
@@ -39,7 +42,7 @@ def reading(what: str, remedy: str = "check it with the program that wrote it") 
     except (Exception, SystemExit) as error:  # meshio ends the program
         if isinstance(error, OSError) and (error.errno or 0) > 0 and error.errno not in _OF_CONTENT:
             raise
-        words = one_line(str(error).rpartition("ERROR: ")[2]) or type(error).__name__
+        words = one_line(_ADDRESS.sub("", str(error).rpartition("ERROR: ")[2])) or type(error).__name__
         raise InputError(f"cannot be read as {what} ({words})", code="unreadable", remedy=remedy) from error
 
 

@@ -15,7 +15,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..deferred import dataclass
 from ..errors import InputError, IsoError, MissingExtraError, OptionError, plain
 from ..field.cropping import Box, PartWindows, cropped, part_of, spans_within
 from ..field.framed import Frames
@@ -24,42 +23,22 @@ from ..field.missing import missing_samples
 from ..field.sampled import Field
 from ..storage.content import is_file, is_url, local
 from . import arrays, clouds, images, labelled, rasters, slices, volumes, vtk
-from .in_turn import InTurn
+from .in_turn import Choice, InTurn
 from .libraries import library
 from .stores import is_store
 
+__all__ = ["SUFFIXES", "Choice", "is_described", "load", "of_object", "read"]
+
 Found: TypeAlias = Field | Frames | Mesh
-VOLUMES = (".mha", ".mhd", ".nrrd", ".nhdr", ".nii", ".nii.gz")
-DICOM = (".dcm", ".dicom", ".ima")
-VTK = (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvd", ".vtm", ".pvti", ".pvtr", ".pvtu",
-       ".xdmf", ".xmf", ".vtkhdf", ".ply", ".stl", ".obj", ".msh")
-NUMPY = (".npy", ".npz")
-GRIB = (".grib", ".grib2", ".grb", ".grb2")
-SUFFIXES = (*NUMPY, *labelled.SUFFIXES, *images.FORMATS, *rasters.DRIVERS, *VOLUMES, *DICOM, *VTK,
-            *(each for each in clouds.SUFFIXES if each not in rasters.DRIVERS))
-"""Suffixes of the formats that are read."""
-_PAIRED = (".hdr", ".img")
-_NIFTI, _ENVI = 348, b"ENVI"
-_SIGNATURES = (
-    (0, b"\x93NUMPY", ".npy"), (0, b"PK\3\4", ".npz"), (0, b"\x89HDF\r\n\x1a\n", ".h5"), (0, b"CDF\1", ".nc"),
-    (0, b"CDF\2", ".nc"), (0, b"CDF\5", ".nc"), (0, b"GRIB", ".grib"), (0, b"\x89PNG", ".png"),
-    (0, b"\xff\xd8\xff", ".jpg"), (0, b"II*\0", ".tif"), (0, b"MM\0*", ".tif"), (0, b"II+\0", ".tif"),
-    (0, b"MM\0+", ".tif"), (0, b"NRRD", ".nrrd"), (128, b"DICM", ".dcm"), (344, b"n+1\0", ".nii"),
-    (0, b"\x1f\x8b", ".nii.gz"), (0, b"ObjectType", ".mha"), (0, b"NDims", ".mha"),
-)
-"""First bytes by which a file without a name is recognised: where, which, and the suffix that it gets."""
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Choice from a source that holds several things; attributes as the parameters of `read`."""
-
-    key: str | None = None
-    band: int | None = None
-    frame: int | None = None
-    frames: bool = False
-    bbox: Box | None = None
-    nodata: float | None = None
+_GRIB = (".grib", ".grib2", ".grb", ".grb2")
+_SIGNATURES = {
+    b"\x93NUMPY": ".npy", b"PK\3\4": ".npz", b"\x89HDF\r\n\x1a\n": ".h5", b"CDF": ".nc", b"\x89PNG": ".png",
+    b"\xff\xd8\xff": ".jpg", b"II*\0": ".tif", b"MM\0*": ".tif", b"II+\0": ".tif", b"MM\0+": ".tif", b"NRRD": ".nrrd",
+    b"\x1f\x8b": ".nii.gz",
+}
+"""Suffixes of files without a name by their first bytes."""
+_NIFTI = b"\x5c\1\0\0", b"\0\0\1\x5c"
+"""First bytes of headers of NIfTI and Analyze that lie beside samples: their sizes."""
 
 
 def read(
@@ -133,24 +112,24 @@ def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
 
     With ``lazy``, samples of a field stay where they are until windows of them are read, where the format can.
     """
+    choice = replace(choice, lazy=lazy)
     if choice.band is not None and choice.band < 1:
         raise OptionError("bands are counted from 1", code="channel")
-    if is_url(source) or (is_file(source) and not is_described(source)):
-        name = source if isinstance(source, str) else getattr(source, "name", "")
-        with ExitStack() as held, _about(name if isinstance(name, str) else ""):
-            path = held.enter_context(local(source, _recognised))
-            found = _of_path(str(path), choice, lazy)
-            if isinstance(found, Frames) or lazy:  # the copy goes when the samples do
-                kept = found.fields if isinstance(found, Frames) else found
-                weakref.finalize(getattr(kept, "values", kept) if lazy else kept, held.pop_all().close)
-            return found
-    if not isinstance(source, str | os.PathLike):
-        return _finished(of_object(source, choice, lazy), choice, lazy)
-    with _about(os.fspath(source)):
-        return _of_path(os.fspath(source), choice, lazy)
+    copied = is_url(source) or (is_file(source) and not is_described(source))
+    if not copied and not isinstance(source, str | os.PathLike):
+        return of_object(source, choice)
+    name = source if isinstance(source, str | os.PathLike) else getattr(source, "name", "")
+    with ExitStack() as held, _about(name):
+        if not copied:
+            return _of_path(os.fspath(source), choice)
+        found = _of_path(str(held.enter_context(local(source, _recognised))), choice)
+        kept: Any = found.fields if isinstance(found, Frames) else found.values if lazy else None
+        if kept is not None:  # the copy goes when the samples do
+            weakref.finalize(kept, held.pop_all().close)
+        return found
 
 
-def of_object(thing: Any, choice: Choice | None = None, lazy: bool = False) -> Found:
+def of_object(thing: Any, choice: Choice) -> Found:
     """Take an object of another library that is in memory, as `read` does.
 
     Raises
@@ -160,167 +139,157 @@ def of_object(thing: Any, choice: Choice | None = None, lazy: bool = False) -> F
     OptionError
         If a choice does not apply to it.
     """
-    choice = choice or Choice()
     if isinstance(thing, Field | Frames | Mesh):
-        return _taken(lambda it: it, thing, "", choice, lazy)
-    if not isinstance(thing, np.ndarray | list | tuple):
-        for holds, take, options in _OBJECTS:
-            if holds(thing):
-                return _taken(take, thing, options, choice, lazy)
+        return _taken(lambda it, _: it, "", thing, choice)
+    if known := _of_library(thing):
+        return _taken(*known, thing, choice)
     # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
     masked = "numpy.ma" in sys.modules and isinstance(thing, np.ma.MaskedArray)
     values = thing if masked else np.asarray(thing)
     if values.dtype.kind in "OUSV":
         raise InputError(f"is a {type(thing).__name__}, not numbers", code="dtype",
                          remedy="give a path, a URL, an open file, an array, or an object that isocodec.read lists")
-    return _taken(arrays.of_array, values, "frame frames", choice, lazy)
+    return _taken(arrays.of_array, "frame frames", values, choice)
 
 
-def _of_frame(table: Any, nodata: float | None, lazy: bool) -> Found:
-    """A table of pandas whose rows and columns have coordinates."""
-    xarray = library("xarray", extra="labelled", purpose="reading a DataFrame")
-    return labelled.of_labelled(xarray.DataArray(table), nodata=nodata, lazy=lazy)
+def _labelled(array: Any, choice: Choice) -> Found:
+    """Read an object of xarray, or a table of pandas whose rows and columns have coordinates."""
+    if hasattr(array, "iloc"):
+        array = library("xarray", extra="labelled", purpose="reading a DataFrame").DataArray(array)
+    return labelled.of_labelled(array, choice.key, choice.frame, choice.frames, choice.nodata, choice.lazy)
 
 
-_OBJECTS: tuple[tuple[Callable[[Any], bool], Callable[..., Found], str], ...] = (
-    (lambda it: labelled.is_labelled(it) and hasattr(it, "data_vars"), labelled.of_labelled,
-     "key frame frames nodata lazy"),
-    (labelled.is_labelled, labelled.of_labelled, "frame frames nodata lazy"),
-    (rasters.is_raster, rasters.of_dataset, "band nodata"),
-    (lambda it: clouds.is_table(it) and hasattr(it, "geom_type"), clouds.of_shapes, "key"),
-    (clouds.is_table, _of_frame, "nodata lazy"),
-    (clouds.is_cloud, clouds.of_cloud, "key"),
-    (images.is_picture, images.of_picture, "band frame"),
-    (volumes.is_itk, volumes.of_itk, "band frame frames"),
-    (volumes.is_nibabel, volumes.of_nibabel, "band frame frames"),
-    (slices.is_volume, slices.of_volume, ""),
-    (vtk.is_vtk, vtk.of_vtk, "key"),
-    (vtk.is_meshio, vtk.of_meshio, "key"),
-)
-"""Objects of other libraries: how they are known, what reads them, and what can be chosen."""
+def _labelled_file(path: Path, choice: Choice) -> Found:
+    return labelled.open_(path, choice.key, choice.band, choice.frame, choice.frames, choice.nodata, choice.lazy)
+
+
+_Taker: TypeAlias = Callable[[Any, Choice], Found]
+_OBJECTS: dict[str, tuple[_Taker, str]] = {
+    "xarray.Dataset": (_labelled, "key frame frames nodata"), "xarray.DataArray": (_labelled, "frame frames nodata"),
+    "pandas.DataFrame": (_labelled, "nodata"), "geopandas.GeoDataFrame": (clouds.of_shapes, "key"),
+    "laspy.LasData": (clouds.of_cloud, "key"), "rasterio.DatasetBase": (rasters.of_dataset, "band nodata"),
+    "PIL.Image": (images.of_picture, "band"), "SimpleITK.Image": (volumes.of_itk, "band frame frames"),
+    "nibabel.SpatialImage": (volumes.of_nibabel, "band frame frames"), "highdicom.Volume": (slices.of_volume, ""),
+    "vtkmodules.vtkDataObject": (vtk.of_vtk, "key"), "meshio.Mesh": (vtk.of_meshio, "key"),
+}
+"""Objects of other libraries: what reads them, and what can be chosen, by library and class."""
+_FILES: dict[str, tuple[tuple[str, ...], _Taker, str]] = {
+    "labelled": (labelled.SUFFIXES, _labelled_file, "key band frame frames nodata"),
+    "volume": (volumes.SUFFIXES, volumes.open_, "key band frame frames"),
+    "slices": (slices.SUFFIXES, slices.open_, "key band frame frames nodata"),
+    "vtk": (vtk.SUFFIXES, vtk.open_, "key frame frames"), "array": (arrays.SUFFIXES, arrays.open_, "key frame frames"),
+    "picture": ((*images.FORMATS,), images.open_, "band"),
+    "tiff": (rasters.TIFF, images.open_tiff, "key band frame frames nodata"),
+    "cloud": (clouds.SUFFIXES, clouds.open_, "key"), "raster": (rasters.SUFFIXES, rasters.read, "key band nodata"),
+}
+"""Files: their suffixes, what reads them, and what can be chosen."""
+SUFFIXES = (*dict.fromkeys(suffix for suffixes, _, _ in _FILES.values() for suffix in suffixes),)
+"""Suffixes of the formats that are read."""
+
+
+def _of_library(thing: Any) -> tuple[_Taker, str] | None:
+    """Find what reads an object of a class of another library, or of one derived from it."""
+    names = [f"{each.__module__.partition('.')[0]}.{each.__name__}" for each in type(thing).__mro__]
+    names += ["xarray.DataArray"] * labelled.is_labelled(thing)
+    return next((_OBJECTS[name] for name in names if name in _OBJECTS), None)
 
 
 def is_described(thing: Any) -> bool:
     """Whether something holds more than an array does, which would be lost if it were taken for one."""
-    plain_one = isinstance(thing, np.ndarray | list | tuple | int | float)
-    return not plain_one and any(holds(thing) for holds, _, _ in _OBJECTS)
+    return _of_library(thing) is not None
 
 
-def _taken(take: Callable[..., Found], what: Any, options: str, choice: Choice, lazy: bool) -> Found:
-    """Read something with those options that apply; raises `OptionError` if others are chosen."""
-    names = options.split()
-    for option in ("key", "band", "frame", "frames"):
-        given = getattr(choice, option)
-        if option not in names and given is not None and given is not False:
-            kind = Path(what).suffix or "a file" if isinstance(what, str | Path) else type(what).__name__
+def _taken(take: _Taker, options: str, what: Any, choice: Choice) -> Found:
+    """Read something, with those options that apply, as far as a box goes; raises `OptionError` if others are given."""
+    for option in {"key", "band", "frame", "frames"} - {*options.split()}:
+        if getattr(choice, option) is not (False if option == "frames" else None):
+            kind = what.suffix or "a file" if isinstance(what, Path) else type(what).__name__
             raise OptionError(f"{option} does not apply to {plain(kind)}", code=option)
-    return take(what, **{name: lazy if name == "lazy" else getattr(choice, name) for name in names})
+    found = take(what, choice)
+    if isinstance(found, Mesh):
+        for option in ("band", "bbox", "nodata"):
+            if getattr(choice, option) is not None:
+                raise OptionError(f"{option} does not apply to meshes and points", code=option)
+        return found
+    rest = replace(choice, nodata=None) if "nodata" in options else choice
+    if isinstance(found, Field):
+        return _part(found, rest)
+    fields: Any = found.fields
+    if rest.bbox is None and rest.nodata is None:
+        return found
+    parts = InTurn(len(fields), lambda at: _part(fields[at], replace(rest, lazy=False)), fields.whole, fields.remarks)
+    return replace(found, fields=parts)
 
 
-def _of_path(path: str, choice: Choice, lazy: bool) -> Found:
+def _part(field: Field, choice: Choice) -> Field:
+    """Cut a field to a box, mark further samples as missing, and read them unless that may wait."""
+    windowed = getattr(field.values, "windowed", False)
+    if choice.bbox is not None and windowed and choice.lazy:
+        spans = spans_within(field.placement, field.shape, choice.bbox)
+        values: Any = PartWindows(field.values, spans)
+        assert field.placement is not None
+        return replace(field, values=values, placement=part_of(field.placement, spans, field.shape))
+    if choice.bbox is not None:
+        field = cropped(field, choice.bbox)
+    elif windowed and not choice.lazy:
+        field = replace(field, values=field.values[(slice(None),) * len(field.shape)])
+    if choice.nodata is None:
+        return field
+    gone = missing_samples(np.asarray(field.values), choice.nodata)
+    gone = gone if field.mask is None else field.mask | gone
+    return replace(field, mask=gone if gone.any() else None)
+
+
+def _of_path(path: str, choice: Choice) -> Found:
     """Read a file or a folder by the library of its suffix; of an unknown one by those that know most."""
     name, at = path.rstrip("/").lower(), Path(path)
-    if not (at.exists() or path.startswith("/vsi")):
+    what: Any = path if path.startswith("/vsi") else at
+    if what is at and not at.exists():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), path)
-
-    def ends(*suffixes: str) -> bool:
-        return name.endswith(suffixes)
-
-    def taken(take: Callable[..., Found], options: str, what: Any = path) -> Found:
-        found = _taken(take, what, options, choice, lazy)
-        # a marker takes the place of the padding of slices
-        return _finished(found, choice, lazy, take is not slices.open_ or choice.nodata is None)
-
-    if ends(*GRIB):
+    if name.endswith(_GRIB):
         raise InputError("is GRIB, whose rows libraries flip in some scanning modes", code="grib",
                          remedy="convert it first: cdo -f nc copy IN OUT.nc; or give a DataArray of cfgrib")
-    if ends(*labelled.SUFFIXES) or (at.is_dir() and is_store(at)):
-        return taken(labelled.open_, "key band frame frames nodata lazy", at)
-    if ends(*VOLUMES) or (ends(*_PAIRED) and _headed(at) == _NIFTI):
-        return taken(volumes.open_, "key band frame frames", at)
-    if ends(*DICOM) or at.is_dir() or (at.is_file() and _first(at).startswith(b"DICM", 128)):
-        return taken(slices.open_, "key band frame frames", at)
-    if ends(*VTK):
-        return taken(vtk.open_, "key frame frames", at)
-    if ends(*NUMPY):
-        return taken(arrays.open_, "key frame frames")
-    if ends(*images.FORMATS):
-        return taken(images.open_, "band frame", at)
-    if ends(*rasters.TIFF):
-        return taken(images.open_tiff, "key band frame frames nodata")
-    if ends(*clouds.SUFFIXES) and not (ends(".gpkg") and clouds.holds_raster(path)):
-        return taken(clouds.open_, "key")
-    if ends(*rasters.DRIVERS):
-        return taken(rasters.read, "key band nodata")
-    if ends(_PAIRED[0]) and _headed(at) == _ENVI:
+    kind = next((each for each, (suffixes, _, _) in _FILES.items() if name.endswith(suffixes)), "")
+    if at.is_dir():
+        kind = "labelled" if is_store(at) or kind == "labelled" else "slices"
+    elif _begins(at, b"DICM", 128):
+        kind = "slices"
+    elif at.suffix in (".hdr", ".img") and _begins(at.with_suffix(".hdr"), _NIFTI):
+        kind = "volume"
+    elif kind == "cloud" and clouds.holds_raster(at):
+        kind = "raster"
+    if kind:
+        return _taken(*_FILES[kind][1:], what, choice)
+    if at.suffix.lower() == ".hdr":
         raise InputError("is a header", code="other-file", remedy="give the file with the samples")
-    for take, options, what in ((rasters.read, "key band nodata", path), (vtk.open_, "key frame frames", at)):
+    for kind in ("raster", "vtk"):
         with suppress(InputError, MissingExtraError):
-            return taken(take, options, what)
+            return _taken(*_FILES[kind][1:], what, choice)
     suffix = plain(at.suffix) or "a name without a suffix"
     raise InputError(f"{suffix} is not a supported format of fields", code="suffix",
                      remedy="one of " + ", ".join(SUFFIXES))
 
 
-def _finished(found: Found, choice: Choice, lazy: bool, masked: bool = True) -> Found:
-    """Cut a field to a box, mark further samples as missing, and read them unless that may wait."""
-    if isinstance(found, Mesh):
-        for name in ("band", "bbox", "nodata"):
-            if getattr(choice, name) is not None:
-                raise OptionError(f"{name} does not apply to meshes and points", code=name)
-        return found
-    if isinstance(found, Frames):
-        fields: Any = found.fields
-        if choice.bbox is None and choice.nodata is None:
-            return found
-        return replace(found, fields=InTurn(
-            len(fields), lambda at: _part(fields[at], choice, False, masked), fields.whole, fields.remarks))
-    return _part(found, choice, lazy, masked)
-
-
-def _part(field: Field, choice: Choice, lazy: bool, masked: bool) -> Field:
-    windowed = marked = getattr(field.values, "windowed", False)
-    if choice.bbox is not None:
-        if not (windowed and lazy):
-            field = cropped(field, choice.bbox)
-        else:
-            spans = spans_within(field.placement, field.shape, choice.bbox)
-            assert field.placement is not None
-            values: Any = PartWindows(field.values, spans)
-            field = replace(field, values=values, placement=part_of(field.placement, spans, field.shape))
-    elif windowed and not lazy:
-        field = replace(field, values=field.values[(slice(None),) * len(field.shape)])
-    if choice.nodata is None or marked:  # windows are marked as they are read
-        return field
-    gone = missing_samples(np.asarray(field.values), choice.nodata)
-    gone = gone if field.mask is None or not masked else field.mask | gone
-    return replace(field, mask=gone if gone.any() else None)
+def _begins(path: Path, signs: Any, at: int = 0) -> bool:
+    """Whether a file has such bytes at some place near its beginning."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(132).startswith(signs, at)
 
 
 def _recognised(name: str, first: bytes) -> str | None:
     """Find the suffix of a format: the one that a name ends in, or else that of the first bytes."""
     lower = PurePosixPath(name).name.lower()
-    named = max((each for each in SUFFIXES if lower.endswith(each)), key=len, default=None)
-    return named or next((suffix for at, sign, suffix in _SIGNATURES if first.startswith(sign, at)), None)
-
-
-def _first(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(132)
-
-
-def _headed(path: Path) -> int | bytes:
-    """First four bytes of the header beside a file: as a number if that is the size of a header of NIfTI."""
-    headers = [each for end in (".hdr", ".HDR") if (each := path.with_suffix(end)).is_file()]
-    start = _first(headers[0])[:4] if headers else b""
-    return _NIFTI if _NIFTI in (int.from_bytes(start, "little"), int.from_bytes(start, "big")) else start
+    named = max((each for each in (*SUFFIXES, *_GRIB) if lower.endswith(each)), key=len, default=None)
+    return named or next((suffix for sign, suffix in _SIGNATURES.items() if first.startswith(sign)), None)
 
 
 @contextmanager
-def _about(name: str) -> Iterator[None]:
+def _about(name: Any) -> Iterator[None]:
     """Let errors of ours name the input that they are about, unless they name one already."""
     try:
         yield
     except IsoError as error:
-        error.source = error.source or plain(name) or None
+        error.source = error.source or plain(str(name)) or None
         raise

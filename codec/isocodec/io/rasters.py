@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -19,35 +18,26 @@ from ..field.placement import Placement
 from ..field.reference_system import crs_text
 from ..field.sampled import Field
 from ..limits import patience
-from .in_turn import placed_field
+from .in_turn import Choice, placed_field
 from .libraries import choose, library, reading
 
-TIFF = (".tif", ".tiff")
-DRIVERS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(TIFF, ("GTiff",)), ".gpkg": ("GPKG",), ".vrt": ("VRT",), ".asc": ("AAIGrid", "GRASSASCIIGrid"),
-    ".hgt": ("SRTMHGT",), ".img": ("HFA", "ENVI"), ".dem": ("USGSDEM",), ".bil": ("EHdr", "ENVI"),
-    ".bip": ("EHdr", "ENVI"), ".bsq": ("EHdr", "ENVI"), ".flt": ("EHdr",), ".dt0": ("DTED",), ".dt1": ("DTED",),
-    ".dt2": ("DTED",), ".jp2": ("JP2OpenJPEG",), ".sdat": ("SAGA",), ".rst": ("RST",),
-    ".grd": ("GSBG", "GS7BG", "GSAG"), ".bt": ("BT",),
-}
-"""Drivers of GDAL by suffix: it goes by content, and files of other drivers name files and servers."""
-_NAMING = {"VRT", "WMS", "WCS", "WMTS", "GTI", "STACTA", "STACIT", "OGCAPI", "DAAS", "EEDAI", "PLMOSAIC", "HTTP"}
-"""Drivers whose files name others, not tried for unknown suffixes."""
-
-
-def is_raster(thing: object) -> bool:
-    """Whether this is an open dataset of rasterio."""
-    return all(hasattr(thing, name) for name in ("read_masks", "transform", "colorinterp"))
+TIFF, _MOSAIC = (".tif", ".tiff"), ".vrt"
+SUFFIXES = (*TIFF, _MOSAIC, ".gpkg", ".asc", ".hgt", ".img", ".dem", ".bil", ".bip", ".bsq", ".flt", ".dt0", ".dt1",
+            ".dt2", ".jp2", ".sdat", ".rst", ".grd", ".bt")
+_DRIVERS = ["GTiff", "GPKG", "AAIGrid", "GRASSASCIIGrid", "SRTMHGT", "HFA", "USGSDEM", "ENVI", "EHdr", "DTED",
+            "JP2OpenJPEG", "SAGA", "RST", "GSBG", "GS7BG", "GSAG", "BT", "NITF", "PCRaster", "ZMap", "PNG", "JPEG",
+            "BMP", "GIF", "PNM", "WEBP"]
+"""Drivers of GDAL, which opens files by their content; those of others name further files and servers."""
 
 
 @contextmanager
-def _gdal(network: bool = False) -> Iterator[Any]:
+def _gdal(name: str = "") -> Iterator[Any]:
     """Rasterio, without programs in files, and without servers unless the user named one."""
     rasterio = library("rasterio", extra="raster", purpose="reading rasters")
     options = {
         "GDAL_VRT_ENABLE_PYTHON": "NO", "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO", "DTED_VERIFY_CHECKSUM": "YES",
         "GDAL_HTTP_TIMEOUT": str(patience()), "GDAL_HTTP_CONNECTTIMEOUT": str(patience()),
-        **({} if network else {"CPL_VSIL_CURL_ALLOWED_FILENAME": "none"}),
+        **({} if name.startswith("/vsi") else {"CPL_VSIL_CURL_ALLOWED_FILENAME": "none"}),
     }
     with reading("raster", "gdalinfo shows what GDAL makes of it"), rasterio.Env(**options):
         try:
@@ -56,43 +46,26 @@ def _gdal(network: bool = False) -> Iterator[Any]:
             raise (error.__cause__ if isinstance(error.__cause__, Exception) else error) from error
 
 
-def open_(path: str, key: str | None = None, drivers: Sequence[str] | None = None) -> Any:
-    """Open a file as a dataset of rasterio, by the drivers of its suffix; of several rasters the one of a key.
+def open_(path: str, key: str | None = None) -> Any:
+    """Open a file, or a virtual name of GDAL (``/vsizip/..``), as a dataset of rasterio.
 
-    Parameters
-    ----------
-    path : str
-        Also one of GDAL's virtual names: ``/vsicurl/https://..``, ``/vsizip/..``.
-    key : str, optional
-        A page of a TIFF, counted from 1, or a table of a GeoPackage.
-    drivers : sequence of str, optional
-        Names of drivers, instead of those of the suffix; of an unknown suffix all but those that name other files.
-
-    Raises
-    ------
-    InputError, OptionError, MissingExtraError
+    A key is the page of a TIFF, counted from 1, or the table of a GeoPackage.
     """
-    known = drivers or next((found for end, found in DRIVERS.items() if path.lower().endswith(end)), None)
-    with _gdal(path.startswith("/vsi")) as rasterio:
-        if known is None:
-            known = sorted({*rasterio.drivers.raster_driver_extensions().values()} - _NAMING | {"ENVI", "EHdr"})
+    with _gdal(path) as rasterio:
         # rasterio.open takes one driver alone
-        file = rasterio.io.DatasetReader(path, driver=[*known])
-        if file.driver in ("EHdr", "ENVI") and not file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS"):
-            with open(file.files[0], "rb") as stored:  # GDAL takes what is not there for zeros
-                packed = stored.read(2) == b"\x1f\x8b"
-                size = stored.seek(0, os.SEEK_END)
-            least = file.count * file.width * file.height * np.dtype(file.dtypes[0]).itemsize
-            if size < least and not packed:
-                raise InputError(f"holds {size:,} bytes of the {least:,} that its header states", code="unreadable",
-                                 remedy="check that the file is complete")
-        # GTIFF_DIR:1:path, GPKG:path:table
-        names = {each.split(":")[1 if file.driver == "GTiff" else -1]: each for each in file.subdatasets}
-        names = names or ({"1": path} if file.driver == "GTiff" else {})
+        file = rasterio.io.DatasetReader(path, driver=["VRT"] if path.lower().endswith(_MOSAIC) else _DRIVERS)
+        if file.driver in ("EHdr", "ENVI"):  # GDAL takes what is not there for zeros
+            bits = int(file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8 * np.dtype(file.dtypes[0]).itemsize))
+            least, size = file.count * file.width * file.height * bits // 8, Path(file.files[0]).stat().st_size
+            if size < least:
+                raise InputError(f"holds {size:,} bytes of the {least:,} that its header states, or is packed",
+                                 code="unreadable", remedy="check that the file is complete, and unpack it")
         if key is None and file.count:
             return file
-        name = names[choose([*names], key, "rasters")]
-        return rasterio.open(name, driver=file.driver)
+        # GTIFF_DIR:1:path, GPKG:path:table
+        tiff = file.driver == "GTiff"
+        names = {each.split(":")[1 if tiff else -1]: each for each in file.subdatasets} or ({"1": path} if tiff else {})
+        return rasterio.open(names[choose([*names], key, "rasters")], driver=file.driver)
 
 
 class RasterBand:
@@ -123,46 +96,22 @@ class RasterBand:
         self._name, self._driver = dataset.name, dataset.driver
         self.band = _band_of(dataset, band)
         self.shape = tuple(dataset.shape)
-        self.scale, self.offset = dataset.scales[self.band - 1], dataset.offsets[self.band - 1]
-        self.dtype = np.dtype(dataset.dtypes[self.band - 1] if self._plain else np.float64)
+        self.scaling = dataset.scales[self.band - 1], dataset.offsets[self.band - 1]
+        self.dtype = np.dtype(dataset.dtypes[self.band - 1] if self.scaling == (1, 0) else np.float64)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_file"}
 
     @cached_property
     def _file(self) -> Any:
-        with _gdal(self._name.startswith("/vsi")) as rasterio:
+        with _gdal(self._name) as rasterio:
             return rasterio.open(self._name, driver=self._driver)
 
-    @property
-    def _plain(self) -> bool:
-        return (self.scale, self.offset) == (1, 0)
-
-    def _check(self, ends: Sequence[tuple[int, int]]) -> None:
-        """Compare the checksums of the blocks of a Deflate TIFF within a window, which GDAL leaves out at times."""
-        file, path = self._file, next(iter(self._file.files), "")
-        if file.driver != "GTiff" or file.profile.get("compress") != "deflate" or not Path(path).is_file():
-            return
-        sizes = file.block_shapes[self.band - 1]
-        touched = zip(ends, sizes, strict=True)
-        blocks = product(*(range(start // size, -(-end // size)) for (start, end), size in touched))
-        most = 1 + file.count * max(np.dtype(kind).itemsize for kind in file.dtypes) * sizes[0] * sizes[1]
-        with open(path, "rb") as stored:
-            for row, column in blocks:
-                at, length = (file.get_tag_item(f"BLOCK_{what}_{column}_{row}", "TIFF", bidx=self.band)
-                              for what in ("OFFSET", "SIZE"))
-                if at:  # else nothing was written there
-                    stored.seek(int(at))
-                    unpacked = zlib.decompressobj()
-                    unpacked.decompress(stored.read(int(length)), most)
-                    if not unpacked.eof:
-                        raise InputError("is damaged: packed samples end early or go on", code="unreadable")
-
     def __getitem__(self, window: tuple[slice, ...]) -> np.ma.MaskedArray[Any, Any]:
-        spans = [range(size)[part] for size, part in zip(self.shape, window, strict=True)]
-        ends = tuple((span.start, span.stop) for span in spans)
-        with _gdal(self._name.startswith("/vsi")):
-            self._check(ends)
+        ends = tuple((part.start, part.stop) for size, each in zip(self.shape, window, strict=True)
+                     for part in [range(size)[each]])
+        with _gdal(self._name):
+            _check(self._file, self.band, ends)
             values = self._file.read(self.band, window=ends)
             flags = {flag.name for flag in self._file.mask_flag_enums[self.band - 1]}
             gone = missing_samples(values, self._nodata)
@@ -172,51 +121,58 @@ class RasterBand:
             # GDAL masks by alpha of bytes and of unsigned 16 bits alone
             if "alpha" in colours and "alpha" not in flags and colours[self.band - 1] != "alpha":
                 gone |= self._file.read(1 + colours.index("alpha"), window=ends) == 0
-        if not self._plain:
-            values = values * np.float64(self.scale) + self.offset
-        return np.ma.masked_array(values, gone)
+        scale, offset = self.scaling
+        return np.ma.masked_array(values if self.scaling == (1, 0) else values * np.float64(scale) + offset, gone)
 
 
-def of_dataset(dataset: Any, band: int | None = None, nodata: float | None = None) -> Field:
-    """A band of a dataset of rasterio as a field, whose samples stay in the file until windows are read.
+def _check(file: Any, band: int, ends: Sequence[tuple[int, int]]) -> None:
+    """Compare the checksums of the blocks of a Deflate TIFF within a window, which GDAL leaves out at times."""
+    path, sizes = next(iter(file.files), ""), file.block_shapes[band - 1]
+    if file.driver != "GTiff" or file.profile.get("compress") != "deflate" or not Path(path).is_file():
+        return
+    with open(path, "rb") as stored:
+        for block in product(*(range(a // size, -(-b // size)) for (a, b), size in zip(ends, sizes, strict=True))):
+            at, length = (int(file.get_tag_item(f"BLOCK_{what}_{block[1]}_{block[0]}", "TIFF", bidx=band) or 0)
+                          for what in ("OFFSET", "SIZE"))
+            stored.seek(at)
+            unpacked = zlib.decompressobj()
+            if length and not (unpacked.decompress(stored.read(length), 16 * file.count * sizes[0] * sizes[1] + 1)
+                               and unpacked.eof):
+                raise InputError("is damaged: packed samples end early or go on", code="unreadable")
 
-    Raises
-    ------
-    InputError, OptionError
-        As `RasterBand`.
-    """
-    samples: Any = RasterBand(dataset, band, nodata)
+
+def of_dataset(dataset: Any, choice: Choice) -> Field:
+    """Read a band of a dataset of rasterio as a field, whose samples stay in the file until windows are read."""
+    samples: Any = RasterBand(dataset, choice.band, choice.nodata)
     with _gdal():
-        where, remark = place_of(dataset)
+        where, remarks = _place_of(dataset)
     at = samples.band - 1
-    return placed_field(samples, None, where, [remark] if remark else [], name=dataset.descriptions[at],
-                        unit=dataset.units[at])
+    return placed_field(samples, None, where, remarks, name=dataset.descriptions[at], unit=dataset.units[at])
 
 
-def read(path: str, key: str | None = None, band: int | None = None, nodata: float | None = None) -> Field:
-    """Open a file, and take a band; parameters and errors as of `open_` and `RasterBand`."""
-    return of_dataset(open_(path, key), band, nodata)
+def read(path: Any, choice: Choice) -> Field:
+    """Open a file, and read a band."""
+    return of_dataset(open_(str(path), choice.key), choice)
 
 
-def place_of(dataset: Any) -> tuple[Placement | None, str]:
-    """Placement of the samples of a dataset, which lie in the middle of pixels, and a remark on what is left out."""
+def _place_of(dataset: Any) -> tuple[Placement | None, list[str]]:
+    """Place samples in the middle of pixels; with a remark on what is left out."""
     a, b, c, d, e, f = dataset.transform[:6]
     crs = crs_text(dataset.crs)
     if not dataset.transform.is_identity:
-        remark = "its reference system is left out: it is not one of the earth" if dataset.crs and not crs else ""
-        return Placement([[b, a, c + (a + b) / 2], [e, d, f + (d + e) / 2]], crs=crs), remark
+        remark = "its reference system is left out: it is not one of the earth"
+        where = Placement([[b, a, c + (a + b) / 2], [e, d, f + (d + e) / 2]], crs=crs)
+        return where, [remark] * bool(dataset.crs and not crs)
     if kind := "ground control points" if dataset.gcps[0] else "rational polynomials" if dataset.rpcs else "":
-        return None, (f"its coordinates are ignored: it has {kind}, no steps between pixels; warp it first (gdalwarp), "
-                      "or give an isocodec.Field with a placement")
-    return None, "its reference system is ignored, as it places no pixels" if crs else ""
+        return None, [f"its coordinates are ignored: it has {kind}, no steps between pixels; warp it first (gdalwarp), "
+                      "or give an isocodec.Field with a placement"]
+    return None, ["its reference system is ignored, as it places no pixels"] * bool(crs)
 
 
 def _band_of(file: Any, band: int | None) -> int:
     colours, kinds = [each.name for each in file.colorinterp], file.dtypes
-    listed = ", ".join(
-        f"{number} ({', '.join(plain(each) for each in about if each)})"
-        for number, *about in zip(file.indexes, file.descriptions, colours, kinds, strict=True)
-    )
+    about = zip(file.indexes, file.descriptions, colours, kinds, strict=True)
+    listed = ", ".join(" ".join(plain(str(word)) for word in words if word) for words in about)
     known = [number for number, colour in zip(file.indexes, colours, strict=True) if colour != "alpha"]
     if band is not None and band not in file.indexes:
         raise OptionError(f"there is no band {band}: it holds {listed}", code="channel")
@@ -224,8 +180,10 @@ def _band_of(file: Any, band: int | None) -> int:
         raise InputError(f"holds {file.count} bands: {listed}", code="colour",
                          remedy="choose one with --band (band= in Python)")
     number = int(known[0] if band is None else band)
-    structure = file.tags(number, ns="IMAGE_STRUCTURE").get("NBITS"), file.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE")
-    if band is None and colours[number - 1] == "palette" and structure[0] != "1" and structure[1] != "YES":
+    # GDAL makes palettes of bits and of grey from white to black
+    ours, of_file = file.tags(number, ns="IMAGE_STRUCTURE"), file.tags(ns="IMAGE_STRUCTURE")
+    grey = ours.get("NBITS") == "1" or "MINISWHITE" in of_file
+    if band is None and colours[number - 1] == "palette" and not grey:
         raise InputError("holds indices of a palette, not samples", code="palette",
                          remedy="band=1 (--band 1) takes the indices; or save it as grey")
     if "complex" in kinds[number - 1]:

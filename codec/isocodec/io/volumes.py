@@ -16,12 +16,14 @@ from ..field.framed import Frames
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from .arrays import channel_of, numbers, of_array
-from .in_turn import InTurn, check_frame, placed_field
+from .in_turn import Choice, InTurn, check_frame, placed_field
 from .libraries import library, reading
-from .places import by_matrix, in_body, kept_axes
+from .places import as_integers, by_matrix, in_body, kept_axes
 
 Array = NDArray[Any]
-_NRRD = "NrrdImageIO"
+_ITK = {".mha": "MetaImageIO", ".mhd": "MetaImageIO", ".nrrd": "NrrdImageIO", ".nhdr": "NrrdImageIO"}
+"""Readers of ITK by suffix: left to itself it tries all formats that it knows."""
+SUFFIXES = (*_ITK, ".nii", ".nii.gz")
 _HEADER = 1 << 16
 """Bytes of a header that are looked at."""
 _TIMES = {"sec": "s", "msec": "ms", "usec": "µs"}
@@ -29,42 +31,27 @@ _TIMES = {"sec": "s", "msec": "ms", "usec": "µs"}
 
 
 def of_frames(
-    at: Callable[[int], Field], count: int, frame: int | None, frames: bool, differ: str = ""
+    at: Callable[[int], Field], count: int, choice: Choice, differ: str = ""
 ) -> Field | Frames:
-    """Give the only volume or one of several, or as a series all of them, or the slices of one.
+    """Read one of so many volumes, or give all of them as a series, or the slices of one.
 
-    Parameters
-    ----------
-    at : callable
-        Reads the field of a number.
-    count : int
-        How many there are.
-    frame, frames
-        As of `isocodec.read`.
-    differ : str
-        By what they differ, for the error.
-
-    Raises
-    ------
-    InputError
-        If none of several is chosen.
-    OptionError
-        If there is no such frame.
+    ``differ`` is by what they differ, for the error. Raises `InputError` if none of several is chosen, `OptionError` if
+    there is no such frame.
     """
+    frame = choice.frame
     if frame is not None:
         check_frame(frame, count if count > 1 else 0)
-    elif count > 1 and not frames:
+    elif count > 1 and not choice.frames:
         raise InputError(f"holds a series of {count}" + f", which differ by {differ}" * bool(differ), code="shape",
                          remedy=f"take one with --frame 0 to {count - 1}, or all with --frames")
-    if frame is None and count > 1:
-        first = at(0)
-        return Frames(InTurn(count, at, (*first.shape, count), first.remarks))
     first = at(frame or 0)
-    if not frames:
+    if not choice.frames:
         return first
+    if frame is None and count > 1:
+        return Frames(InTurn(count, at, (*first.shape, count), first.remarks))
     values = first.values if first.mask is None else np.ma.masked_array(first.values, first.mask)
     remarks = *first.remarks, "the position of a slice in space is ignored"
-    return of_array(values, frames=True, remarks=remarks, name=first.name, unit=first.unit)
+    return of_array(values, Choice(frames=True), remarks=remarks, name=first.name, unit=first.unit)
 
 
 def squeezed(values: Array, place: Placement | None, remarks: Sequence[str] = (), **more: Any) -> Field:
@@ -73,151 +60,87 @@ def squeezed(values: Array, place: Placement | None, remarks: Sequence[str] = ()
     return placed_field(values, None, place, remarks, **more)
 
 
-def scaled(raw: Array, slope: float, intercept: float) -> Array:
-    """Rescale samples: integers by whole numbers to int32 or int64, others to float64; unscaled ones stay."""
-    if (slope, intercept) == (1.0, 0.0):
-        return raw
-    most = 2.0 ** (8 * raw.itemsize) * abs(slope) + abs(intercept)
-    if raw.dtype.kind in "iu" and slope.is_integer() and intercept.is_integer() and most < 2.0**63:
-        values: Array = raw.astype(np.int32 if most < 2.0**31 else np.int64)
-        values *= int(slope)
-        values += int(intercept)
-        return values
-    return raw * np.float64(slope) + np.float64(intercept)
-
-
-def open_(
-    path: Path, frame: int | None = None, frames: bool = False, band: int | None = None, key: str | None = None
-) -> Field | Frames:
-    """Read MetaImage and NRRD by SimpleITK, NIfTI and Analyze by nibabel; parameters as of `of_itk`."""
-    kind = path.suffix.lower()
-    if key is not None:
-        raise InputError(f"holds no parts named '{plain(key)}'", code="key",
+def open_(path: Path, choice: Choice) -> Field | Frames:
+    """Read MetaImage and NRRD by SimpleITK, NIfTI and Analyze by nibabel."""
+    if choice.key is not None:
+        raise InputError(f"holds no parts named '{plain(choice.key)}'", code="key",
                          remedy="of segments in layers choose a layer by --frame")
-    if kind not in (".mha", ".mhd", ".nrrd", ".nhdr"):
+    if path.suffix.lower() not in _ITK:
         nibabel = library("nibabel", extra="volumes", purpose="reading NIfTI")
         with reading("NIfTI volume"):
-            return of_nibabel(nibabel.load(path), frame, frames, band)
+            # of a packed file that stays open the next volume is read without unpacking all before it
+            return of_nibabel(nibabel.load(path, keep_file_open=True), choice)
     sitk = library("SimpleITK", extra="volumes", purpose="reading volumes")
     with path.open("rb") as file:
         header = file.read(_HEADER)
-    packed = re.search(rb"^CompressedData *= *True[^\0]*?^ElementDataFile *= *([^\r\n]*)\r?\n", header, re.M)
     with reading("volume", "check that the files that its header names lie beside it, and that an axis of volumes has "
                  "the kind 'list'"):
-        if re.search(rb"^ElementDataFile *=.*%.* -\d+\s*$", header, re.M):
-            raise InputError("names files by falling numbers, which ITK does not read", code="unreadable",
-                             remedy="list them: ElementDataFile = LIST")
+        if re.search(rb"^ElementDataFile *=.*%.* -\d+\s*$|^NDims *=(?! *[2-5]\s)", header, re.M):  # ITK crashes
+            raise InputError("names files by falling numbers, or has other than two to five axes", code="unreadable",
+                             remedy="list the files: ElementDataFile = LIST")
+        packed = re.search(rb"^CompressedData *= *True[^\0]*?^ElementDataFile *= *([^\r\n]*)\r?\n", header, re.M)
         if packed:  # of damaged samples ITK takes what there is
             name = packed[1].strip().decode()
             zlib.decompress(path.read_bytes()[packed.end() :] if name == "LOCAL" else (path.parent / name).read_bytes())
-        # left to itself ITK tries all formats that it knows
-        image = sitk.ReadImage(path, imageIO=_NRRD if kind[1] == "n" else "MetaImageIO")
-    # ITK does not give it
-    units = re.search(rb"^space units:(.*)$", header, re.M | re.I)
-    unit = " ".join(dict.fromkeys(units[1].decode("latin-1").replace('"', " ").split())) if units else None
-    return of_itk(image, frame, frames, band, unit)
+        image = sitk.ReadImage(path, imageIO=_ITK[path.suffix.lower()])
+        # ITK does not give it
+        units = re.search(rb"^space units:(.*)$", header, re.M | re.I)
+        unit = " ".join(dict.fromkeys(units[1].decode("latin-1").replace('"', " ").split())) if units else None
+        return of_itk(image, choice, unit)
 
 
-def is_itk(thing: Any) -> bool:
-    """Whether this is an image of SimpleITK."""
-    return hasattr(thing, "GetSpacing") and hasattr(thing, "GetPixelIDTypeAsString")
+def of_itk(image: Any, choice: Choice, unit: str | None = None) -> Field | Frames:
+    """Read an image of SimpleITK of two to four axes: i, j (, k), without those of one sample.
 
-
-def of_itk(
-    image: Any, frame: int | None = None, frames: bool = False, band: int | None = None, unit: str | None = None
-) -> Field | Frames:
-    """Read an image of SimpleITK of two to four axes.
-
-    Parameters
-    ----------
-    image : SimpleITK.Image
-        Its coordinates run to the left, back and top of a body, unless it is of an NRRD of another space.
-    frame : int, optional
-        Volume of a fourth axis, or of the components of a list in an NRRD, counted from 0.
-    frames : bool
-        Give all of these.
-    band : int, optional
-        Component of vectors and colours, counted from 1.
-    unit : str, optional
-        Unit of the coordinates; without it that of an NRRD, or mm.
-
-    Returns
-    -------
-    Field or Frames
-        Axes i, j (, k), without those of one sample.
-
-    Raises
-    ------
-    InputError, OptionError, MissingExtraError
+    Its coordinates run to the left, back and top of a body, unless it is of an NRRD of another space. Frames are the
+    volumes of a fourth axis, or the components of a list in an NRRD; others are bands. Without ``unit`` it is that of
+    an NRRD, or mm.
     """
     sitk = library("SimpleITK", extra="volumes", purpose="reading volumes")
     known = {name: image.GetMetaData(name) for name in image.GetMetaDataKeys()}
-    size, count = image.GetDimension(), image.GetNumberOfComponentsPerPixel()
-    values: Array = sitk.GetArrayViewFromImage(image).T
-    matrix = np.column_stack([np.reshape(image.GetDirection(), (size, size)) * image.GetSpacing(), image.GetOrigin()])
-    remarks = list[str]()
-    if band is not None or known.get("NRRD_kinds[pixel]") != "list":
-        channel = channel_of(count, band)
-        values = values[channel] if count > 1 else values
-    elif count > 1:  # they are the first axis now
-        values = np.moveaxis(values, 0, -1)
-    if size > 3:
+    count, remarks = image.GetNumberOfComponentsPerPixel(), list[str]()
+    listed = choice.band is None and known.get("NRRD_kinds[pixel]") == "list"
+    if count > 1 and not listed:
+        image = sitk.VectorIndexSelectionCast(image, channel_of(count, choice.band))
+    elif not listed:
+        channel_of(1, choice.band)
+    apart, several = None, count if listed else 1
+    if image.GetDimension() > 3:
         kinds = [known.get(f"NRRD_kinds[{axis}]", "domain") for axis in range(4)]
         apart = next((axis for axis, kind in enumerate(kinds) if kind not in ("domain", "space")), 3)
-        values = np.moveaxis(values, apart, -1)
+        several = image.GetSize()[apart]
         remarks.append("start and step of its fourth axis are left out, as their unit is not known")
-        matrix = np.delete(np.delete(matrix, apart, 0), apart, 1)
-    several = values.shape[3] if values.ndim > 3 else 1
-    axes = kept_axes(values.shape[:3])
-    space = known.get("NRRD_space", "" if known.get("ITK_InputFilterName") == _NRRD else "left-posterior")
-    unit = unit or known.get("NRRD_units[0]")
-    if size > 2 and space.startswith("left-posterior"):
-        place = in_body(matrix, axes, lps=True, unit=unit or "mm")
-    else:
-        place = by_matrix(matrix, axes, unit=unit or ("mm" if space else None))
-        remarks += [f"its coordinates are of no body: its space is '{plain(space)}'"] * (size > 2)
+    space = known.get("NRRD_space", "" if known.get("ITK_InputFilterName") == "NrrdImageIO" else "left-posterior")
+    body = space.startswith("left-posterior")
+    unit = unit or known.get("NRRD_units[0]") or ("mm" if space else None)
+    if image.GetDimension() > 2 and not body:
+        remarks.append(f"its coordinates are of no body: its space is '{plain(space)}'")
 
-    def at(number: int, _: Any = image) -> Field:  # the view needs the image
-        part = np.array(values[..., number] if several > 1 else values, order="C")
-        return squeezed(part, place, remarks)
+    def at(number: int) -> Field:
+        part = image
+        if apart is not None:
+            part = image[tuple(number if axis == apart else slice(None) for axis in range(4))]
+        elif several > 1:
+            part = sitk.VectorIndexSelectionCast(image, number)
+        size, axes = part.GetDimension(), kept_axes(part.GetSize())
+        steps = np.reshape(part.GetDirection(), (size, size)) * part.GetSpacing()
+        matrix = np.column_stack([steps, part.GetOrigin()])
+        in_space = in_body(matrix, axes, lps=True, unit=unit or "mm") if size > 2 and body else None
+        return squeezed(sitk.GetArrayFromImage(part).T, in_space or by_matrix(matrix, axes, unit=unit), remarks)
 
-    return of_frames(at, several, frame, frames)
-
-
-def is_nibabel(thing: Any) -> bool:
-    """Whether this is an image of nibabel with an affine matrix."""
-    return hasattr(thing, "affine") and hasattr(thing, "dataobj")
+    return of_frames(at, several, choice)
 
 
-def of_nibabel(
-    image: Any, frame: int | None = None, frames: bool = False, band: int | None = None
-) -> Field | Frames:
-    """Read an image of nibabel; of a series one volume at a time.
+def of_nibabel(image: Any, choice: Choice) -> Field | Frames:
+    """Read an image of nibabel of up to four axes, of a series one volume at a time.
 
-    Parameters
-    ----------
-    image : SpatialImage
-        Of up to four axes. Its coordinates run to the right, front and top of a body, in its unit or mm.
-    frame, frames, band
-        As of `of_itk`.
-
-    Returns
-    -------
-    Field or Frames
-        Scaled as the image states; integers stay integers if that is by whole numbers.
-
-    Raises
-    ------
-    InputError, OptionError
+    Its coordinates run to the right, front and top of a body, in its unit or mm. It is scaled as it states; integers
+    stay integers if that is by whole numbers.
     """
-    proxy, header, whole = image.dataobj, image.header, tuple(map(int, image.shape))
+    samples, header, whole = image.dataobj, image.header, tuple(map(int, image.shape))
     several = whole[3] if len(whole) > 3 else 1
-    raw, scaling = proxy, (1.0, 0.0)
-    if hasattr(proxy, "slope"):
-        scaling = float(proxy.slope), float(proxy.inter)
-        # the file stays open: of a packed one the next volume is then read without unpacking all before it
-        raw = type(proxy)(proxy.file_like, (proxy.shape, proxy.dtype, proxy.offset, 1.0, 0.0), keep_file_open=True)
-    channel_of(1, band)
+    scaling = np.array([getattr(samples, "slope", 1), getattr(samples, "inter", 0)], float)
+    channel_of(1, choice.band)
     unit, time, remarks, notes = "unknown", "", [], {}
     if hasattr(header, "get_xyzt_units"):
         try:
@@ -229,12 +152,14 @@ def of_nibabel(
     axes = kept_axes(whole[:3])
     place = in_body(np.asarray(image.affine), axes, lps=False, unit="mm" if unit == "unknown" else unit)
     step = float(header.get_zooms()[-1])
-    if frame is None and several > 1 and time in _TIMES and 0 < step < np.inf:
+    if choice.frame is None and several > 1 and time in _TIMES and 0 < step < np.inf:
         notes[FRAME_STEP] = f"{step:g} {_TIMES[time]}"
 
     def at(number: int) -> Field:
         with reading("NIfTI volume"):
-            part = np.asarray(raw[:, :, :, number] if several > 1 else raw[...]).reshape(whole[:3])
-        return squeezed(scaled(part, *scaling), place, remarks, notes=notes)
+            part = np.asarray(samples[..., number] if several > 1 else samples)
+        if not (scaling % 1).any() and samples.dtype.kind in "iu":
+            part, _ = as_integers(part, np.int32)
+        return squeezed(part.reshape(whole[:3]), place, remarks, notes=notes)
 
-    return of_frames(at, several, frame, frames)
+    return of_frames(at, several, choice)

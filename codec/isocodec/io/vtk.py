@@ -6,7 +6,6 @@ A key names a block of several, an array, and a component of vectors: ``inlet/ve
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import replace
@@ -23,70 +22,38 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
-from .in_turn import check_frame
+from .arrays import valued
+from .in_turn import Choice, check_frame
 from .libraries import choose, library, reading
 from .places import along_axes, at_nodes, by_matrix, even_steps
 from .volumes import of_frames, squeezed
 
-Array = NDArray[Any]
-_Numbers = Mapping[str, Callable[[], Array]]
+SUFFIXES = (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvd", ".vtm", ".pvti", ".pvtr", ".pvtu",
+            ".xdmf", ".xmf", ".vtkhdf", ".ply", ".stl", ".obj", ".msh")
+_BY_MESHIO = ".ply", ".obj", ".stl", ".off", ".inp"
+"""Suffixes whose files VTK reads without their values, or not as a mesh."""
 _GHOSTS = "vtkGhostType"
 _HIDDEN_POINT, _LEFT_OUT_CELL = 2, 1 | 32
 """Bits of ghosts: points that are blanked; cells that another piece holds, or that are blanked."""
-_SOLID, _FLAT = {*range(10, 17), *range(24, 28), 29, 32, 33}, {*range(5, 10), 22, 23, 28, 30, 34}
-_LOWER = {*range(5), 21, 35}
-"""Types of cells in space, in a plane and of lower dimension; those above 21 have points between their corners."""
-_BY_MESHIO = ".ply", ".obj", ".stl", ".off", ".inp"
-"""Suffixes whose files VTK reads without their values, or not as a mesh."""
+_CELLS = {*range(17), *range(21, 36)} - {31}
+"""Types of cells that can be cut into triangles and tetrahedra."""
+_LOWER, _TRIANGLE, _TETRAHEDRON = {*range(5), 21, 35}, 5, 10
+Array = NDArray[Any]
+_Numbers = Mapping[str, Callable[[], Array]]
 
 
 def _vtk(module: str) -> Any:
     return library(module, extra="vtk", purpose="reading meshes and files of VTK")
 
 
-def is_vtk(thing: Any) -> bool:
-    """Whether this is an object of VTK or PyVista that holds data."""
-    model = sys.modules.get("vtkmodules.vtkCommonDataModel")
-    return model is not None and isinstance(thing, model.vtkDataObject)
-
-
-def is_meshio(thing: Any) -> bool:
-    """Whether this is a mesh of meshio."""
-    return hasattr(thing, "cells_dict") and hasattr(thing, "point_sets")
-
-
-def open_(path: Path, key: str | None = None, frame: int | None = None, frames: bool = False) -> Field | Frames | Mesh:
-    """Read a file that PyVista reads, or a mesh that meshio does.
-
-    Parameters
-    ----------
-    path : path
-    key : str, optional
-        As of `of_vtk`.
-    frame : int, optional
-        Which of several times, counted from 0.
-    frames : bool
-        Give all times: of a grid as a series, of a mesh, where this is also the default, as values (F, V).
-
-    Returns
-    -------
-    Field, Frames or Mesh
-
-    Raises
-    ------
-    InputError
-        If it is damaged, or a choice is left open.
-    OptionError, MissingExtraError
-    """
+def open_(path: Path, choice: Choice) -> Field | Frames | Mesh:
+    """Read a file that PyVista reads, or a mesh that meshio does; of a mesh that stays, all times as values (F, V)."""
     with _complaints():
-        times, read = _steps(path, key)
-    count, notes, remarks = len(times), {}, list[str]()
-    if frame is not None:
-        check_frame(frame, count if count > 1 else 0)
-    elif count > 1:
-        even = even_steps(np.array(times))
-        if even is not None:
-            notes[FRAME_STEP] = f"{even[1]:g}"
+        times, read = _steps(path)
+    notes, remarks = dict[str, str](), list[str]()
+    even = even_steps(np.array(times))
+    if choice.frame is None and len(times) > 1:
+        notes = {FRAME_STEP: f"{even[1]:g}"} if even else {}
         if even is None or even[0]:
             remarks.append(f"its times are left out: {one_line(', '.join(f'{time:g}' for time in times))}")
 
@@ -94,14 +61,15 @@ def open_(path: Path, key: str | None = None, frame: int | None = None, frames: 
     def at(number: int) -> Any:
         with _complaints():
             data = read(number)
-        found = of_vtk(data, key)
+        found = of_vtk(data, choice)
         return replace(found, notes=notes, remarks=(*found.remarks, *remarks))
 
-    first = at(frame or 0)
+    if choice.frame is not None:
+        check_frame(choice.frame, len(times) if len(times) > 1 else 0)
+    first = at(choice.frame or 0)
     if isinstance(first, Field):
-        return of_frames(at, count, frame, frames, "time")
-    meshes = [first, *(map(at, range(1, count)) if frame is None else ())]
-    names = "points", "cells"
+        return of_frames(at, len(times), choice, "time")
+    meshes, names = [*map(at, range(len(times)))] if choice.frame is None else [first], ("points", "cells")
     if not all(np.array_equal(getattr(each, name), getattr(first, name)) for each in meshes for name in names):
         raise InputError("its mesh changes in time", code="mesh", remedy="choose a time: --frame N")
     if len(meshes) == 1 or first.values is None:
@@ -109,46 +77,32 @@ def open_(path: Path, key: str | None = None, frame: int | None = None, frames: 
     return replace(first, values=np.stack([each.values for each in meshes]))
 
 
-def of_vtk(data: Any, key: str | None = None) -> Field | Mesh:
+def of_vtk(data: Any, choice: Choice) -> Field | Mesh:
     """Read a data set of VTK or PyVista, or a block of several.
 
-    Parameters
-    ----------
-    data : vtkDataObject
-    key : str, optional
-        Values: ``block/velocity:x``. Without it the only ones; of a mesh those at points, named ``z``, or none.
-
-    Returns
-    -------
-    Field or Mesh
-        Of a grid samples with axes i, j (, k): values at its points, or of its cells at their centres. Of a surface or
-        other cells a mesh; values of cells are averaged at its points. Points without cells are scattered over the
-        plane.
-
-    Raises
-    ------
-    InputError, MissingExtraError
+    Of a grid samples with axes i, j (, k): values at its points, or of its cells at their centres. Of a surface or
+    other cells a mesh; values of cells are averaged at its points. Points without cells are scattered over the plane.
     """
     with reading("VTK data"):
-        data, blocks = _vtk("pyvista").wrap(data), {"": data}
+        data, key = _vtk("pyvista").wrap(data), choice.key
         if hasattr(data, "recursive_iterator"):
             blocks = dict(data.recursive_iterator("items", skip_none=True, prepend_names=True, separator="/"))
-        named = [name for name in blocks if key is not None and f"{key}/".startswith(f"{name}/")]
-        name = max(named, key=len) if named else choose([*blocks], None, "blocks")
-        data, key = blocks[name], (key or "")[len(name) + 1 :] or None if named else key
+            named = [name for name in blocks if f"{key}/".startswith(f"{name}/")]
+            name = max(named, key=len) if named else choose([*blocks], None, "blocks")
+            data, key = blocks[name], str(key)[len(name) + 1 :] or None if named else key
         if not hasattr(data, "n_cells"):
             raise InputError(f"holds {plain(type(data).__name__)}, not a grid or a mesh", code="mesh")
-        at_points, of_cells = _scalars(data.point_data), _scalars(data.cell_data)
-        of_cells = {name: each for name, each in of_cells.items() if name not in at_points}
+        at_points = _arrays(data.point_data)
+        of_cells = {name: each for name, each in _arrays(data.cell_data).items() if name not in at_points}
         grid = hasattr(data, "dimensions") and not (
             data.IsA("vtkStructuredGrid") and data.dimensions.count(1) == 1 and np.ptp(data.points, axis=0).all())
         return (_field if grid else _mesh)(data, at_points, of_cells, key)
 
 
-def of_meshio(mesh: Any, key: str | None = None) -> Field | Mesh:
-    """Read a mesh of meshio; parameters, result and errors as of `of_vtk`."""
+def of_meshio(mesh: Any, choice: Choice) -> Field | Mesh:
+    """Read a mesh of meshio; result and errors as of `of_vtk`."""
     with reading("mesh"):
-        return of_vtk(_vtk("pyvista").from_meshio(mesh), key)
+        return of_vtk(_vtk("pyvista").from_meshio(mesh), choice)
 
 
 # ---- files -----------------------------------------------------------------------------------------------------------
@@ -158,12 +112,12 @@ def of_meshio(mesh: Any, key: str | None = None) -> Field | Mesh:
 def _complaints() -> Iterator[None]:
     """Raise an error for what VTK only complains about, before it gives zeros, and what meshio prints."""
     core = _vtk("vtkmodules.vtkCommonCore")
-    remedy = "check it, or convert it to .vtu or .vti; grids of XDMF need a Time"
     logger, printed = core.vtkLogger, io.StringIO()
     level = logger.GetCurrentVerbosityCutoff()
     logger.SetStderrVerbosity(logger.VERBOSITY_OFF)
     try:
-        with (reading("grid or mesh", remedy), redirect_stdout(printed), redirect_stderr(printed),
+        with (reading("grid or mesh", "check it, or convert it to .vtu or .vti; grids of XDMF need a Time"),
+              redirect_stdout(printed), redirect_stderr(printed),
               _vtk("pyvista").VtkErrorCatcher(send_to_logging=False)):
             yield
             if "error" in (said := core.vtkOutputWindow.GetInstance().GetOutput()).lower():
@@ -172,32 +126,31 @@ def _complaints() -> Iterator[None]:
         logger.SetStderrVerbosity(level)
 
 
-def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int], Any]]:
-    """Times of a file and what reads one of them."""
+def _steps(path: Path) -> tuple[Sequence[float], Callable[[int], Any]]:
+    """Find the times of a file and what reads one of them."""
     pyvista, suffix = _vtk("pyvista"), path.suffix.lower()
-    known = suffix in pyvista.core.utilities.reader.CLASS_READERS and suffix not in _BY_MESHIO
+    known, bare = suffix in pyvista.core.utilities.reader.CLASS_READERS and suffix not in _BY_MESHIO, set[str]()
     if suffix in (".xdmf", ".xmf"):
-        known = False
-        for each in ElementTree.parse(path).iter():
+        items = [*ElementTree.parse(path).iter()]
+        known = any(each.tag == "Time" for each in items)  # PyVista does not read others
+        # VTK takes values of a series for those of the bare mesh that it points to
+        bare = {str(each.get("Name")) for each in items if each.tag == "Grid" and not each.findall(".//Attribute")}
+        for each in items:
             if each.get("Format", "XML").upper() not in ("XML", "ASCII", "APPENDED"):
                 (path.parent / str(each.text).strip().partition(":")[0]).stat()  # VTK crashes where it is missing
-            known |= each.tag == "Time"  # PyVista does not read others
     if not known:
         meshio = _vtk("meshio")
         # of files of ANSYS its reader may not come to an end
         return (0.0,), lambda _: pyvista.from_meshio(meshio.read(path, "gmsh" if suffix == ".msh" else None))
     reader = pyvista.get_reader(path)
-    for kind in ("point", "cell"):
-        names = getattr(reader, f"{kind}_array_names", [])
-        named = [name for name in names if name in (key or "")]
-        for name in {*names} - {*named, _GHOSTS} if named else ():
-            getattr(reader, f"disable_{kind}_array")(name)
     times = getattr(reader, "time_values", None) or (0.0,)
 
     def read(number: int) -> Any:
         if len(times) > 1:
             reader.set_active_time_point(number)
         data = reader.read()
+        for name in bare.intersection(data.keys() if hasattr(data, "recursive_iterator") else ()):
+            del data[name]
         if suffix == ".pvti":  # its pieces state how the image is turned, and VTK does not look there
             piece = next(ElementTree.parse(path).iter("Piece")).attrib["Source"]
             data.direction_matrix = pyvista.read(path.parent / piece).direction_matrix
@@ -209,7 +162,7 @@ def _steps(path: Path, key: str | None) -> tuple[Sequence[float], Callable[[int]
 # ---- data sets -------------------------------------------------------------------------------------------------------
 
 
-def _scalars(attributes: Any) -> dict[str, Callable[[], Any]]:
+def _arrays(attributes: Any) -> dict[str, Callable[[], Any]]:
     """Collect what gives numbers, by name; components and magnitudes of vectors have names that no array has itself."""
     out, parts = dict[str, Callable[[], Any]](), dict[str, Callable[[], Any]]()
     for name, array in attributes.items():
@@ -226,35 +179,34 @@ def _scalars(attributes: Any) -> dict[str, Callable[[], Any]]:
 
 
 def _field(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) -> Field:
-    """Values at points, or of cells at their centres, with axes i, j, k; axes of one sample are left out."""
+    """Read values at points, or of cells at their centres, with axes i, j, k; axes of one sample are left out."""
     only = at_points or of_cells
-    name = next(iter(only)) if key is None and len(only) == 1 else choose([*at_points, *of_cells], key)
+    name = choose([*only] if key is None and len(only) == 1 else [*at_points, *of_cells], key)
     centred = name in of_cells
     sides = [max(1, count - centred) for count in data.dimensions]
     kept = [axis for axis in range(3) if sides[axis] > 1]
     if len(kept) < 2:
         raise InputError(f"has a grid of {' x '.join(map(str, sides))} samples", code="shape")
     shape, remarks = [sides[axis] for axis in kept], list[str]()
-    values = (of_cells if centred else at_points)[name]().reshape(shape, order="F")
-    gone, place = _hidden(data, centred, remarks), _place_of(data, kept, shape, centred, remarks)
-    values = values if gone is None else np.ma.masked_array(values, gone.reshape(shape, order="F"))
-    return squeezed(values, place, remarks)
+    values = np.ma.masked_array((of_cells if centred else at_points)[name](), _hidden(data, centred, remarks))
+    place = _place_of(data, kept, shape, centred, remarks)
+    return squeezed(values.reshape(shape, order="F"), place, remarks)
 
 
-def _hidden(data: Any, centred: bool, remarks: list[str]) -> Array | None:
+def _hidden(data: Any, centred: bool, remarks: list[str]) -> Any:
     """Find samples that are blanked, or whose cells or points are."""
     if _GHOSTS not in data.point_data and _GHOSTS not in data.cell_data:
-        return None
+        return False
     points = np.asarray(data.point_data.get(_GHOSTS, np.zeros(data.n_points, np.uint8))) & _HIDDEN_POINT > 0
     cells = np.asarray(data.cell_data.get(_GHOSTS, np.zeros(data.n_cells, np.uint8))) & _LEFT_OUT_CELL > 0
     grid = data.copy(deep=False)
     grid.clear_data()
     grid.point_data["part"], grid.cell_data["part"] = points.astype(np.float64), cells.astype(np.float64)
     if centred:
-        return np.asarray(cells | (grid.point_data_to_cell_data()["part"] > 0))
+        return cells | (grid.point_data_to_cell_data()["part"] > 0)
     if cells.any():
         remarks.append("hidden cells are left out only where no other cell has their points")
-    return np.asarray(points | (grid.cell_data_to_point_data()["part"] == 1))
+    return points | (grid.cell_data_to_point_data()["part"] == 1)
 
 
 def _place_of(
@@ -268,11 +220,10 @@ def _place_of(
         # a picture lies in the plane, other slices in space
         flat = [*kept] == [0, 1] and not matrix[2, [0, 1, 3]].any()
         return by_matrix(matrix[:2] if flat else matrix, kept)
-    place = None
     if data.IsA("vtkRectilinearGrid"):
         along = [np.asarray(each, np.float64) for each in (data.x, data.y, data.z)]
         along = [(each[1:] + each[:-1]) / 2 if centred and len(each) > 1 else each for each in along]
-        place = along_axes([along[axis] for axis in kept], range(len(kept)))
+        place: Placement | None = along_axes([along[axis] for axis in kept], range(len(kept)))
     else:
         along = [*np.asarray((data.cell_centers() if centred else data).points, np.float64).T]
         vary = [each.reshape(shape, order="F") for each in along if np.ptp(each)]
@@ -287,47 +238,46 @@ def _place_of(
 
 
 def _mesh(data: Any, at_points: _Numbers, of_cells: _Numbers, key: str | None) -> Mesh:
-    """Triangles, tetrahedra or points, with values at points; points that coincide, as where pieces meet, are one."""
-    if key is None:
-        key = next(iter(at_points)) if len(at_points) == 1 else "z" if "z" in at_points else None
+    """Read triangles, tetrahedra or points; points that coincide, as where pieces meet, are one."""
     data, remarks = data.cast_to_unstructured_grid(), list[str]()
+    if key is None and len(at_points) == 1:
+        (key,) = at_points
     if _GHOSTS in data.cell_data:
         data.RemoveGhostCells()
     if key in of_cells:
         data = data.clean(produce_merge_map=False, average_point_data=False).cell_data_to_point_data()
         remarks.append("values of cells are averaged at points")
     cells, data = _cells_of(data, remarks)
-    points, values = np.asarray(data.points, np.float64), _scalars(data.point_data)
-    if cells is not None or np.ptp(points[:, 2]):
-        values = {name: each.ravel for name, each in zip("xyz", points.T, strict=True)} | values
-        key = "z" if key is None and cells is None and len(values) == 3 else key
-    flat = cells is None or (cells.shape[1] == 3 and not points[:, 2].any())
-    chosen = None if key is None else values[choose([*values], key)]()
-    first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
-    if len(first) < len(points):
-        if chosen is not None and not np.array_equal(chosen[first][number.ravel()], chosen, equal_nan=True):
-            remarks.append("points that coincide have different values, and are not joined")
-        else:
-            points, chosen = points[first], None if chosen is None else chosen[first]
-            cells = None if cells is None else number.ravel()[cells]
-    return Mesh(points[:, : 2 if flat else 3], cells, chosen, remarks=remarks)
+    points = np.asarray(data.points, np.float64)
+    values = {name: give() for name, give in _arrays(data.point_data).items()}
+    if cells is None:
+        height = key == "z" or (not values and np.ptp(points[:, 2]))
+        values = {"z": points[:, 2], **values} if height else values
+        return valued(points[:, :2], None, values, key, remarks=remarks)
+    found: Any = valued(points, cells, values, key, remarks=remarks)
+    first, number = np.unique(found.points, axis=0, return_index=True, return_inverse=True)[1:]
+    if len(first) == len(points):
+        return found
+    joined = None if found.values is None else found.values[first]
+    if joined is not None and not np.array_equal(joined[number.ravel()], found.values, equal_nan=True):
+        return replace(found, remarks=[*remarks, "points that coincide have different values, and are not joined"])
+    return replace(found, points=found.points[first], cells=number.ravel()[cells], values=joined)
 
 
 def _cells_of(data: Any, remarks: list[str]) -> tuple[Array | None, Any]:
-    """Triangles or tetrahedra of a data set, and the data set whose points they join; None of points alone."""
-    types = data.celltypes
-    kinds = {*types.tolist()}
-    if not kinds - {0, 1, 2}:
+    """Find triangles or tetrahedra, and the data set whose points they join; None of points alone."""
+    kinds = {*data.celltypes.tolist()}
+    if kinds <= {0, 1, 2}:
         return None, data
-    odd = kinds - _LOWER - _FLAT - _SOLID
-    if odd or not kinds & (_FLAT | _SOLID):
-        names = [_vtk("pyvista").CellType(each).name for each in sorted(odd)]
-        raise InputError(f"holds cells of other kinds: {', '.join(names) or 'no triangles'}", code="mesh",
-                         remedy="cut them into triangles or tetrahedra first")
-    wanted, ours, name = (10, _SOLID, "tetrahedra") if kinds & _SOLID else (5, _FLAT, "triangles")
-    if left := int(np.isin(types, [*ours], invert=True).sum()):
-        remarks.append(f"{left:,} cells of lower dimension are left out")
-    if kinds & ours != {wanted}:
-        remarks.append(f"cells of other kinds are cut into {name}, those of higher order as linear")
+    odd = [_vtk("pyvista").CellType(each).name for each in sorted(kinds - _CELLS)]
+    if kinds - _LOWER - {_TRIANGLE, _TETRAHEDRON} and not odd:
+        remarks.append("cells of other kinds are cut into triangles or tetrahedra, those of higher order as linear")
         data = data.triangulate()
-    return np.asarray(data.cells_dict[wanted], np.int64), data
+    wanted = _TETRAHEDRON if _TETRAHEDRON in data.cells_dict else _TRIANGLE
+    cells = data.cells_dict.get(wanted)
+    if odd or cells is None:
+        raise InputError(f"holds cells of other kinds: {', '.join(odd) or 'no triangles'}", code="mesh",
+                         remedy="cut them into triangles or tetrahedra first")
+    if len(cells) < data.n_cells:
+        remarks.append(f"{data.n_cells - len(cells):,} cells of lower dimension are left out")
+    return np.asarray(cells, np.int64), data
