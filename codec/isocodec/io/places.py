@@ -98,3 +98,12 @@ def goes_round(longitude: Array, axis: int) -> bool:
         # on curvilinear grids rows beyond a pole do not go around anything
         closes = (np.abs(np.abs(turn) - TURN) < 1e-3) & (last <= (1 + _CLOSES) * typical) & (last > 0) & (first != 0)
     return bool(np.count_nonzero(closes) * 2 > closes.size)
+
+
+def as_integers(values: NDArray[Any]) -> NDArray[Any]:
+    """Whole numbers that scaling made floats of, as int32 or int64; others as they are."""
+    if values.dtype.kind != "f":
+        return values
+    with np.errstate(invalid="ignore"):
+        whole = (values == np.rint(values)).all() and np.abs(values).max(initial=0) < 2**53
+    return values.astype(np.int32 if np.abs(values).max(initial=0) < 2**31 else np.int64) if whole else values

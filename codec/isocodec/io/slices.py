@@ -103,7 +103,8 @@ class _Plane:
         if "ModalityLUTSequence" in self.header:
             raw = _library("pydicom.pixels").apply_modality_lut(raw, self.header)
         elif (slope, intercept) != (1, 0):
-            raw, _ = as_integers(raw * np.float64(slope) + intercept, np.int32 if whole else None)
+            raw = raw * np.float64(slope) + intercept
+            raw = as_integers(raw) if whole else raw
         return np.ma.masked_array(raw, gone)
 
 

@@ -159,7 +159,7 @@ def of_nibabel(image: Any, choice: Choice) -> Field | Frames:
         with reading("NIfTI volume"):
             part = np.asarray(samples[..., number] if several > 1 else samples)
         if not (scaling % 1).any() and samples.dtype.kind in "iu":
-            part, _ = as_integers(part, np.int32)
+            part = as_integers(part)
         return squeezed(part.reshape(whole[:3]), place, remarks, notes=notes)
 
     return of_frames(at, several, choice)
