@@ -61,7 +61,7 @@ def test_areas_make_up_the_field(side: str) -> None:
 
 
 def test_bands_make_up_the_field_under_names_of_choice() -> None:
-    table = tables.bands(content("curves", "utm"), lower="from_m", upper="to_m")
+    table = tables.areas(content("curves", "utm"), "bands", attribute="from_m,to_m")
     assert table.area.sum() == pytest.approx(24 * 30 * 30.0**2)
     assert np.array_equal(table.from_m, [np.nan, 60.5, 80.5], equal_nan=True)
     assert np.array_equal(table.to_m, [60.5, 80.5, np.nan], equal_nan=True)
@@ -74,7 +74,7 @@ def test_names_that_are_taken_are_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="--attribute"):
         written(tmp_path, ".gpkg", ("curve", "utm"), attribute=name)
     with pytest.raises(OptionError):
-        tables.bands(content("curves"), lower=name or "high", upper=name or "High")
+        tables.areas(content("curves"), "bands", attribute=f"{name or chr(97)},{name or chr(65)}")
     assert not [*tmp_path.iterdir()]
 
 
@@ -83,7 +83,7 @@ def test_names_that_are_taken_are_refused(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("what", ["curve", "bands"])
 def test_each_format_holds_lines_and_bands(tmp_path: Path, suffix: str, what: str) -> None:
     path, _ = written(tmp_path, suffix, (what, "utm"))
-    table, wanted = back(path), tables.lines([content("curve", "utm")]) if what == "curve" else tables.bands(
+    table, wanted = back(path), tables.lines([content("curve", "utm")]) if what == "curve" else tables.areas(side="bands", contours=
         content("bands", "utm").contours)
     if suffix == ".csv":
         import geopandas
@@ -134,7 +134,7 @@ def test_areas_in_longitude_and_latitude_cover_the_same(tmp_path: Path, place: s
 
     areas = content(what, place)
     table = back(written(tmp_path, ".geojson", areas)[0])
-    flat = tables.bands(areas.contours) if what == "bands" else tables.areas(areas.contours, what)
+    flat = tables.areas(areas.contours, "bands") if what == "bands" else tables.areas(areas.contours, what)
     assert table.geometry.is_valid.all()
     assert (abs(table.total_bounds) <= [180, 90, 180, 90]).all()
     longitude, latitude = np.random.default_rng(3).random((2, 20000))

@@ -131,7 +131,7 @@ def _ground(placement: Any, low: Points, high: Points) -> tuple[str, Sequence[st
     try:
         if (system := system_of(placement)) is None:
             return bare
-        ends = to_degrees(placement)(ends).T
+        ends = to_degrees(system)(ends).T
     except OptionError:
         return bare
     metres = np.array(system.get_geod().inv(*ends[:, :2], *ends[:, 2:])[2]) / (2 * step)
