@@ -345,8 +345,6 @@ FORMATS: tuple[Format, ...] = (
     Format({".png": "png"}, "mask2", _as_samples, ("PIL",), "pictures", states="samples"),
 )
 SUFFIXES: tuple[str, ...] = tuple(dict.fromkeys(suffix for one in FORMATS for suffix in one.suffixes))
-PICTURES = (".png", ".pdf", ".svg")
-"""Suffixes of steps and contour maps."""
 
 
 # ---- Choice of a format ---------------------------------------------------------------------------------------------
