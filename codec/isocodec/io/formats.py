@@ -82,11 +82,6 @@ class Areas:
     side: str
     valid: NDArray[np.bool_] | None = None
 
-    @property
-    def layer(self) -> str:
-        """Usual name of the layer."""
-        return "bands" if self.side == "bands" else "areas"
-
 
 @dataclass(frozen=True, eq=False)
 class SampleMask:
@@ -190,7 +185,7 @@ class Job:
         in_samples, free = self.options.in_samples, False
 
         def noted(one: Any) -> Any:
-            one = replace(one, placement=None) if in_samples else one
+            one = replace(one, placement=None) if in_samples and isinstance(one, Contour | SampleMask) else one
             points, frame = getattr(one, "points", None), one.placement and one.placement.frame()
             if isinstance(one, Contour):
                 points, frame = one.placed, one.frame
@@ -217,8 +212,9 @@ class Job:
             return [noted(what)]
         if isinstance(what, Collection | Contour):
             return map(turned, [what] if isinstance(what, Contour) else what)
-        free, placed = what.shape is None, surfaces.Simplices.of_tin(what, in_samples)
-        return what if self.form.states == "samples" else [noted(placed)]
+        free = what.shape is None
+        pieces = [noted(surfaces.Simplices.of_tin(what, in_samples))]
+        return what if self.form.states == "samples" else pieces
 
     def remarks(self) -> tuple[str, ...]:
         """One line for each loss of the format in coordinates, but for those that were asked for."""
@@ -230,13 +226,14 @@ class Job:
             "in samples, since the file does not state where these lie")
         rule = ", not the longitudes and latitudes that GeoJSON requires (RFC 7946)" * (states == "degrees")
         known = bool(self.space) or is_named(placement)
+        unknown = not known and not options.in_samples
         name = short_name(placement.crs or "") if placement is not None else ""
         losses = {
             f"{suffix} does not state the reference system of its coordinates: {name}":
                 known and states not in ("degrees", "space" if self.space else "crs"),
             f"{suffix} is written without a reference system, and its coordinates are {where}{rule}; "
             "encode with --spacing and --crs EPSG:..":
-                not known and not options.in_samples and states in (("crs",) if options.keep_crs else ("crs", "degrees")),
+                unknown and (states == "crs" or (states == "degrees" and not options.keep_crs)),
             f"{suffix} states that samples lie in steps of 1 from 0, which the file does not state":
                 not self._placed and "SimpleITK" in self.form.libraries,
             f"{suffix} does not keep the coordinates of its samples, which no matrix describes":
@@ -253,7 +250,8 @@ class Job:
 def _as_table(what: Any, path: Path, job: Job) -> None:
     names, layer = job.options.attribute, "isolines"
     if isinstance(what, Areas):
-        layer, table = what.layer, tables.areas(what.contours, what.side, what.valid, names)
+        layer = "bands" if what.side == "bands" else "areas"
+        table = tables.areas(what.contours, what.side, what.valid, names)
     elif isinstance(what, list):
         layer, table = "triangles", what[0].to_geodataframe()
     else:

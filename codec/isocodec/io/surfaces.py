@@ -104,7 +104,7 @@ def _where(placement: Placement | None, n: int, in_field: bool, crs: str | None 
 
 
 def _turned(cells: NDArray[np.int64], placement: Placement) -> NDArray[np.int64]:
-    return cells[:, [1, 0, 2, 3][: cells.shape[1]]] if placement.mirrored() else cells
+    return cells[:, [*range(cells.shape[1] - 2), -1, -2]] if placement.mirrored() else cells
 
 
 def _check_some(cells: object) -> None:
