@@ -120,13 +120,6 @@ def test_open_files_receive_the_bytes(tmp_path: Path) -> None:
         path.with_suffix(".dbf").write_bytes(b"")
 
 
-def test_targets_that_cannot_be_written(tmp_path: Path) -> None:
-    for name in ("missing/a.gpkg", "folder.gpkg"):
-        (tmp_path / "folder.gpkg").mkdir(exist_ok=True)
-        with pytest.raises(OSError):
-            write(tmp_path / name, content("curve", "utm"))
-
-
 # ---- save and the command line --------------------------------------------------------------------------------------
 
 
