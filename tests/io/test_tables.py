@@ -151,6 +151,21 @@ def test_lines_in_longitude_and_latitude_keep_their_points_and_make_no_step(tmp_
         assert len(points) == sum(map(len, contour.walks))
 
 
+@pytest.mark.parametrize("crs", ["EPSG:6931", "EPSG:6932"])
+def test_rings_around_a_pole_keep_their_area(crs: str) -> None:
+    """With and without the pole, in the middle of a map of equal areas or not, whole or with a hole."""
+    y, x = np.mgrid[-40:41, -40:41] * 1.0
+    for field, value in ((-abs(np.hypot(x, y) - 20), -8.3), (-np.hypot(x - 3.2, y + 1.7), -10.3)):
+        placed = isocodec.Field(field, placement=Placement([[0, 1e5, -4e6], [-1e5, 0, 4e6]], crs=crs))
+        contours = isocodec.open(isocodec.encode(placed, value, precision=0.01)).contours()
+        for side in ("above", "below"):
+            flat = tables.areas(contours, side)
+            found = tables.degrees(flat, 1e5)
+            fine = geopandas.GeoSeries(shapely.segmentize(found.geometry.to_numpy(), 0.5), crs=4326)
+            assert found.geometry.is_valid.all()
+            assert fine.to_crs("+proj=cea +ellps=WGS84").area.sum() == pytest.approx(flat.area.sum(), rel=2e-3)
+
+
 def test_the_globe_from_0_to_360_is_cut_at_180(tmp_path: Path) -> None:
     """Also in another datum than WGS 84; one from -180 to 180 stays as it is."""
     field = np.cos(np.radians(np.mgrid[-80:81:4, 0:360:4]) * [[[1]], [[3]]]).prod(axis=0)

@@ -92,8 +92,7 @@ def is_converted(output: str | os.PathLike[str]) -> bool:
 
 def formats() -> dict[str, str]:
     """Lists of suffixes for help texts, by the names that help texts have in braces."""
-    from ..io.formats import Thing, suffixes_of
-    from ..plotting.panels import PICTURES
+    from ..io.formats import PICTURES, Thing, suffixes_of
 
     def listed(kind: Kind, n: int | None = None, several: bool = False) -> str:
         return ", ".join(suffixes_of(Thing(kind, n, several)))

@@ -257,7 +257,8 @@ def _as_table(what: Any, path: Path, job: Job) -> None:
     else:
         table = tables.lines(what, names)
     tables.write_table(table, path, job.name, layer=job.options.layer or layer, keep_crs=job.options.keep_crs,
-                       cell=float(job.steps.max()), members={"space": job.placement.crs} if job.space else {})
+                       cell=float(job.steps.max()),
+                       members={"space": job.placement.crs} if job.placement is not None and job.space else {})
 
 
 def _by_pyvista(what: Iterable[Any], path: Path, job: Job) -> None:
@@ -284,7 +285,7 @@ def _as_arrays(what: Any, path: Path, job: Job) -> None:
     """Write points in samples, in the order of the array's axes, and the placement, if there is one."""
     if isinstance(what, Iterable):
         (contour,) = what
-        arrays = {name: np.asarray(getattr(contour, name)) for name in ("points", "cells", "isovalue", "shape")}
+        arrays: Any = {name: np.asarray(getattr(contour, name)) for name in ("points", "cells", "isovalue", "shape")}
         if contour.bent:
             arrays["placed"] = contour.placed
     else:
@@ -343,6 +344,8 @@ FORMATS: tuple[Format, ...] = (
     Format({".png": "png"}, "mask2", _as_samples, ("PIL",), "pictures", states="samples"),
 )
 SUFFIXES: tuple[str, ...] = tuple(dict.fromkeys(suffix for one in FORMATS for suffix in one.suffixes))
+PICTURES = (".png", ".pdf", ".svg")
+"""Suffixes of steps and contour maps."""
 
 
 # ---- Choice of a format ---------------------------------------------------------------------------------------------

@@ -168,7 +168,9 @@ def degrees(table: Any, cell: float) -> Any:
 
     shapes = shapes if straight else _divided(shapes, bent, shapely)
     there = shapely.transform(shapes, move, include_z=None)
-    west, south, east, north = shapely.total_bounds(there)
+    # of all points: around a pole, holes lie beyond the longitudes and latitudes of their shell
+    points = shapely.get_coordinates(there)
+    (west, south), (east, north) = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
     crosses = west < -180 or east > 180 or (east - west > 180 and not straight)
     if crosses:
         seam = shapely.buffer(_seam(table.crs, cell, south, north, shapely), _GAP * cell, quad_segs=1, cap_style="flat")
@@ -188,10 +190,11 @@ def _seam(system: Any, cell: float, south: float, north: float, shapely: Any) ->
     if system == DEGREES:
         return shapely.MultiLineString([[(turn + 180, -90), (turn + 180, 90)] for turn in (-TURN, 0, TURN)])
     pyproj = library("pyproj", extra="vector", purpose="longitude and latitude")
-    latitudes = np.linspace(south if south > -_NEAR else -90, north if north < _NEAR else 90, 20001)
+    latitudes = np.linspace(south - 1 if south > -_NEAR else -90, north + 1 if north < _NEAR else 90, 20001)
     found = np.column_stack(pyproj.Transformer.from_crs(DEGREES, system, always_xy=True).transform(
         np.full_like(latitudes, 180), latitudes))
-    return shapely.simplify(shapely.LineString(found[np.isfinite(found).all(axis=1)]), _GAP * cell / 2)
+    found = found[np.isfinite(found).all(axis=1)]
+    return shapely.simplify(shapely.LineString(found if len(found) > 1 else []), _GAP * cell / 2)
 
 
 def _divided(shapes: Any, measure: Transform, shapely: Any) -> Any:

@@ -49,7 +49,7 @@ class Simplices:
     @classmethod
     def of_mesh(cls, mesh: Tessellation) -> Simplices:
         """Place the cells of a mesh, with their ``level`` and the sign of each point, ``above``."""
-        where = _where(mesh.placement, mesh.cells.shape[1] - 1, bool(mesh.shape))
+        where = _where(mesh.placement, mesh.points.shape[1], bool(mesh.shape))
         points = where.place(mesh.points.astype(np.float64))
         return cls(np.pad(points, ((0, 0), (0, 3 - points.shape[1]))), _turned(mesh.cells, where), mesh.placement,
                    {"above": mesh.above.astype(np.uint8)}, {"level": mesh.levels.astype(np.uint8)})
@@ -126,7 +126,7 @@ def write_pyvista(mesh: Any, path: Path, as_grid: bool) -> None:
 
 
 def write_trimesh(meshes: Mapping[str, Any], path: Path, kind: str, space: str | None, step: float) -> None:
-    """Write meshes of trimesh, in formats of several an object for each that has its name.
+    """Write named meshes of trimesh, each as an object of that name if the format holds several.
 
     GLB and glTF have x, z, -y, since their y is up, and single precision relative to the middle of each object, which
     the object's node adds again. PLY, STL, OBJ and glTF state where x, y, z run in a body.
@@ -160,7 +160,7 @@ def write_trimesh(meshes: Mapping[str, Any], path: Path, kind: str, space: str |
     # decimals that resolve a hundred-millionth of a cell
     digits = 8 + max(0, math.ceil(-math.log10(step)))
     header = f"SPACE={space}" if space else ""
-    options = {"obj": {"digits": digits, "header": header or None}, "off": {"digits": digits},
+    options: dict[str, Any] = {"obj": {"digits": digits, "header": header or None}, "off": {"digits": digits},
                "gltf": {"embed_buffers": True}}
     made = (mesh if kind in ("ply", "stl", "off") else scene).export(file_type=kind, **options.get(kind, {}))
     made = made["model.gltf"] if isinstance(made, dict) else made
