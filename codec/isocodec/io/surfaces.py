@@ -143,7 +143,7 @@ def write_trimesh(meshes: Mapping[str, Any], path: Path, kind: str, space: str |
     Raises
     ------
     OptionError
-        If there are none.
+        If there is no mesh.
     """
     _check_some(meshes)
     text = {"SPACE": space} if space else {}
