@@ -637,8 +637,8 @@ def test_cells(row: str, kind: str, n: int, tmp_path: Path) -> None:
 
 WHAT = {"contour": "curve", "areas": "areas", "mask": "above", "labels": "labels", "mesh": "mesh"}
 WRITTEN = [
-    (kind, suffix, n) for one in FORMATS for kind, axes in one.holds.items() if kind in WHAT for suffix in one.suffixes
-    for n in axes if n > 1
+    (held[:-1], suffix, int(held[-1])) for one in FORMATS for held in one.holds.split()
+    if held[:-1] in WHAT and held[-1] > "1" for suffix in one.suffixes
 ]
 
 

@@ -119,12 +119,12 @@ def test_with_a_precision_they_are_those_of_such_a_file(tmp_path: Path, more: li
 def test_every_format_holds_what_decode_writes(tmp_path: Path, suffix: str) -> None:
     """Of a plane or of space, one isovalue or as many as the format holds; the same counts, and a file that is read."""
     output = next(o for o in FORMATS if "contour" in o.holds and suffix in o.suffixes)
-    field, values = (HILLS, [40.5, 80.5]) if 2 in output.holds["contour"] else (BALL, [40.5, 60.5])
+    field, values = (HILLS, [40.5, 80.5]) if "contour2" in output.holds else (BALL, [40.5, 60.5])
     if not output.several:
         values = values[:1]
     np.save(tmp_path / "a.npy", field)
     isovalues = [word for value in values for word in ("--isovalue", value)]
-    isovalues += PLACED if 2 in output.holds["contour"] else []
+    isovalues += PLACED if "contour2" in output.holds else []
     ok("encode", tmp_path / "a.npy", "-o", tmp_path / "a.iso", "--precision", "exact", *isovalues)
     one = json.loads(ok("decode", tmp_path / "a.iso", "-o", tmp_path / f"a{suffix}", "--json"))
     two = json.loads(ok("encode", tmp_path / "a.npy", "-o", tmp_path / f"b{suffix}", "--json", *isovalues))
@@ -152,8 +152,8 @@ def test_more_isovalues_than_a_file_holds(tmp_path: Path) -> None:
 def test_what_a_format_does_not_have_is_refused(tmp_path: Path, suffix: str, option: list[Any]) -> None:
     """No option is ignored: it has an effect, or one line says that it has none."""
     output = next(o for o in FORMATS if "contour" in o.holds and suffix in o.suffixes)
-    np.save(tmp_path / "in.npy", HILLS if 2 in output.holds["contour"] else BALL)
-    words = ["encode", tmp_path / "in.npy", "--isovalue", 60.5, *PLACED * (2 in output.holds["contour"]), "-o"]
+    np.save(tmp_path / "in.npy", HILLS if "contour2" in output.holds else BALL)
+    words = ["encode", tmp_path / "in.npy", "--isovalue", 60.5, *PLACED * ("contour2" in output.holds), "-o"]
     result = run(*words, tmp_path / f"a{suffix}", *option)
     if result.exit_code:
         assert option[0] in result.stderr and not (tmp_path / f"a{suffix}").exists()

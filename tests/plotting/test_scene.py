@@ -12,6 +12,7 @@ from commands import BALL
 from isocodec.errors import OptionError
 from isocodec.plotting.panels import StepPanel, panels_figure
 from isocodec.plotting.scene import USUAL, rotation, world
+from tables import looped
 
 # A cone in 33^3 samples: round about axis 1, its tip at the high end.
 AXES = np.mgrid[:33, :33, :33] - 16.0
@@ -36,8 +37,8 @@ def covered(axes: Any) -> np.ndarray:
     return image[..., 2] - image[..., 0] > 12
 
 
-@pytest.mark.parametrize("placement, on_top", [(UPRIGHT, "tip"), (UPSIDE_DOWN, "foot")])
-@pytest.mark.parametrize("view", [USUAL, "front", "200,10"])
+@pytest.mark.parametrize(("placement", "on_top", "view"), [
+    (UPRIGHT, "tip", USUAL), (UPSIDE_DOWN, "foot", "front"), (UPRIGHT, "tip", "200,10")])
 def test_up_is_z_of_the_placement(placement: Any, on_top: str, view: str) -> None:
     contour = isocodec.decode(isocodec.encode(isocodec.Field(CONE, placement=placement), 0.0))
     widths = covered(axes_of([contour], view)).sum(axis=1)
@@ -67,14 +68,13 @@ def test_directions_are_those_of_a_compass() -> None:
         assert frame @ frame.T == pytest.approx(np.eye(3)) and np.linalg.det(frame) == pytest.approx(1)
 
 
-@pytest.mark.parametrize("wrong", ["", "1", "1,2,3", "above", "a,b", "nan,0", "0,91", "0,nan", "inf,0"])
+@looped("wrong", ["", "1", "1,2,3", "above", "a,b", "nan,0", "0,91", "0,nan", "inf,0"])
 def test_what_is_not_a_view(wrong: str) -> None:
     with pytest.raises(OptionError, match="is not a view: give AZIMUTH,ELEVATION in degrees, or one of front, back"):
         rotation(wrong)
 
 
-@pytest.mark.parametrize("edges", [False, True])
-@pytest.mark.parametrize("field", [BALL, 100 - BALL], ids=["above outside", "above inside"])
+@pytest.mark.parametrize(("edges", "field"), [(False, BALL), (True, 100 - BALL), (False, 100 - BALL)])
 def test_near_triangles_come_last_and_the_light_from_above_left(field: Any, edges: bool) -> None:
     contour = isocodec.decode(isocodec.encode(field, 55.5 if field is BALL else 44.5, precision="exact"))
     axes = axes_of([contour], "front", [()] if edges else ())
@@ -105,16 +105,13 @@ def test_surfaces_around_others_are_seen_through() -> None:
     assert (image[..., :3] == 1).all() and 0.2 < image[0, 0, 3] < 0.5
 
 
-def test_the_box_is_that_of_the_samples() -> None:
+def test_the_box_is_that_of_the_samples_also_of_meshes_and_of_nothing() -> None:
+    from scipy.spatial import Delaunay
+
     axes = axes_of([isocodec.decode(isocodec.encode(BALL, 50.5))], "front")
     ends = np.array([line.get_data() for line in axes.lines])
     assert len(ends) == 12 and np.ptp(ends[:, 0]) == 16 and np.ptp(ends[:, 1]) == 16
     assert not axes.axison and axes.get_aspect() == 1
-
-
-def test_surfaces_on_meshes_and_empty_ones() -> None:
-    from scipy.spatial import Delaunay
-
     points = np.random.default_rng(1).random((40, 3))
     mesh = isocodec.Mesh(points, Delaunay(points).simplices, points.sum(axis=1), stored="whole")
     assert len(axes_of([isocodec.decode(isocodec.encode(mesh, 1.3))]).collections) == 1

@@ -49,7 +49,7 @@ def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | N
         area = shapely.segmentize(area, 1.0)
     area = shapely.transform(area, contour.place)
     closes = contour.placement is not None and contour.placement.closes
-    if closes or (contour.bent and not area.is_valid):
+    if closes or not area.is_valid:  # where rounding has made rings touch, before a plane is placed in space
         area = shapely.union_all(shapely.make_valid(shapely.get_parts(area)))
     return oriented(area)
 

@@ -13,19 +13,16 @@ from ..errors import OptionError, one_line, plain
 from ..extras import optional
 from .placement import Placement
 
-DEGREES = "4326"
+DEGREES = 4326
 """EPSG number of longitude and latitude on WGS 84."""
+_ROUNDED = 1e-6
+"""Degrees by which latitudes may lie beyond a pole because of rounding."""
 Transform = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 _SHORT = 60
 _DEFINITION = re.compile(r"\s*([A-Za-z]\w*\s*\[|\{)")
 """Beginning of a definition in WKT or PROJJSON."""
 _FILES = re.compile(r"PARAMETERFILE|grids=|\+init", re.IGNORECASE)
 """Parts of definitions that name files, which are read when coordinates are transformed."""
-
-
-def epsg_of(placement: Placement | None) -> str | None:
-    """EPSG number of the reference system of coordinates; None without coordinates, or without such a number."""
-    return None if placement is None else placement.epsg
 
 
 def is_named(placement: Placement | None) -> bool:
@@ -103,38 +100,29 @@ def named_system(text: str) -> str:
                           remedy="give EPSG:32631, for example, or a definition in WKT or PROJJSON") from exc
 
 
-def to_degrees(placement: Placement | None) -> Transform:
-    """Make a function from coordinates (P, 2) to longitudes and latitudes on WGS 84.
+def to_degrees(system: Any) -> Transform:
+    """Make a function from coordinates (P, 2 or 3) in a system of pyproj to longitude and latitude; heights stay.
 
-    Coordinates without a reference system stay as they are, as do the heights of a plane in space.
+    Longitudes and latitudes on WGS 84 stay as they are, also beyond 180 degrees.
 
     Raises
     ------
     OptionError
-        If no system has that number, or longitudes and latitudes do not follow from it.
+        If longitudes and latitudes do not follow from the coordinates.
     MissingExtraError
         If pyproj is not installed.
     """
-    system = None if epsg_of(placement) == DEGREES else system_of(placement)
-    if system is None or placement is None:
-        return lambda points: points
     pyproj = optional("pyproj", extra="vector", purpose="longitude and latitude")
-    name = short_name(placement.crs or "")
+    remedy = "is the placement right? --keep-crs writes the coordinates as they are"
     try:
-        transformer = pyproj.Transformer.from_crs(system, f"EPSG:{DEGREES}", always_xy=True)
+        transform = pyproj.Transformer.from_crs(system, DEGREES, always_xy=True).transform
     except pyproj.exceptions.ProjError as exc:
-        raise OptionError(f"the reference system {name} has no longitude and latitude", code="crs",
-                          remedy="--keep-crs writes the coordinates as they are") from exc
+        raise OptionError("the reference system has no longitude and latitude", code="crs", remedy=remedy) from exc
 
     def degrees(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        if not len(points):
-            return points
-        out = np.column_stack([*transformer.transform(points[:, 0], points[:, 1]), points[:, 2:]])
-        if not np.isfinite(out).all():
-            raise OptionError(
-                f"coordinates lie outside of what {name} covers, and have no longitude and latitude", code="crs",
-                remedy="is the placement right? --keep-crs writes the coordinates as they are",
-            )
-        return np.asarray(out)
+        out = points if system == DEGREES else np.column_stack([*transform(*points[:, :2].T), points[:, 2:]])
+        if not np.isfinite(out).all() or (abs(out[:, 1]) > 90 + _ROUNDED).any():
+            raise OptionError("coordinates lie outside of what the reference system covers", code="crs", remedy=remedy)
+        return np.column_stack([out[:, 0], out[:, 1].clip(-90, 90), out[:, 2:]])
 
     return degrees

@@ -8,9 +8,9 @@ of the array and y along axis 0, sample (i, j) at x = j, y = i; in space x, y, z
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
 
@@ -22,6 +22,7 @@ from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
 from ..errors import IsoError, OptionError, one_line
 from ..extras import check_installed
+from ..field.labelling import caption
 from ..field.placement import Placement
 from ..field.reference_system import is_named, short_name
 from ..storage.atomic import beside
@@ -111,13 +112,8 @@ class Thing(NamedTuple):
         """Name in messages: ``"a curve (of a 2-D field)"``."""
         if self.kind == "contour":
             return {2: "a curve (of a 2-D field)", 3: "a surface (of a 3-D field)"}.get(self.n or 0, "a contour")
-        axes = f" with {self.n} axes" if self.n else ""
-        return {"areas": "areas", "mask": f"a mask{axes}", "labels": f"labels{axes}",
-                "mesh": f"the mesh of a {self.n}-D field" if self.n else "a mesh",
-                "tin": "a triangulated surface"}[self.kind]
-
-
-Write = Callable[[Any, Path, OutputOptions, str], None]
+        name = {"mask": "a mask", "mesh": "a mesh", "tin": "a triangulated surface"}.get(self.kind, self.kind)
+        return name + f" of a {self.n}-D field" * bool(self.n and self.kind != "tin")
 
 
 class Format(NamedTuple):
@@ -127,10 +123,10 @@ class Format(NamedTuple):
     ----------
     suffixes : mapping of str to str
         To the name that the library has for the format.
-    holds : mapping of str to tuple of int
-        To each kind of content the numbers of axes of its fields.
+    holds : str
+        Kinds of content with the numbers of axes of their fields: ``"contour2 contour3 tin2"``.
     write : callable
-        ``write(what, path, options, name)``.
+        ``write(what, path, job)``.
     libraries : tuple of str
         Modules that are needed.
     extra : str
@@ -145,8 +141,8 @@ class Format(NamedTuple):
     """
 
     suffixes: Mapping[str, str]
-    holds: Mapping[Kind, tuple[int, ...]]
-    write: Write
+    holds: str
+    write: Callable[[Any, Path, Job], None]
     libraries: tuple[str, ...] = ()
     extra: str = ""
     several: bool = False
@@ -155,136 +151,197 @@ class Format(NamedTuple):
 
     def fits(self, thing: Thing) -> bool:
         """Whether files can hold a content, as far as it is known."""
-        axes = self.holds.get(thing.kind, ())
-        return bool(axes) and thing.n in (None, *axes) and (self.several or not thing.several)
+        found = re.search(rf"{thing.kind}{thing.n or ''}", self.holds)
+        return found is not None and (self.several or not thing.several)
+
+
+class Job:
+    """Writing of one file: its format and options, and where lies what the writer has taken so far.
+
+    Attributes
+    ----------
+    name : str
+        Name that the library has for the format.
+    placement : Placement or None
+        Of what was taken last.
+    steps : (n,) float64
+        Lengths of its cells.
+    """
+
+    def __init__(self, form: Format, suffix: str, options: OutputOptions) -> None:
+        self.form, self.suffix, self.options, self.name = form, suffix, options, form.suffixes[suffix]
+        self.placement: Placement | None = None
+        self.steps = np.ones(1)
+        self._placed = self._some = False
+        self._farthest = 0.0
+
+    @property
+    def space(self) -> str | None:
+        """Reference system of the body that the content lies in, in short."""
+        return None if self.placement is None else self.placement.space
+
+    def contents(self, what: Any) -> Any:
+        """Convert content to what writers take, each in samples if that is asked for."""
+        in_samples, free = self.options.in_samples, False
+
+        def noted(one: Any) -> Any:
+            one = replace(one, placement=None) if in_samples and isinstance(one, Contour | SampleMask) else one
+            points, frame = getattr(one, "points", None), one.placement and one.placement.frame()
+            if isinstance(one, Contour):
+                points, frame = one.placed, one.frame
+            self.placement, self.steps = one.placement, np.ones(1) if frame is None else np.linalg.norm(frame, axis=0)
+            self._some |= points is None or len(points) > 0
+            if self.form.single and points is not None:
+                self._farthest = max(self._farthest, float(abs(points).max(initial=0)))
+            on_mesh = getattr(one, "shape", None) == ()
+            self._placed = free or on_mesh or (one.placement is not None and one.placement.placed)
+            return one
+
+        def turned(contour: Contour) -> Contour:
+            contour = noted(contour)
+            # higher values lie on the left of lines
+            mirrored = contour.n == 2 and contour.mirrored and self.form.states != "samples"
+            return replace(contour, cells=contour.cells[:, ::-1].copy()) if mirrored else contour
+
+        if isinstance(what, Areas):
+            return replace(what, contours=map(noted, what.contours))
+        if isinstance(what, SampleMask):
+            return noted(what)
+        if isinstance(what, Tessellation):
+            what = surfaces.Simplices.of_mesh(replace(what, placement=None) if in_samples else what)
+            return [noted(what)]
+        if isinstance(what, Collection | Contour):
+            return map(turned, [what] if isinstance(what, Contour) else what)
+        free = what.shape is None
+        pieces = [noted(surfaces.Simplices.of_tin(what, in_samples))]
+        return what if self.form.states == "samples" else pieces
+
+    def remarks(self) -> tuple[str, ...]:
+        """One line for each loss of the format in coordinates, but for those that were asked for."""
+        states, placement, suffix, options = self.form.states, self.placement, self.suffix, self.options
+        if not self._some or states == "samples":
+            return ()
+        lost = float(np.spacing(np.float32(self._farthest)))
+        where = "in a reference system that the file does not name" if self._placed else (
+            "in samples, since the file does not state where these lie")
+        rule = ", not the longitudes and latitudes that GeoJSON requires (RFC 7946)" * (states == "degrees")
+        known = bool(self.space) or is_named(placement)
+        unknown = not known and not options.in_samples
+        name = short_name(placement.crs or "") if placement is not None else ""
+        losses = {
+            f"{suffix} does not state the reference system of its coordinates: {name}":
+                known and states not in ("degrees", "space" if self.space else "crs"),
+            f"{suffix} is written without a reference system, and its coordinates are {where}{rule}; "
+            "encode with --spacing and --crs EPSG:..":
+                unknown and (states == "crs" or (states == "degrees" and not options.keep_crs)),
+            f"{suffix} states that samples lie in steps of 1 from 0, which the file does not state":
+                not self._placed and "SimpleITK" in self.form.libraries,
+            f"{suffix} does not keep the coordinates of its samples, which no matrix describes":
+                placement is not None and placement.coordinates is not None and "mask" in self.form.holds,
+            f"coordinates in {suffix} are rounded by up to {lost / 2:g}; write OBJ or use --in-samples to avoid that":
+                self._placed and lost > LOST * self.steps.min(),
+        }
+        return tuple(text for text, given in losses.items() if given)
 
 
 # ---- Writers --------------------------------------------------------------------------------------------------------
 
 
-def _as_table(what: Any, path: Path, options: OutputOptions, driver: str) -> None:
-    cell: list[float] = []
-    where: list[Placement | None] = []
-
-    def seen(contours: Iterable[Contour]) -> Iterable[Contour]:
-        for contour in contours:
-            where[:] = [contour.placement]
-            cell[:] = [] if contour.frame is None else [float(np.linalg.norm(contour.frame, axis=0).max())]
-            yield contour
-            del contour
-
-    usual = "isolines"
+def _as_table(what: Any, path: Path, job: Job) -> None:
+    names, layer = job.options.attribute, "isolines"
     if isinstance(what, Areas):
-        usual, found = ("bands" if what.side == "bands" else "areas"), seen(what.contours)
-        if what.side == "bands":
-            table = tables.bands(found, what.valid, *(options.attribute or "lower,upper").split(",", 1))
-        else:
-            table = tables.areas(found, what.side, what.valid, options.attribute)
-    elif isinstance(what, surfaces.Simplices):
-        usual, where = "triangles", [what.placement]
-        corners = {name: values[what.cells].sum(axis=1) if name == "above" else values[what.cells].mean(axis=1)
-                   for name, values in what.at_points.items()}
-        points = what.points if what.points[:, 2].any() else what.points[:, :2]
-        table = tables.triangles(points, what.cells, {**what.of_cells, **corners}, what.placement)
+        layer = "bands" if what.side == "bands" else "areas"
+        table = tables.areas(what.contours, what.side, what.valid, names)
+    elif isinstance(what, list):
+        layer, table = "triangles", what[0].to_geodataframe()
     else:
-        table = tables.lines(seen(what), options.attribute)
-    place = where[0] if where else None
-    members = {"space": str(place.crs)} if place is not None and place.space else {}
-    tables.write_table(table, path, driver, layer=options.layer or usual, keep_crs=options.keep_crs,
-                       cell=cell[0] if cell else None, members=members)
+        table = tables.lines(what, names)
+    tables.write_table(table, path, job.name, layer=job.options.layer or layer, keep_crs=job.options.keep_crs,
+                       cell=float(job.steps.max()),
+                       members={"space": job.placement.crs} if job.placement is not None and job.space else {})
 
 
-def _by_pyvista(what: Any, path: Path, options: OutputOptions, cells: str) -> None:
-    mesh = what.to_pyvista() if isinstance(what, surfaces.Simplices) else surfaces.to_pyvista(what)
-    surfaces.write_pyvista(mesh, path, cells == "grid")
+def _by_pyvista(what: Iterable[Any], path: Path, job: Job) -> None:
+    first, *others = (one.to_pyvista() for one in what)
+    mesh = first.append_polydata(*others) if others else first
+    mesh.field_data.update(first.field_data)
+    surfaces.write_pyvista(mesh, path, job.name == "grid")
 
 
-def _by_trimesh(what: Any, path: Path, options: OutputOptions, kind: str) -> None:
-    if isinstance(what, surfaces.Simplices):
-        surfaces.write_meshes({"surface": what.to_trimesh()} if len(what.cells) else {}, path, kind,
-                              None if what.placement is None else what.placement.space)
-    else:
-        surfaces.write_trimesh(what, path, kind)
+def _by_trimesh(what: Iterable[Any], path: Path, job: Job) -> None:
+    meshes = {caption(one.isovalue, one.metadata) if isinstance(one, Contour) else "surface": one.to_trimesh()
+              for one in what if len(one.cells)}
+    surfaces.write_trimesh(meshes, path, job.name, job.space, float(job.steps.min()))
 
 
-def _samples(write: Callable[..., None], mask: SampleMask, path: Path, *_: Any) -> None:
-    # libraries have neither truth values nor floats of two bytes
-    kind = {"?": np.uint8, "e": np.float32}.get(mask.values.dtype.char)
-    write(mask.values if kind is None else mask.values.astype(kind), mask.placement, path)
+def _as_samples(mask: Any, path: Path, job: Job) -> None:
+    values = mask.values if isinstance(mask, SampleMask) else mask.raster()
+    if job.name != "npy":  # libraries have neither truth values nor floats of two bytes
+        values = values.astype({"?": np.uint8, "e": np.float32}.get(values.dtype.char, values.dtype), copy=False)
+    _OF_SAMPLES[job.name](values, job.placement, path)
 
 
-def _as_array(what: Any, path: Path, *_: Any) -> None:
-    np.save(path, what.values if isinstance(what, SampleMask) else what.raster())
-
-
-def _as_arrays(what: Any, path: Path, options: OutputOptions, _: str) -> None:
+def _as_arrays(what: Any, path: Path, job: Job) -> None:
     """Write points in samples, in the order of the array's axes, and the placement, if there is one."""
     if isinstance(what, Iterable):
-        contour = next(iter(what))
-        placement, arrays = contour.placement, {
-            "points": contour.points, "cells": contour.cells, "isovalue": np.float64(contour.isovalue),
-            "shape": np.asarray(contour.shape, np.int64),
-        }
-        if placement is not None and placement.coordinates is not None:
+        (contour,) = what
+        arrays: Any = {name: np.asarray(getattr(contour, name)) for name in ("points", "cells", "isovalue", "shape")}
+        if contour.bent:
             arrays["placed"] = contour.placed
     else:
-        placement = surfaces.placement_of_tin(what, options.in_samples)
         arrays = {"points": what.points, "values": what.values, "cells": what.triangles}
         if what.removals is not None:
             arrays |= {name: getattr(what.removals, name) for name in ("order", "errors", "anticipated", "kept")}
-    if placement is not None and placement.matrix is not None:
-        arrays |= {"placement": placement.matrix, "crs": np.asarray(placement.crs or "")}
+    if job.placement is not None and job.placement.matrix is not None:
+        arrays |= {"placement": job.placement.matrix, "crs": np.asarray(job.placement.crs or "")}
     np.savez(path, **arrays)
 
 
-def write_picture(what: Any, path: Path, _: OutputOptions, suffix: str) -> None:
-    """Draw contours as a picture."""
+def _as_picture(what: Iterable[Contour], path: Path, job: Job) -> None:
     from ..plotting.panels import contour_picture
 
-    path.write_bytes(contour_picture(what if suffix == ".svg" else list(what), suffix))
+    path.write_bytes(contour_picture(what, job.suffix))
 
 
-def _as_picture(mask: SampleMask, path: Path, *_: Any) -> None:
-    """Write a picture that is white where samples lie above."""
+def _in_white(values: NDArray[np.uint8], _: object, path: Path) -> None:
     pillow = library("PIL.Image", extra="pictures", purpose="writing .png")
-    pillow.fromarray(mask.values.view(np.uint8) * np.uint8(255)).save(path)
+    pillow.fromarray(values * np.uint8(255)).save(path)
 
 
-_MAPS: Mapping[Kind, tuple[int, ...]] = {"contour": (2,), "areas": (2,), "mesh": (2,), "tin": (2,)}
-_TRIANGLES: Mapping[Kind, tuple[int, ...]] = {"contour": (3,), "mesh": (2,), "tin": (2,)}
-_GRIDS: Mapping[Kind, tuple[int, ...]] = {"mask": (2, 3), "labels": (2, 3)}
+_OF_SAMPLES: Mapping[str, Callable[..., None]] = {
+    "tif": masks.write_raster, "nifti": masks.write_nifti, "itk": masks.write_itk, "png": _in_white,
+    "npy": lambda values, _, path: np.save(path, values),
+}
+_SHAPES, _MAPS, _GRIDS = "contour2 areas2", "contour2 areas2 mesh2 tin2", "mask2 mask3 labels2 labels3"
 _PYOGRIO: Any = {"write": _as_table, "libraries": ("pyogrio", "geopandas"), "extra": "vector", "several": True}
-_TRIMESH: Any = {"write": _by_trimesh, "holds": _TRIANGLES, "extra": "mesh"}
-_PYVISTA: Any = {"write": _by_pyvista, "libraries": ("pyvista",), "extra": "vtk", "several": True}
+_TRIMESH: Any = {"holds": "contour3 mesh2 tin2", "write": _by_trimesh, "libraries": ("trimesh",), "extra": "mesh"}
+_PYVISTA: Any = {"write": _by_pyvista, "libraries": ("pyvista",), "extra": "vtk", "several": True, "states": "space"}
+_VOLUMES: Any = {"holds": _GRIDS, "write": _as_samples, "extra": "volumes", "states": "space"}
+_DRAWN: Any = {"write": _as_picture, "libraries": ("matplotlib",), "extra": "plot", "several": True,
+               "states": "samples"}
 FORMATS: tuple[Format, ...] = (
     Format({".geojson": "GeoJSON", ".geojsonl": "GeoJSONSeq", ".geojsonseq": "GeoJSONSeq"}, _MAPS, states="degrees",
            **_PYOGRIO),
     Format({".gpkg": "GPKG", ".fgb": "FlatGeobuf", ".shp": "ESRI Shapefile", ".gml": "GML", ".sqlite": "SQLite",
-            ".gmt": "OGR_GMT"}, _MAPS, states="crs", **_PYOGRIO),
+            ".gmt": "OGR_GMT", ".kml": "LIBKML"}, _MAPS, states="crs", **_PYOGRIO),
     Format({".parquet": "Parquet"}, _MAPS, states="crs", **_PYOGRIO | {"libraries": ("geopandas", "pyarrow")}),
     Format({".csv": "CSV"}, _MAPS, **_PYOGRIO),
-    Format({".kml": "LIBKML"}, _MAPS, states="crs", **_PYOGRIO),
-    Format({".pmtiles": "PMTiles", ".mbtiles": "MBTiles"}, {"contour": (2,), "areas": (2,)}, states="crs", **_PYOGRIO),
-    Format({".dxf": "DXF"}, {"contour": (2,), "areas": (2,)}, **_PYOGRIO),
-    Format({".vtp": ""}, {"contour": (2, 3), "mesh": (2,), "tin": (2,)}, states="space", **_PYVISTA),
-    Format({".vtu": "grid", ".vtk": ""}, {"contour": (2, 3), "mesh": (2, 3), "tin": (2,)}, states="space",
-           **_PYVISTA),
-    Format({".obj": "obj", ".glb": "glb", ".gltf": "gltf"}, libraries=("trimesh",), several=True, states="space",
-           **_TRIMESH),
-    Format({".3mf": "3mf"}, libraries=("trimesh", "networkx", "lxml"), several=True, **_TRIMESH),
-    Format({".off": "off"}, libraries=("trimesh",), **_TRIMESH),
-    Format({".ply": "ply", ".stl": "stl"}, libraries=("trimesh",), states="space", single=True, **_TRIMESH),
-    Format({".tif": ""}, {"mask": (2,), "labels": (2,)}, partial(_samples, masks.write_raster), ("rasterio",),
-           "raster", states="crs"),
-    Format({".nii": "", ".nii.gz": ""}, _GRIDS, partial(_samples, masks.write_nifti), ("nibabel",), "volumes",
-           states="space"),
-    Format({".nrrd": "", ".mha": ""}, _GRIDS, partial(_samples, masks.write_itk), ("SimpleITK",), "volumes",
-           states="space"),
-    Format({".npy": ""}, {**_GRIDS, "mask": (1, 2, 3), "tin": (2,)}, _as_array, states="samples"),
-    Format({".npz": ""}, {"contour": (2, 3), "tin": (2,)}, _as_arrays, states="samples"),
-    Format({".png": ".png"}, {"contour": (2, 3)}, write_picture, ("matplotlib",), "plot", True, "samples"),
-    Format({".svg": ".svg"}, {"contour": (2,)}, write_picture, ("matplotlib",), "plot", True, "samples"),
-    Format({".png": ".png"}, {"mask": (2,)}, _as_picture, ("PIL",), "pictures", states="samples"),
+    Format({".pmtiles": "PMTiles", ".mbtiles": "MBTiles"}, _SHAPES, states="crs", **_PYOGRIO),
+    Format({".dxf": "DXF"}, _SHAPES, **_PYOGRIO),
+    Format({".vtp": ""}, "contour2 contour3 mesh2 tin2", **_PYVISTA),
+    Format({".vtu": "grid", ".vtk": ""}, "contour2 contour3 mesh2 mesh3 tin2", **_PYVISTA),
+    Format({".obj": "obj", ".glb": "glb", ".gltf": "gltf"}, several=True, states="space", **_TRIMESH),
+    Format({".3mf": "3mf"}, several=True, **_TRIMESH | {"libraries": ("trimesh", "networkx", "lxml")}),
+    Format({".off": "off"}, **_TRIMESH),
+    Format({".ply": "ply", ".stl": "stl"}, states="space", single=True, **_TRIMESH),
+    Format({".tif": "tif"}, "mask2 labels2", _as_samples, ("rasterio",), "raster", states="crs"),
+    Format({".nii": "nifti", ".nii.gz": "nifti"}, libraries=("nibabel",), **_VOLUMES),
+    Format({".nrrd": "itk", ".mha": "itk"}, libraries=("SimpleITK",), **_VOLUMES),
+    Format({".npy": "npy"}, f"mask1 {_GRIDS} tin2", _as_samples, states="samples"),
+    Format({".npz": ""}, "contour2 contour3 tin2", _as_arrays, states="samples"),
+    Format({".png": ""}, "contour2 contour3", **_DRAWN),
+    Format({".svg": ""}, "contour2", **_DRAWN),
+    Format({".png": "png"}, "mask2", _as_samples, ("PIL",), "pictures", states="samples"),
 )
 SUFFIXES: tuple[str, ...] = tuple(dict.fromkeys(suffix for one in FORMATS for suffix in one.suffixes))
 PICTURES = (".png", ".pdf", ".svg")
@@ -333,22 +390,20 @@ def check(
     """
     path = path if options.to is None else f"_.{options.to.lstrip('.')}"
     suffix, listed = suffix_of(path), suffixes_of(thing)
-    chosen = next((one for one in FORMATS if suffix in one.suffixes and one.fits(thing)), None)
-    if suffix is None or chosen is None:
-        if suffix is None:
-            message = f"{Path(path).suffix.lower() or 'a name without a suffix'} is not a supported output format"
-        elif thing.several and suffix in suffixes_of(thing._replace(several=False)):
-            message = f"{suffix} cannot hold several contours"
-        else:
-            message = f"{suffix} cannot hold {thing.text}"
+    if suffix is None or suffix not in listed:
+        too_many = thing.several and suffix in suffixes_of(thing._replace(several=False))
+        message = f"{suffix} cannot hold {'several contours' if too_many else thing.text}" if suffix else (
+            f"{Path(path).suffix.lower() or 'a name without a suffix'} is not a supported output format")
         raise OptionError(message, code="suffix", remedy=f"one of {', '.join(listed)}" if listed else "no format can")
+    chosen = next(one for one in FORMATS if suffix in one.suffixes and one.fits(thing))
     name = chosen.suffixes[suffix]
     refused = {
         "layer": options.layer is not None and name not in tables.LAYERED,
         "attribute": options.attribute is not None and (chosen.write is not _as_table or name in tables.UNNAMED),
     }
-    for name in (name for name, wrong in refused.items() if wrong):
-        raise OptionError(f"--{name} does not apply to {thing.text} in {suffix}", code=name, remedy="leave it out")
+    if wrong := [name for name, given in refused.items() if given]:
+        raise OptionError(f"--{wrong[0]} does not apply to {thing.text} in {suffix}", code=wrong[0],
+                          remedy="leave it out")
     if options.attribute is not None:
         tables.check_names(*options.attribute.split(",", 1))
     for module in chosen.libraries:
@@ -374,9 +429,9 @@ def thing_of(what: Any) -> Thing:
         return Thing("mask" if what.values.dtype == np.bool_ else "labels", what.values.ndim)
     if hasattr(what, "raster") and hasattr(what, "triangles"):
         return Thing("tin", 2)
-    if isinstance(what, Collection) and not isinstance(what, np.ndarray | str | bytes) and len(what):
+    if isinstance(what, Collection):
         # collections that draw contours one by one know their number of axes
-        n = getattr(what, "n", None) or getattr(next(iter(what)), "n", None)
+        n = getattr(what, "n", None) or getattr(next(iter(what), None), "n", None)
         if n is not None:
             return Thing("contour", n, len(what) > 1)
     raise OptionError(f"a {type(what).__name__} cannot be written", code="what",
@@ -417,10 +472,10 @@ def write(target: str | os.PathLike[str] | BinaryIO, what: Any, options: OutputO
         If the file cannot be written; an existing file is kept.
     """
     suffix, form = check("" if hasattr(target, "write") else target, thing_of(what), options)
-    losses = Losses(form, suffix, options)
-    with beside(target, suffix, keep=form.suffixes[suffix] == "GPKG") as path:
+    job = Job(form, suffix, options)
+    with beside(target, suffix, keep=job.name == "GPKG") as path:
         try:
-            form.write(_prepared(what, form, options, losses), path, options, form.suffixes[suffix])
+            form.write(job.contents(what), path, job)
         except (IsoError, MemoryError):
             raise
         except Exception as error:
@@ -429,85 +484,4 @@ def write(target: str | os.PathLike[str] | BinaryIO, what: Any, options: OutputO
             words = one_line(str(error).replace(str(path), path.name))
             raise OSError(f"cannot be written as {suffix} ({words})") from error
         size = path.stat().st_size
-    return Written(size, losses.remarks())
-
-
-def _prepared(what: Any, form: Format, options: OutputOptions, losses: Losses) -> Any:
-    """Convert content to what writers take, in samples if that is asked for."""
-
-    def moved(one: Any) -> Any:
-        one = replace(one, placement=None) if options.in_samples else one
-        losses.see(one)
-        return one
-
-    def turned(contour: Contour) -> Contour:
-        if form.write is write_picture and not contour.shape:
-            raise OptionError("a picture cannot hold a curve that lies on a mesh", code="suffix", remedy="write .vtp")
-        contour = moved(contour)
-        # higher values lie on the left of lines
-        mirrored = contour.n == 2 and contour.mirrored and form.states != "samples"
-        return replace(contour, cells=contour.cells[:, ::-1].copy()) if mirrored else contour
-
-    if isinstance(what, Areas):
-        return replace(what, contours=map(moved, what.contours))
-    if isinstance(what, SampleMask):
-        return moved(what)
-    if isinstance(what, Tessellation):
-        losses.see(cells := surfaces.Simplices.of_mesh(moved(what)))
-        return cells
-    if isinstance(what, Collection | Contour):
-        return map(turned, [what] if isinstance(what, Contour) else what)
-    losses.see(placed := surfaces.Simplices.of_tin(what, options.in_samples), free=what.shape is None)
-    return what if form.states == "samples" else placed
-
-
-class Losses:
-    """Losses of a format in the coordinates that have been written so far, but for those that were asked for."""
-
-    def __init__(self, form: Format, suffix: str, options: OutputOptions) -> None:
-        self._form, self._suffix, self._options = form, suffix, options
-        self._seen = self._placed = False
-        self._largest = self._step = 0.0
-        self._placement: Placement | None = None
-
-    def see(self, what: Any, free: bool = False) -> None:
-        """Take a contour, a mesh, a surface or a mask into account; ``free``: it has coordinates, no samples."""
-        self._placement = placement = what.placement
-        points, frame = getattr(what, "points", None), None if placement is None else placement.frame()
-        if isinstance(what, Contour):
-            free, points, frame = not what.shape, what.placed, what.frame
-        self._seen |= points is None or bool(len(points))
-        if self._form.single and points is not None and len(points):
-            self._largest = max(self._largest, float(abs(points).max()))
-            self._step = 0.0 if frame is None else float(np.linalg.norm(frame, axis=0).min())
-        self._placed = free or (placement is not None and placement.placed)
-
-    def remarks(self) -> tuple[str, ...]:
-        """One line for each loss."""
-        states, placement, suffix, options = self._form.states, self._placement, self._suffix, self._options
-        if not self._seen or states == "samples":
-            return ()
-        found = []
-        space = placement is not None and bool(placement.space)
-        where = "in a reference system that the file does not name" if self._placed else (
-            "in samples, since the file does not state where these lie")
-        remedy = "encode with --spacing and --crs EPSG:.."
-        if space or is_named(placement) or options.in_samples:
-            kept = ("space", "degrees") if space else ("crs", "degrees")
-            if placement is not None and states not in kept:
-                found.append(f"{suffix} does not state the reference system of its coordinates: "
-                             f"{short_name(placement.crs or '')}")
-        elif states == "degrees" and not options.keep_crs:
-            found.append(f"the coordinates are {where}, not the longitudes and latitudes that GeoJSON requires "
-                         f"(RFC 7946); {remedy}, or write a GeoPackage")
-        elif states == "crs":
-            found.append(f"{suffix} is written without a reference system, and its coordinates are {where}; {remedy}")
-        if not self._placed and self._form.libraries == ("SimpleITK",):
-            found.append(f"{suffix} states that samples lie in steps of 1 from 0, which the file does not state")
-        if placement is not None and placement.coordinates is not None and {"mask", "labels"} & self._form.holds.keys():
-            found.append(f"{suffix} does not keep the coordinates of its samples, which no matrix describes")
-        lost = float(np.spacing(np.float32(self._largest)))
-        if self._step and lost > LOST * self._step:
-            found.append(f"coordinates in {suffix} are rounded by up to {lost / 2:g}; write OBJ or use --in-samples to "
-                         "avoid that")
-        return tuple(found)
+    return Written(size, job.remarks())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -28,10 +27,8 @@ _TEXT = 7
 _INK, _LINE, _INDEX, _RELIEF = "#222222", "#a9744a", "#7a4a22", ("#b9b7b0", "#fdfcf8")
 _EVERY = 200
 """Length of the pieces of index lines that have a label each, in points."""
-_AROUND = 20
-"""Half the side of a square around a label without another one, in points."""
-_CROWDED = 5.0
-"""Most ink around a label, as a multiple of that of its line."""
+_END = 16
+"""Length of the ends of lines that have none."""
 
 
 def map_picture(
@@ -131,7 +128,7 @@ def _ground(placement: Any, low: Points, high: Points) -> tuple[str, Sequence[st
     try:
         if (system := system_of(placement)) is None:
             return bare
-        ends = to_degrees(placement)(ends).T
+        ends = to_degrees(system)(ends).T
     except OptionError:
         return bare
     metres = np.array(system.get_geod().inv(*ends[:, :2], *ends[:, 2:])[2]) / (2 * step)
@@ -194,58 +191,34 @@ def index_lines(isovalues: Sequence[float], every: int = 5) -> list[bool]:
 
 
 def _draw_lines(axes: Any, contours: Sequence[Any]) -> None:
-    """Draw thin lines, and thick index lines with labels where these are straight and alone."""
-    index = index_lines([one.isovalue for one in contours])
-    page = axes.transData + drawing("transforms").Affine2D().scale(72 / axes.figure.dpi)
-    # ink of lines by points, 1/72 inch, of the page
-    ink = np.full(np.ceil(axes.bbox.max * 72 / axes.figure.dpi).astype(int) + 9, np.inf)
-    ink[4:-13, 4:-13] = 0
-    thin, thick, pieces = [], [], []
-    for contour, is_index in zip(contours, index, strict=True):
-        for walk in contour.walks:
-            line = contour.placed[walk]
-            there = page.transform(line)
-            far = np.append(0, np.cumsum(np.hypot(*np.diff(there, axis=0).T)))
-            even = np.linspace(0, far[-1], int(far[-1]) + 2)
-            line, there = (np.stack([np.interp(even, far, one) for one in lines.T], 1) for lines in (line, there))
-            np.add.at(ink, tuple(there.astype(int).T), 1)
-            thick.append((there, line, f"{contour.isovalue:.10g}")) if is_index else thin.append(contour.placed[walk])
-    width_of = cache(lambda text: drawing("textpath").TextPath((0, 0), text, size=_TEXT).get_extents().width)
-    for there, line, text in sorted(thick, key=lambda one: -len(one[0])):
-        window, start = int(width_of(text)) + 5, 0
-        for chunk in range(0, max(len(line) - _EVERY // 2, 1), _EVERY):
-            i = chunk + _straightest(ink, there[chunk : chunk + _EVERY], window)
-            if i >= chunk:
-                end = i + window - 1
-                x, y = (there[[i, end]].mean(axis=0)).astype(int)
-                ink[max(x - _AROUND, 0) : x + _AROUND, max(y - _AROUND, 0) : y + _AROUND] = np.inf
-                across, up = there[end] - there[i]
-                _write_label(axes, text, line[[i, end]].mean(axis=0), math.degrees(math.atan2(up, across)))
-                pieces.append(line[start : i + 1])
-                start = end
-        pieces.append(line[start:])
-    for gid, some, colour, width in ("contours", thin, _LINE, 0.45), ("index", pieces, _INDEX, 1.0):
-        axes.add_collection(
-            drawing("collections").LineCollection(
-                some, colors=[colour], linewidths=width, zorder=2, gid=gid, in_layout=False), False)
+    """Draw thin lines, and thick index lines with labels where these are straight."""
+    index, labelled = index_lines([one.isovalue for one in contours]), {}
+    for gid, is_index, colour, width in ("contours", False, _LINE, 0.45), ("index", True, _INDEX, 1.0):
+        chosen = [one for one, each in zip(contours, index, strict=True) if each == is_index]
+        axes.add_collection(drawing("collections").LineCollection(
+            [one.placed[walk] for one in chosen for walk in one.walks], colors=[colour], linewidths=width, zorder=2,
+            gid=gid, in_layout=False), False)
+    for one in sorted(chosen, key=lambda one: one.isovalue):
+        if pieces := [part for walk in one.walks for part in _pieces(axes, one.placed[walk])]:
+            labelled[one.isovalue] = pieces
+    if not labelled:
+        return
+    drawn = drawing("contour").ContourSet(axes, [*labelled], [*labelled.values()], colors=_INDEX, linewidths=0)
+    for text in drawn.clabel(fontsize=_TEXT, fmt=lambda value: f"{value:.10g}", inline=False, zorder=4):
+        text.set(gid="label", in_layout=False, parse_math=False)
+        # the halo is another text, since one with an effect would become a path
+        halo = axes.text(*text.get_position(), text.get_text())
+        halo.update_from(text)
+        halo.set(gid=None, zorder=3, path_effects=[drawing("patheffects").Stroke(linewidth=2.4, foreground="white")])
+    drawing("artist").Artist.remove(drawn)  # but not its labels
 
 
-def _straightest(ink: Points, there: Points, window: int) -> int:
-    """Find where a label on a line begins that hides as little as possible; -1 where all places are bad."""
-    if len(there) < 1.5 * window:
-        return -1
-    across = np.gradient(there, axis=0)[:, ::-1] * [-1, 1]
-    beside = sum(ink[tuple((there + k * across).astype(int).T)] for k in range(-4, 5, 2))
-    hidden = np.convolve(beside, np.ones(window) / window, "valid")
-    bent = 1 - np.hypot(*(there[window - 1 :] - there[: 1 - window]).T) / (window - 1)
-    cost = np.where((hidden < _CROWDED) & (bent < 0.05), hidden + 20 * bent, np.inf)
-    best = int(cost.argmin())
-    return best if np.isfinite(cost[best]) else -1
-
-
-def _write_label(axes: Any, text: str, at: Points, angle: float) -> None:
-    """Write a label over its halo: two texts, since one with an effect would become a path."""
-    how = {"rotation_mode": "anchor", "ha": "center", "va": "center_baseline", "color": _INDEX, "size": _TEXT,
-           "parse_math": False, "in_layout": False, "rotation": (angle + 90) % 180 - 90}
-    axes.text(*at, text, path_effects=[drawing("patheffects").Stroke(linewidth=1.6, foreground="white")], **how)
-    axes.text(*at, text, gid="label", **how)
+def _pieces(axes: Any, line: Points) -> list[Points]:
+    """Cut a line, with a point for each pixel, into pieces that have a label each, without its ends."""
+    far = np.append(0, np.cumsum(np.hypot(*np.diff(axes.transData.transform(line), axis=0).T)))
+    end, every = (length * axes.figure.dpi / 72 for length in (_END, _EVERY))
+    even = np.arange(end, far[-1] - end)
+    if len(even) < 2 * end:
+        return []
+    line = np.stack([np.interp(even, far, one) for one in line.T], 1)
+    return np.array_split(line, max(round(len(line) / every), 1))
