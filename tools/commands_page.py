@@ -11,8 +11,9 @@ from pathlib import Path
 import click
 
 from isocodec.cli import main
-from isocodec.cli.option_records import HEADINGS, OUTPUT, Grouped
+from isocodec.cli.parameters import HEADINGS, Grouped
 from isocodec.cli.report import EXIT_CODES
+from isocodec.verbs import OUTPUT
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "commands.md"
 WIDTH = 120

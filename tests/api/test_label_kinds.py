@@ -25,10 +25,9 @@ import isocodec
 from brute import examples
 from commands import ok, run
 from isocodec import Contour, Field, Frames, IsoFile
-from isocodec.api.editing import Edit
 from isocodec.api.operations import ViewOptions
 from isocodec.cli import main
-from isocodec.cli.option_records import PART
+from isocodec.verbs import PART, Edit
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement

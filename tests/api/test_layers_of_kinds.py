@@ -17,6 +17,7 @@ from commands import ok
 from isocodec import Contour, Field, Frames, IsoFile, Mesh
 from isocodec.api.export import counted
 from isocodec.api.plots import plot_steps
+from isocodec.verbs import Plot
 from isocodec.drawing.tessellation import Tessellation
 from isocodec.errors import OptionError, TruncatedError
 from tables import looped
@@ -168,7 +169,7 @@ def check_decode(file: IsoFile, kind: str, path: Path) -> None:
 
 def check_plot(file: IsoFile, kind: str, path: Path) -> None:
     isovalue = isovalue_of(file)
-    shown = plot_steps(file, isovalue=isovalue, count=99).facts["layers"]
+    shown = plot_steps(file, ".png", Plot(isovalues=() if isovalue is None else (isovalue,), steps=99)).facts["layers"]
     counts = [len(file.contour(isovalue, layers=k).cells) for k in range(1, len(first(file)) + 1)]
     assert shown == sorted(shown)
     if not any(layer.within for layer in first(file)):  # of others the promises are shown
@@ -204,7 +205,7 @@ def check_middles(file: IsoFile, kind: str, path: Path) -> None:
         if len(contour.cells):
             check_on(contour, file.mesh(isovalue_of(file), **there), kind)
     cut = opened(kind, file.data[: first(file)[-1].offset + 1])
-    drawn = plot_steps(cut, isovalue=isovalue_of(file), count=99)
+    drawn = plot_steps(cut, ".png", Plot(isovalues=() if isovalue_of(file) is None else (isovalue_of(file),), steps=99))
     assert len(drawn.facts["layers"]) >= 1 and drawn.remarks
 
 

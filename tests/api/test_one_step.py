@@ -15,9 +15,10 @@ import pytest
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
-from isocodec.api.export import Wanted, drawn
+from isocodec.api.export import drawn
 from isocodec.api.tracing import Traced
 from isocodec.cli import report
+from isocodec.verbs import Decode
 from isocodec.drawing.contour import Contour
 from isocodec.field.placement import Placement
 from isocodec.io.formats import FORMATS
@@ -99,7 +100,7 @@ def test_areas_are_those_of_the_exact_file(tmp_path: Path, name: str, what: str)
     field, isovalue = FIELDS[name]
     (tmp_path / "a.iso").write_bytes(isocodec.encode(field, isovalue, **exact(field, name)))
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.gpkg", "--what", what)
-    drawn(field, "b.gpkg", Wanted(what=what), isovalue).write(tmp_path / "b.gpkg")
+    drawn(field, "b.gpkg", Decode(what=what), isovalue).write(tmp_path / "b.gpkg")
     tables = [geopandas.read_file(tmp_path / each) for each in ("a.gpkg", "b.gpkg")]
     assert tables[0].drop(columns="geometry").equals(tables[1].drop(columns="geometry"))
     assert tables[0].geometry.symmetric_difference(tables[1].geometry).area.max() < 1e-9
@@ -140,7 +141,7 @@ def test_more_isovalues_than_a_file_holds(tmp_path: Path) -> None:
     np.save(tmp_path / "hills.npy", HILLS)
     line = fails(3, "encode", tmp_path / "hills.npy", "-o", tmp_path / "a.iso", "--interval", 0.01)
     assert "a file holds at most 4,096" in line
-    ok("encode", tmp_path / "hills.npy", "-o", tmp_path / "a.gpkg", "--interval", 1, "--offset", 0.5)
+    ok("encode", tmp_path / "hills.npy", "-o", tmp_path / "a.gpkg", "--interval", "1,0.5")
     found = geopandas.read_file(tmp_path / "a.gpkg")
     assert sorted(set(found.isovalue)) == [v + 0.5 for v in range(int(HILLS.min()), int(HILLS.max()))]
     assert "100,000" in fails(3, "encode", tmp_path / "hills.npy", "-o", tmp_path / "b.gpkg", "--interval", 1e-4)
@@ -164,7 +165,7 @@ def test_what_a_format_does_not_have_is_refused(tmp_path: Path, suffix: str, opt
 
 
 @looped("option", [
-    ["--what", "areas"], ["--layer", "a"], ["--attribute", "a"], ["--keep-crs"], ["--in-samples"],
+    ["--what", "areas"], ["--layer", "a"], ["--attribute", "a"], ["--in-samples"],
 ])
 def test_options_of_other_formats_do_not_apply_to_iso(tmp_path: Path, option: list[Any]) -> None:
     np.save(tmp_path / "in.npy", HILLS)
@@ -193,7 +194,7 @@ def test_errors_name_the_input_and_leave_the_output(tmp_path: Path) -> None:
 def test_drawings_are_released_one_by_one(tmp_path: Path) -> None:
     """While a map is written, one contour is alive; progress rises, and ends at its total when the file is there."""
     alive, most, seen = weakref.WeakSet[Contour](), [0], list[tuple[int, int]]()
-    made = drawn(isocodec.Field(HILLS), "a.gpkg", Wanted(), "every 2")
+    made = drawn(isocodec.Field(HILLS), "a.gpkg", Decode(), "every 2")
     draw = made.drawings.draw
 
     def watched(number: int) -> Contour:
@@ -218,7 +219,7 @@ def test_the_bar_is_shown_while_a_library_writes(tmp_path: Path, monkeypatch: py
     """Though what libraries print meanwhile is collected."""
     terminal, end = os.openpty()
     monkeypatch.setattr(report, "PATIENCE", 0.0)
-    made = drawn(isocodec.Field(HILLS), "a.gpkg", Wanted(), "every 20")
+    made = drawn(isocodec.Field(HILLS), "a.gpkg", Decode(), "every 20")
     with os.fdopen(end, "w") as stream:
         monkeypatch.setattr(sys, "stderr", stream)
         report.written_out(made, tmp_path / "a.gpkg", "in.npy")

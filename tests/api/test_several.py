@@ -67,7 +67,7 @@ def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> N
 
 def test_areas_of_higher_isovalues_lie_within_those_of_lower_ones(several: Path, tmp_path: Path) -> None:
     out = tmp_path / "areas.geojson"
-    ok("decode", several, "-o", out, "--what", "areas", "--side", "above", "--keep-crs")
+    ok("decode", several, "-o", out, "--what", "areas")
     features = json.loads(out.read_text())["features"]
     areas = {feature["properties"]["isovalue"]: shape_of(feature["geometry"]) for feature in features}
     assert areas[60.5].area > areas[80.5].area > areas[100.5].area > 0
@@ -99,7 +99,7 @@ def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: 
     assert "is empty" in fails(5, "decode", several, "-o", out, "--partial")
 
 
-def multiples(field: np.ndarray, interval: float, tmp_path: Path, *options: object) -> list[float]:
+def multiples(field: np.ndarray, interval: object, tmp_path: Path, *options: object) -> list[float]:
     np.save(tmp_path / "field.npy", field)
     args = ("encode", tmp_path / "field.npy", "-o", tmp_path / "i.iso", "--interval", interval, "--json", *options)
     return list(json.loads(ok(*args))["isovalues"])
@@ -111,7 +111,7 @@ def test_multiples_of_an_interval(tmp_path: Path) -> None:
     ramp = np.tile(np.linspace(-0.3, 0.4, 8), (4, 1))
     assert multiples(ramp, 0.1, tmp_path)[1:] == [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3]
     assert multiples(np.array([[-4, 4], [0, 4]]), 4, tmp_path) == [-4, 0]
-    assert multiples(np.array([[-4, 4], [0, 4]]), 4, tmp_path, "--offset", 0.5) == [-3.5, 0.5]
+    assert multiples(np.array([[-4, 4], [0, 4]]), "4,0.5", tmp_path) == [-3.5, 0.5]
     holed = HILLS.astype(np.float32)
     holed[3:5, 7] = np.nan
     assert multiples(holed, 20, tmp_path, "--missing", "nearest") == multiples(HILLS, 20, tmp_path)

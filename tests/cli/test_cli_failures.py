@@ -17,7 +17,7 @@ from commands import HILLS, fails, ok, process, run
 from isocodec.api.export import counted
 from isocodec.cli import main
 from isocodec.cli import report as progress_module
-from isocodec.cli.option_records import HEADINGS
+from isocodec.cli.parameters import HEADINGS
 from tables import looped
 
 # ---- Where the output goes ------------------------------------------------------------------------------------------

@@ -56,12 +56,11 @@ def test_of_one_and_with_holes() -> None:
     assert isocodec.bands([]) == []
 
 
-@looped("suffix", [".geojson", ".gpkg", ".fgb", ".shp", ".parquet"])
+@looped("suffix", [".gpkg", ".fgb", ".shp", ".parquet"])
 def test_files(tmp_path: Path, suffix: str) -> None:
     data = isocodec.encode(isocodec.Field(HILLS, placement=UTM), VALUES, metadata={"crs": "EPSG:32631"})
     (tmp_path / "in.iso").write_bytes(data)
-    more = ["--keep-crs"] if suffix == ".geojson" else []
-    ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--what", "bands", *more)
+    ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--what", "bands")
     read = geopandas.read_parquet if suffix == ".parquet" else geopandas.read_file
     table = read(tmp_path / f"b{suffix}").sort_values("lower", na_position="first")
     assert table.crs.to_epsg() == 32631
@@ -71,7 +70,7 @@ def test_files(tmp_path: Path, suffix: str) -> None:
     assert table.area.sum() == pytest.approx(32 * 20 * 40 * 30)
     first = (tmp_path / f"b{suffix}").read_bytes()
     (tmp_path / f"b{suffix}").unlink()  # into a GeoPackage that is there a layer is written
-    ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--what", "bands", *more)
+    ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--what", "bands")
     assert (tmp_path / f"b{suffix}").read_bytes() == first
 
 

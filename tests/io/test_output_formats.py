@@ -145,7 +145,7 @@ def coded(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(("arguments", "columns"), [
-    (["--what", "areas", "--side", "below"], {"isovalue", "side", "complete"}),
+    (["--what", "areas-below"], {"isovalue", "side", "complete"}),
     (["--what", "bands", "--attribute", "low,high"], {"low", "high"}),
     (["--attribute", "elev", "--layer", "lines"], {"elev", "closed", "complete"}),
     (["--in-samples"], {"isovalue", "closed", "complete"}),
@@ -179,9 +179,9 @@ def test_areas_are_closed_along_missing_samples(tmp_path: Path) -> None:
     out = tmp_path / "a.gpkg"
     for command in (["decode", str(tmp_path / "a.iso")], ["encode", str(tmp_path / "a.npy"), "--isovalue", "15.5"]):
         areas = {}
-        for side in ("above", "below"):
+        for side in ("areas", "areas-below"):
             out.unlink(missing_ok=True)
-            done = run(*command, "-o", str(out), "--what", "areas", "--side", side)
+            done = run(*command, "-o", str(out), "--what", side)
             assert done.exit_code == 0, done.stderr
             areas[side] = geopandas.read_file(out).area.sum()
         assert sum(areas.values()) == pytest.approx(19 * 19 - 4 * 5)

@@ -182,13 +182,6 @@ def test_the_globe_from_0_to_360_is_cut_at_180(tmp_path: Path) -> None:
 # ---- What formats state ---------------------------------------------------------------------------------------------
 
 
-def test_a_system_can_be_kept(tmp_path: Path) -> None:
-    path, made = written(tmp_path, ".geojson", ("curve", "utm"), keep_crs=True)
-    assert back(path).crs.to_epsg() == 32631 and not made.remarks
-    wanted = tables.lines([content("curve", "utm")])
-    assert np.array_equal(coordinates(back(path).geometry), coordinates(wanted.geometry))
-
-
 @pytest.mark.parametrize(("place", "word"), [("samples", "in samples"), ("unnamed", "does not name")])
 def test_what_has_no_system_is_said(tmp_path: Path, place: str, word: str) -> None:
     for suffix in (".geojson", ".gpkg"):

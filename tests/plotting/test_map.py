@@ -11,6 +11,7 @@ import pytest
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.api.plots import plot_map
+from isocodec.verbs import Plot
 from isocodec.field.placement import Placement
 from isocodec.plotting.map import index_lines, map_figure
 
@@ -233,9 +234,9 @@ def hills(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
 def test_each_format_with_the_same_bytes_twice(suffix: str, magic: bytes) -> None:
     """Of a field, and of a file of it, which has the same lines."""
-    one, two = (plot_map(isocodec.Field(HILLS), suffix, "every 40", size=5) for _ in range(2))
+    one, two = (plot_map(isocodec.Field(HILLS), suffix, Plot(every="every 40", size=5)) for _ in range(2))
     assert one.data == two.data and one.data.startswith(magic) and one.text == "5 isovalues"
-    assert plot_map(isocodec.open(isocodec.encode(HILLS, "every 40")), suffix, size=5).facts == one.facts
+    assert plot_map(isocodec.open(isocodec.encode(HILLS, "every 40")), suffix, Plot(size=5)).facts == one.facts
     if suffix == ".svg":
         texts_of = [text for text in one.data.decode().split("<") if text.startswith("text")]
         assert any("contour interval 40" in text for text in texts_of) and any(">0" in text for text in texts_of)
@@ -247,19 +248,19 @@ def test_each_format_with_the_same_bytes_twice(suffix: str, magic: bytes) -> Non
 ])
 def test_an_interval_is_chosen(field: Any, isovalues: list[float]) -> None:
     """A round one, a whole one of integers."""
-    assert plot_map(isocodec.Field(field), ".png", size=2).facts["isovalues"] == pytest.approx(isovalues)
+    assert plot_map(isocodec.Field(field), ".png", Plot(size=2)).facts["isovalues"] == pytest.approx(isovalues)
 
 
 def test_surfaces_labels_series_and_tiles(tmp_path: Path) -> None:
     tin = isocodec.open(isocodec.encode(isocodec.thin(HILLS, to=60)))
-    assert plot_map(tin, size=5, isovalues=[50.0, 100.0]).facts["isovalues"] == [50, 100]
+    assert plot_map(tin, ".png", Plot(size=5, isovalues=(50.0, 100.0))).facts["isovalues"] == [50, 100]
     labels_of = isocodec.open(isocodec.encode(isocodec.Field(HILLS // 80, labels=[1, 2])))
-    assert plot_map(labels_of, size=5).text == "2 labels"
+    assert plot_map(labels_of, ".png", Plot(size=5)).text == "2 labels"
     series = isocodec.open(isocodec.encode(isocodec.Frames([HILLS, HILLS // 2]), 60.5))
-    assert "only frame 0 of 2" in plot_map(series, size=5).remarks[0]
-    assert not plot_map(series, size=5, frame=1).remarks
+    assert "only frame 0 of 2" in plot_map(series, ".png", Plot(size=5)).remarks[0]
+    assert not plot_map(series, ".png", Plot(size=5, frame=1)).remarks
     isocodec.save(tmp_path / "tiles.iso", COLUMNS, 10.5, tile=32)
-    assert plot_map(isocodec.open(tmp_path / "tiles.iso"), size=5).facts["isovalues"] == [10.5]
+    assert plot_map(isocodec.open(tmp_path / "tiles.iso"), ".png", Plot(size=5)).facts["isovalues"] == [10.5]
 
 
 def test_the_command_line(hills: Path, tmp_path: Path) -> None:

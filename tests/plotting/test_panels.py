@@ -16,6 +16,7 @@ import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.api import plots
 from isocodec.api.plots import plot_steps
+from isocodec.verbs import Plot
 from isocodec.errors import FormatError
 from isocodec.plotting.panels import StepPanel, colours_of, contour_picture, panels_figure
 
@@ -65,7 +66,7 @@ def sizes(panels: list[StepPanel]) -> list[int]:
 def test_steps_of_each_kind(kind: str, tmp_path: Path, drawn: list[StepPanel]) -> None:
     """From the first that shows something to the whole file, each what so many bytes decode to."""
     file = file_of(kind, tmp_path)
-    plotted = plot_steps(file, count=4)
+    plotted = plot_steps(file, ".png", Plot(steps=4))
     assert len(drawn) <= 4 and plotted.text.startswith(f"{len(drawn)} step")
     assert any(len(one.cells) for one in drawn[0].contours)
     assert sizes(drawn) == sorted({*sizes(drawn)})
@@ -78,35 +79,35 @@ def test_steps_of_each_kind(kind: str, tmp_path: Path, drawn: list[StepPanel]) -
 
 def test_promises_isovalues_frames_and_meshes_choose_steps(tmp_path: Path, drawn: list[StepPanel]) -> None:
     file = file_of("promised", tmp_path)
-    plot_steps(file)
+    plot_steps(file, ".png", Plot())
     assert [re.findall(r"within ([\d.]+)", panel.title) for panel in drawn] == [["4"], ["1"], []]
     promising = [k for k, one in enumerate(file.info.layers, 1) if one.within is not None]
     for panel, layer in zip(drawn, promising, strict=True):
         assert np.array_equal(panel.contours[0].points, file.contour(layers=layer).points)
     drawn.clear()
-    plot_steps(file_of("grid", tmp_path), isovalue=60.5, count=2)
+    plot_steps(file_of("grid", tmp_path), ".png", Plot(isovalues=(60.5,), steps=2))
     assert [[one.isovalue for one in panel.contours] for panel in drawn] == [[60.5], [60.5]]
     file = file_of("series", tmp_path)
-    plotted = plot_steps(file, frame=1, count=1)
+    plotted = plot_steps(file, ".png", Plot(frame=1, steps=1))
     assert np.array_equal(drawn[-1].contours[1].points, file.contour(60.5, frame=1).points) and not plotted.remarks
-    assert "only frame 0 of 2" in plot_steps(file, count=1).remarks[0]
+    assert "only frame 0 of 2" in plot_steps(file, ".png", Plot(steps=1)).remarks[0]
     file = file_of("one", tmp_path)
-    plot_steps(file, count=2, mesh=True)
+    plot_steps(file, ".png", Plot(steps=2, draw_mesh=True))
     (points, cells), = drawn[-1].meshes
     assert np.array_equal(points, file.mesh().points) and np.array_equal(cells, file.mesh().cells)
     drawn.clear()
-    plot_steps(isocodec.open(isocodec.encode(np.eye(20), 5)))
+    plot_steps(isocodec.open(isocodec.encode(np.eye(20), 5)), ".png", Plot())
     assert len(drawn) == 1 and not len(drawn[0].contours[0].cells)
 
 
 def test_a_truncated_file_is_drawn_as_far_as_it_goes(drawn: list[StepPanel]) -> None:
     data = isocodec.encode(HILLS, 80.5)
     part = isocodec.open(data[:-9])
-    (remark,) = plot_steps(part, count=3).remarks
+    (remark,) = plot_steps(part, ".png", Plot(steps=3)).remarks
     assert remark == f"the file ends after {part.size} bytes, before it is complete; drawn as far as possible"
     assert np.array_equal(drawn[-1].contours[0].points, part.contour(partial=True).points)
     with pytest.raises(FormatError, match="ends"):
-        plot_steps(isocodec.open(data[:8]))
+        plot_steps(isocodec.open(data[:8]), ".png", Plot())
 
 
 # ---- Figures --------------------------------------------------------------------------------------------------------

@@ -322,7 +322,7 @@ def test_on_the_command_line(tmp_path: Path) -> None:
         ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 80.5, "--nodata", -9999, *more)
         assert (tmp_path / "b.iso").read_bytes() == isocodec.encode(field, 80.5)
     assert "mask" in ok("info", tmp_path / "a.iso")
-    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--what", "areas", "--side", "above")
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--what", "areas")
     ok("decode", "--what", "above", tmp_path / "a.iso", "-o", tmp_path / "valid.npy", "--what", "valid")
     assert np.array_equal(np.load(tmp_path / "valid.npy"), ~HOLE)
     np.save(tmp_path / "c.npy", np.full((5, 5), np.nan))

@@ -215,12 +215,11 @@ def test_capped(tmp_path: Path, side: str, labelled: bool) -> None:
     volume = SHELLS[:9]
     np.save(tmp_path / "a.npy", volume)
     ok("encode", tmp_path / "a.npy", "-o", tmp_path / "a.iso", *(("--label", 1) if labelled else ("--isovalue", 0.5)))
-    for options, closed in (((), False), (("--capped", "--side", side), True)):
+    for options, closed in (((), False), (("--capped", side), True)):
         ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.ply", *options)
         mesh = trimesh.load(tmp_path / "a.ply")
         assert mesh.is_watertight is closed
     alone = isocodec.decode(tmp_path / "a.iso").capped(above=side == "above").to_trimesh()
     assert mesh.volume == pytest.approx(alone.volume)
-    assert "--capped" in fails(2, "decode", tmp_path / "a.iso", "-o", "a.ply", "--capped", "--window", "0:3,0:3,0:3")
-    assert "--side" in fails(2, "decode", tmp_path / "a.iso", "-o", "a.ply", "--side", "below")
-    assert "--capped" in fails(2, "decode", tmp_path / "a.iso", "-o", "a.npy", "--capped", "--what", "above")
+    assert "--capped" in fails(2, "decode", tmp_path / "a.iso", "-o", "a.ply", "--capped", side, "--window", "0:3,0:3,0:3")
+    assert "--capped" in fails(2, "decode", tmp_path / "a.iso", "-o", "a.npy", "--capped", side, "--what", "above")

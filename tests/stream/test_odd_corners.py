@@ -240,12 +240,12 @@ def test_all_drawings_of_a_file_count_together():
 
 
 def test_degrees_are_not_named(tmp_path):
-    """GeoJSON is in degrees unless it is asked to keep the system of the file, which it then names."""
-    for system, named in (("EPSG:4326", False), ("EPSG:32631", True)):
+    """GeoJSON is in degrees, whatever the system of the file."""
+    for system in ("EPSG:4326", "EPSG:32631"):
         data = isocodec.encode(isocodec.Field(HILLS, placement=[[0, 1, 5], [1, 0, 6]]), 100.5, metadata={"crs": system})
         (tmp_path / "in.iso").write_bytes(data)
-        ok("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson", "--keep-crs")
-        assert ("crs" in json.loads((tmp_path / "out.geojson").read_bytes())) == named
+        ok("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
+        assert "crs" not in json.loads((tmp_path / "out.geojson").read_bytes())
 
 
 def test_what_cannot_be_undone_keeps_nothing_else_from_it():

@@ -13,7 +13,7 @@ from ..io.cost import COST
 
 if TYPE_CHECKING:
     from ..stream.decoder import Decoder
-    from .operations import Viewed
+    from ..verbs import Viewed
 
 
 class Counts(NamedTuple):

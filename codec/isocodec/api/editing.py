@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..deferred import dataclass
 from ..drawing.smoothing import SMOOTHING
 from ..errors import OptionError
 from ..field.placement import read_placement
@@ -18,34 +17,13 @@ from ..stream.promise_note import PROMISE, last_promise
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
+from ..verbs import Edit
 from .operations import IMPOSSIBLE, impossible
 from .recoding import extracted, held_by, same_again
 
 if TYPE_CHECKING:
     from ..stream.options import ProfileName
     from ..tiles.tiled import TiledFile
-
-
-@dataclass(frozen=True)
-class Edit:
-    """Changes to make to a file: the parameters of `IsoFile.edited`."""
-
-    layers: int | None = None
-    size: int | None = None
-    window: Sequence[Sequence[float]] | None = None
-    isovalues: Sequence[float] | None = None
-    profile: ProfileName | None = None
-    precision: Any = None
-    keep_topology: bool = False
-
-    def __post_init__(self) -> None:
-        if all(getattr(self, each.name) in (None, False) for each in fields(self)):
-            raise OptionError(
-                "nothing to change", code="edit",
-                remedy="give layers, size, window, isovalues, profile or precision"
-            )
-        if self.layers is not None and self.size is not None:
-            raise OptionError("layers and size cannot be combined", code="options", remedy="choose one")
 
 
 def edited(data: bytes, limits: Limits | None, edit: Edit) -> bytes:

@@ -19,7 +19,6 @@ from ..io.formats import (
     USUAL,
     Areas,
     Kind,
-    OutputOptions,
     SampleMask,
     Thing,
     check,
@@ -28,6 +27,7 @@ from ..io.formats import (
     write,
 )
 from ..limits import Budget, Limits
+from ..verbs import Decode, Encode, OutputOptions, Viewed
 from .drawings import Counts, Drawings, Fewer, OneByOne
 
 if TYPE_CHECKING:
@@ -36,53 +36,13 @@ if TYPE_CHECKING:
 
 Target = str | os.PathLike[str] | BinaryIO
 _KINDS: Mapping[str, Kind] = {
-    "curve": "contour", "areas": "areas", "bands": "areas", "above": "mask", "valid": "mask", "mesh": "mesh",
-    "surface": "tin", "labels": "labels",
+    "curve": "contour", "areas": "areas", "areas-below": "areas", "bands": "areas", "above": "mask",
+    "valid": "mask", "mesh": "mesh", "surface": "tin", "labels": "labels",
 }
 """Contents of a file that can be written, by the writers' names."""
-_APART: Mapping[str, tuple[str, ...]] = {
-    "above": ("layers", "max_bytes", "window", "within"),
-    "valid": ("layers", "max_bytes", "window", "within", "frame"),
-    "labels": ("layers", "max_bytes", "window", "within"),
-    "surface": ("window", "within", "frame", "smooth"),
-}
-"""Options that choose a part of a file, by what is decoded, that do not apply to it."""
+_SIDES = {"areas": "above", "areas-below": "below", "bands": "bands"}
 _LISTED = 5
 """Largest number of isovalues that a remark lists."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wanted:
-    """Request of what to decode from a file.
-
-    Attributes
-    ----------
-    what : str or None
-        ``curve``, ``areas``, ``bands``, ``above``, ``valid``, ``labels``, ``mesh`` or ``surface``; None for what the
-        file holds: a surface, or curves.
-    side : str
-        For areas: ``above`` or ``below``.
-    isovalue : float, optional
-        If not given, all isovalues that the format can hold.
-    view : mapping
-        Keywords of `IsoFile.contour`.
-    through_holes : bool
-        Draw curves through missing samples; areas are always closed along these.
-    capped : bool
-        Close surfaces in space where they leave the field, around the side.
-    simplify : str, optional
-        Leave out points of lines, which stay within this distance: ``30m``, or cells.
-    options : OutputOptions
-    """
-
-    what: str | None = None
-    side: str = "above"
-    isovalue: float | None = None
-    view: Mapping[str, Any] = field(default_factory=dict)
-    through_holes: bool = False
-    capped: bool = False
-    simplify: str | None = None
-    options: OutputOptions = USUAL
 
 
 @dataclass
@@ -168,7 +128,7 @@ def check_export(path: str | os.PathLike[str], what: str | None, options: Output
         raise
 
 
-def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progress: Any = None) -> Exported:
+def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Decode, progress: Any = None) -> Exported:
     """Decode what is wanted from a file, in a form that the format of ``path`` can hold.
 
     Raises
@@ -177,20 +137,17 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
         As `IsoFile.contour`.
     """
     what = wanted.what or ("surface" if file.kind == "surface" and wanted.isovalue is None else "curve")
-    suffix = check_export(path, what, wanted.options)
-    for name in _APART.get(what, ()):
-        if name in wanted.view:
-            raise OptionError(f"--{name.replace('_', '-')} does not apply to {what}", code=name, remedy="leave it out")
-    check_names(what, wanted.options.attribute)
+    suffix = check_export(path, what, wanted)
+    wanted.check_what(what)
     made = _MAKERS[what](file, suffix, wanted, progress)
-    made.options = wanted.options
+    made.options = wanted
     # bytes after the part that was decoded may be damaged
     with suppress(FormatError):
-        if file.frames > 1 and wanted.view.get("frame") is None and what != "valid":
+        if file.frames > 1 and wanted.frame is None and what != "valid":
             made.remarks.append(
                 f"only frame 0 of {file.frames} is decoded; choose another with --frame, from 1 to {file.frames - 1}"
             )
-        if wanted.view.get("partial") and not file.complete:
+        if wanted.partial and not file.complete:
             made.remarks.append(
                 "the file ends before all its tiles: where a tile is missing, curves are coarser or absent"
                 if file.kind == "tiles"
@@ -199,22 +156,9 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     return made
 
 
-def check_names(what: str, attribute: str | None) -> None:
-    """Refuse names of columns, unless two are given for bands and one for curves and areas.
-
-    Raises
-    ------
-    OptionError
-    """
-    names = 0 if attribute is None else attribute.count(",") + 1
-    most = {"bands": 2, "curve": 1, "areas": 1}.get(what, 0)
-    if names and names != most:
-        raise OptionError(f"--attribute names {most or 'no'} column{'s' * (most != 1)} for {what}", code="attribute",
-                          remedy=("leave it out", "--attribute elev", "--attribute low,high")[most])
-
-
 def drawn(
-    what: Any, path: str | os.PathLike[str], wanted: Wanted, isovalue: Any, progress: Any = None, **options: Any
+    what: Any, path: str | os.PathLike[str], wanted: Decode | Encode, isovalue: Any, progress: Any = None,
+    **options: Any,
 ) -> Exported:
     """Prepare the contours of a field in a form that the format of ``path`` can hold, without an ``.iso`` file.
 
@@ -222,8 +166,8 @@ def drawn(
     ----------
     what : Field or Mesh
     path : path
-    wanted : Wanted
-        ``curve``, ``areas`` or ``bands``.
+    wanted : Decode or Encode
+        Of curves, areas or bands.
     isovalue : object
         As for `encode`, but of any number of isovalues.
     progress : callable, optional
@@ -238,7 +182,6 @@ def drawn(
     from .tracing import Traced
 
     shown = wanted.what or "curve"
-    check_names(shown, wanted.options.attribute)
     contours = Traced(what, isovalue, through_holes=shown != "curve", **options)
     if shown == "curve" and contours.empty:
         # a layer that is there must not make room for nothing
@@ -246,19 +189,15 @@ def drawn(
         raise InputError(f"the data have no contours {one}", code="isovalue",
                          remedy="choose isovalues within the data")
     shown_ones = contours if wanted.simplify is None else Fewer(contours, wanted.simplify, progress)
-    thing: Any = shown_ones if shown == "curve" else Areas(shown_ones, _side(wanted), contours.valid)
-    check(path, thing_of(thing), wanted.options)
-    return Exported(thing, {}, "", options=wanted.options, drawings=shown_ones)
+    thing: Any = shown_ones if shown == "curve" else Areas(shown_ones, _SIDES[shown], contours.valid)
+    check(path, thing_of(thing), wanted)
+    return Exported(thing, {}, "", options=wanted, drawings=shown_ones)
 
 
-def _side(wanted: Wanted) -> str:
-    return "bands" if wanted.what == "bands" else wanted.side
-
-
-def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
+def _curves(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
     if wanted.capped:
-        contours = [contour.capped(above=wanted.side == "above") for contour in contours]
+        contours = [contour.capped(above=wanted.capped == "above") for contour in contours]
     if isinstance(contours, OneByOne):
         return Exported(contours, {}, "", drawings=contours)
     alone = wanted.isovalue is None and len(contours) == 1
@@ -266,23 +205,22 @@ def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Export
     return _counted(contours if len(contours) > 1 else contours[0], contours, remarks)
 
 
-def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
+def _areas(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
     valid = file.valid() if file.shape and file.info.mask_bytes is not None else None
-    what = Areas(contours, _side(wanted), valid)
+    what = Areas(contours, _SIDES[str(wanted.what)], valid)
     if isinstance(contours, OneByOne):
         return Exported(what, {}, "", drawings=contours)
     return _counted(what, contours, [])
 
 
-def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> OneByOne | list[Contour]:
+def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneByOne | list[Contour]:
     """Decode all isovalues that the format can hold, or the one wanted, within the memory limit."""
     from .files import WholeFile
-    from .operations import Viewed
 
     view = {**wanted.view, "progress": progress}
     kind = _KINDS[wanted.what or "curve"]
-    if wanted.through_holes or (kind == "areas" and file.info.mask_bytes is not None):
+    if kind == "areas" and file.info.mask_bytes is not None:
         view["through_holes"] = True
     several = kind != "areas"
     every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
@@ -298,7 +236,7 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> OneB
             contours = file.contours(**view)
     else:
         contours = [file.contour(wanted.isovalue, **view)]
-    check(f"_{suffix}", Thing(kind, contours[0].n, several and len(contours) > 1), wanted.options)
+    check(f"_{suffix}", Thing(kind, contours[0].n, several and len(contours) > 1), wanted)
     held = sum(one.points.nbytes + one.cells.nbytes for one in contours)
     sizes = [(len(one.points), len(one.cells)) for one in contours]
     _check_memory(file, held + max(COST.peak(*size) for size in sizes) + sum(COST.after(*size) for size in sizes[1:]))
@@ -330,12 +268,11 @@ def _others_in(file: IsoFile, isovalue: float) -> list[str]:
     return []
 
 
-def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
+def _samples(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
     from .files import WholeFile
-    from .operations import Viewed
 
     name, isovalue, remarks = str(wanted.what), wanted.isovalue, list[str]()
-    view = {key: wanted.view[key] for key in ("frame", "partial") if key in wanted.view}
+    view: Any = {"frame": wanted.frame, "partial": wanted.partial}
     if name == "above" and isinstance(file, WholeFile) and file.kind in ("grid", "series"):
         # bytes after the layers of the isovalue may be damaged
         decoder, number = file.decoded(isovalue, Viewed(**view))
@@ -354,8 +291,8 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Expor
     return Exported(SampleMask(values, placement), facts, f"{count:,} of {values.size:,} samples {name}", remarks)
 
 
-def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
-    labels = file.labels(**wanted.view)
+def _labels(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
+    labels = file.labels(frame=wanted.frame, partial=wanted.partial)
     found = [label.item() for label in np.unique(labels)]
     count = len({*found} & {*file.isovalues})
     text = f"{labels.size:,} samples, {count} label{'s' * (count != 1)}"
@@ -363,7 +300,7 @@ def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Export
     return Exported(SampleMask(labels, file.placement), facts, text)
 
 
-def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
+def _mesh(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
     mesh = file.mesh(wanted.isovalue, **wanted.view, progress=progress)
     pieces = "triangles" if mesh.cells.shape[1] == 3 else "tetrahedra"
     check(f"_{suffix}", thing_of(mesh))
@@ -379,16 +316,15 @@ def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported
     )
 
 
-def _surface(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
-    size = wanted.view.get("max_bytes")
-    size = file.size if wanted.view.get("partial") and size is None else size
-    tin = file.surface(layers=wanted.view.get("layers"), max_bytes=size)
+def _surface(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
+    size = file.size if wanted.partial and wanted.max_bytes is None else wanted.max_bytes
+    tin = file.surface(layers=wanted.layers, max_bytes=size)
     facts = {"points": len(tin.points), "triangles": len(tin.triangles), "complete": tin.complete}
     return Exported(tin, facts, f"{len(tin.points):,} points, {len(tin.triangles):,} triangles")
 
 
-_MAKERS: Mapping[str, Callable[[IsoFile, str, Wanted, Any], Exported]] = {
-    "curve": _curves, "areas": _areas, "bands": _areas, "above": _samples, "valid": _samples, "labels": _labels,
+_MAKERS: Mapping[str, Callable[[IsoFile, str, Decode, Any], Exported]] = {
+    "curve": _curves, **dict.fromkeys(_SIDES, _areas), "above": _samples, "valid": _samples, "labels": _labels,
     "mesh": _mesh, "surface": _surface,
 }
 

@@ -18,9 +18,10 @@ from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
-from .editing import Edit, edited, edited_tiles
+from ..verbs import Edit, Viewed
+from .editing import edited, edited_tiles
 from .isofile import IsoFile
-from .operations import IMPOSSIBLE, ONE_FRAME, Viewed, impossible
+from .operations import IMPOSSIBLE, ONE_FRAME, impossible
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -88,7 +89,7 @@ class WholeFile(IsoFile):
 
             return clipped(contour_of_tin(self._tin(view), isovalue), view.window)
         if self.kind == "mesh":
-            view.refuse("mesh", "smooth", "through_holes", "within")
+            view.refuse_for("mesh", "smooth", "through_holes", "within")
         decoder, number = self.decoded(isovalue, view)
         return clipped(_drawn(decoder, [number], view)[0], view.window)
 
@@ -96,7 +97,7 @@ class WholeFile(IsoFile):
         if self.kind == "surface":
             return []
         if self.kind == "mesh":
-            view.refuse("mesh", "smooth", "through_holes", "within")
+            view.refuse_for("mesh", "smooth", "through_holes", "within")
         if view.layers is not None or view.within is not None:
             return [self._contour(isovalue, view) for isovalue in self.info.isovalues]
         decoder = self.received(None, view)
@@ -161,7 +162,7 @@ class WholeFile(IsoFile):
 
     def _tin(self, view: Viewed) -> Tin:
         """Decode a surface, its first layers, or its beginning."""
-        view.refuse("surface", "smooth", "through_holes", "within")
+        view.refuse_for("surface", "smooth", "through_holes", "within")
         if view.frame:
             raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds a single surface")
         decoder = Decoder(self.limits)
@@ -215,7 +216,7 @@ class WholeFile(IsoFile):
 
     def _mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         if self.kind == "mesh":
-            view.refuse("mesh", "smooth", "through_holes", "within")
+            view.refuse_for("mesh", "smooth", "through_holes", "within")
         if self.kind == "surface":
             from ..drawing.explicit import crossed_cells
             from ..drawing.tessellation import Tessellation
@@ -302,7 +303,7 @@ class TileFile(IsoFile):
 
     def _windows(self, numbers: Sequence[int], view: Viewed) -> Iterator[Contour]:
         """Decode the curves or surfaces of isovalues, by number, in a window; all is fetched before the first."""
-        view.refuse("tiles", "smooth", "through_holes")
+        view.refuse_for("tiles", "smooth", "through_holes")
         self._check_frame(view.frame)
         tiled = self.tiled if view.max_bytes is None else self._beginning(view.max_bytes)
         layer = None if view.layers is None else min(view.layers, len(tiled.head.stages)) - 1
@@ -344,7 +345,7 @@ class TileFile(IsoFile):
 
     def _in_one_piece(self, view: Viewed) -> WholeFile:
         """Extract the samples and simplices of a view as an ordinary file."""
-        view.refuse("tiles", "smooth", "through_holes", "within", "max_bytes")
+        view.refuse_for("tiles", "smooth", "through_holes", "within", "max_bytes")
         self._check_frame(view.frame)
         return self.whole(view.window)
 

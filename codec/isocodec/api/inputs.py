@@ -16,34 +16,23 @@ from ..field.framed import Frames
 from ..field.labelling import ALL, labels_in
 from ..field.meshed import Mesh
 from ..field.missing import HOLE
-from ..field.placement import Placement
+from ..field.placement import Placement, matrix_of, unplaced
+from ..field.reference_system import named_system
 from ..field.sampled import Field
 from ..field.samples import missing_of
-from ..io.opener import Choice, load
+from ..io.opener import load
 from ..limits import in_units
-from .georeference import NOWHERE, Georeference
-
-if TYPE_CHECKING:
-    from ..tin.tin import Tin
+from ..stream.options import EncodeOptions
+from ..verbs import Choice, Encode
 
 if TYPE_CHECKING:
     from ..tiles.writing import SampleCounts
+    from ..tin.tin import Tin
 
 MOST = 1 << 20
 """Largest size of a plan file, in bytes."""
 _MUCH = 1 << 30
 """Memory, in bytes, from which on a remark is made."""
-
-
-def read_input(source: Any, choice: Choice) -> Field | Frames | Mesh:
-    """Read a field, a series of fields, or values on a mesh or at scattered points; the caller handles remarks.
-
-    Raises
-    ------
-    OSError, InputError, LimitError, OptionError, MissingExtraError
-        As `isocodec.read`.
-    """
-    return load(source, choice)
 
 
 def mesh_in(path: str) -> tuple[Any, Any]:
@@ -83,98 +72,67 @@ def windowed(source: Any, choice: Choice, missing: str = HOLE) -> Field:
     return replace(field, placement=place, missing=missing, remarks=tuple(remarks))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Added:
-    """Properties of an input, as stated by options.
+def stated(what: Any, options: Encode) -> Any:
+    """Add to a field, a series or a mesh what options state about it.
 
-    Attributes
-    ----------
-    labels : sequence of float, or "all"
-        Encode which samples have these labels; missing ones have none.
-    where : Georeference
-        Where samples lie, instead of what the input states.
-    periodic
-        As of `Placement`.
-    stored : str, optional
-        As of `Mesh`.
-    mesh_error : float, optional
-        As of `Mesh`.
-    missing : str, optional
-        As of `Field`.
-    interval : int, optional
-        Of key frames, for series and meshes.
-    frames : bool
-        Whether a series of fields was asked for.
+    Raises
+    ------
+    OptionError
+        If there is not one spacing for each axis, or if one of the options does not apply.
     """
+    kinds = {Mesh: "mesh", Frames: "series", Field: "field"}
+    options.check_input(next(kind for each, kind in kinds.items() if isinstance(what, each)))
+    crs = None if options.crs is None else named_system(options.crs)
+    if isinstance(what, Mesh):
+        given: dict[str, Any] = {"stored": options.stored, "error": options.mesh_error, "crs": crs}
+        return replace(what, **{name: value for name, value in given.items() if value is not None})
+    labels: Any = options.labels
+    if ALL in labels:
+        each = {label for one in what.fields for label in labels_in(one.values, one.mask)} if (
+            isinstance(what, Frames)) else ALL
+        labels = each if each == ALL else sorted(each)
+    moved = not options.spacing is options.origin is None
 
-    labels: Sequence[float] | str = ()
-    where: Georeference = NOWHERE
-    periodic: tuple[int, ...] = ()
-    stored: str | None = None
-    mesh_error: float | None = None
-    missing: str | None = None
-    interval: int | None = None
-    frames: bool = False
+    def kept(remarks: Sequence[str]) -> tuple[str, ...]:
+        """Remarks that are still of use: none on a placement that is not kept."""
+        return () if moved else tuple(remarks)
 
-    def to(self, what: Any) -> Any:
-        """Return a field, a series or a mesh with these properties.
-
-        Raises
-        ------
-        OptionError
-            If there is not one spacing for each axis, or if one of the properties does not apply.
-        """
-        self._check(what)
-        if isinstance(what, Mesh):
-            given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error, "crs": self.where.crs}
-            return replace(what, **{name: value for name, value in given.items() if value is not None})
-        if isinstance(what, Frames):
-            if self.labels == ALL:
-                every = {label for field in what.fields for label in labels_in(field.values, field.mask)}
-                return replace(self, labels=sorted(every)).to(what)
-            fields = _Changed(what.fields, self._to_field)
-            fields.remarks = self.remarks(fields.remarks)
-            return replace(what, fields=fields)
-        return self._to_field(what)
-
-    def _check(self, what: Any) -> None:
-        """Refuse properties of another kind of input."""
-        mesh, kind = isinstance(what, Mesh), "meshes and points" if isinstance(what, Mesh) else "sampled fields"
-        of_grids = {"label": self.labels, "missing": self.missing, "spacing": self.where.places, "periodic":
-                    self.periodic, "frames": self.frames}
-        of_meshes = {"stored": self.stored, "mesh-error": self.mesh_error}
-        wrong = [name for name, value in (of_grids if mesh else of_meshes).items() if value]
-        if isinstance(what, Field) and self.interval is not None:
-            wrong, kind = ["frame-interval"], "a single field: add --frames"
-        if wrong:
-            raise OptionError(f"--{', --'.join(wrong)} {'does' if len(wrong) == 1 else 'do'} not apply to {kind}",
-                              code="options")
-
-    def remarks(self, remarks: Sequence[str]) -> tuple[str, ...]:
-        """Remarks on the input that are still of use: none on a placement that is not kept."""
-        return () if self.where.places else tuple(remarks)
-
-    def placement(self, stated: Placement | None, shape: Sequence[int]) -> Placement | None:
-        """Place the samples of a field of that shape.
-
-        Raises
-        ------
-        OptionError
-            As `Georeference.placement`.
-        """
-        return self.where.placement(stated, shape)
-
-    def _to_field(self, field: Field) -> Field:
-        placement = self.placement(field.placement, field.shape)
-        crs = self.where.crs or field.crs
-        field = replace(field, placement=placement, crs=crs, remarks=self.remarks(field.remarks))
-        if self.periodic:
-            where = field.placement or Placement()
-            field = replace(field, placement=replace(where, periodic=self.periodic, inferred=False))
-        labels: Any = self.labels
+    def of_field(field: Field) -> Field:
+        place = field.placement
+        if moved:
+            matrix = _matrix(options, place, field.values.ndim)
+            unit = place.unit if place is not None and crs is None else None
+            place = Placement(matrix, crs=crs or (place and place.crs), unit=unit)
+        elif place is not None and crs is not None:
+            place = replace(place, crs=crs)
+        field = replace(field, placement=place, crs=crs or field.crs, remarks=kept(field.remarks))
+        if options.periodic:
+            field = replace(field, placement=replace(place or Placement(), periodic=options.periodic, inferred=False))
         if labels:
             return replace(field, labels=labels, missing="below")
-        return replace(field, missing=self.missing) if self.missing else field
+        return replace(field, missing=options.missing) if options.missing else field
+
+    if isinstance(what, Field):
+        return of_field(what)
+    fields = _Changed(what.fields, of_field)
+    fields.remarks = kept(fields.remarks)
+    return replace(what, fields=fields)
+
+
+def _matrix(options: Encode, stated: Placement | None, n: int) -> Any:
+    """Place samples of ``n`` axes by steps and an origin, as far as these are given, or else as the input states."""
+    for name in ("spacing", "origin"):
+        if (given := getattr(options, name)) is not None and len(given) != n:
+            raise OptionError(f"the {name} has {len(given)} numbers; give {n}", code=name)
+    if options.spacing is not None:
+        matrix = matrix_of(np.array(options.spacing, np.float64), n)
+    elif stated is not None and stated.coordinates is not None:
+        raise OptionError("an origin moves a field with even steps", code="origin", remedy="give a spacing, too")
+    else:
+        matrix = unplaced(n) if stated is None or stated.matrix is None else matrix_of(stated.matrix, n).copy()
+    if options.origin is not None:
+        matrix[:, n] = options.origin
+    return matrix_of(matrix, n)
 
 
 class _Changed(Iterable[Any]):
@@ -316,37 +274,31 @@ class _Seen:
         return cls(low, high, int(gone.sum()), values.dtype, bool(field.labels))
 
 
-def observed(what: Any, added: Added) -> Observed:
-    """Combine an input with what options state about it.
+def keywords_of(options: Encode) -> dict[str, Any]:
+    """Collect the parameters of `isocodec.encode` that are given.
 
     Raises
     ------
     OptionError
-    """
-    return Observed(added.to(what))
-
-
-def layers_of(text: str, plan: Path | None) -> str:
-    """Convert ``--layers`` to what the library takes: a level, a criterion, or the text of a plan file.
-
-    Raises
-    ------
-    OptionError
-        If the file holds no plan.
+        If the file that ``layers`` names holds no plan.
     OSError
     """
-    if plan is None:
-        return text
-    with plan.open("rb") as file:
+    names = [each for each in EncodeOptions.__annotations__ if options.given(each)]
+    given = {name: getattr(options, name) for name in names}
+    if "metadata" in given:
+        given["metadata"] = dict(given["metadata"])
+    if options.plan is None:
+        return given
+    with options.plan.open("rb") as file:
         data = file.read(MOST + 1)
     try:
-        found = data.decode("utf-8-sig")
+        given["layers"] = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        found = "\0"
-    if len(data) > MOST or "\0" in found:
+        given["layers"] = "\0"
+    if len(data) > MOST or "\0" in given["layers"]:
         raise OptionError("the file is not a plan, which is a short text", code="plan",
                           remedy="docs/plans.md explains plans")
-    return found
+    return given
 
 
 def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:

@@ -13,7 +13,8 @@ from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
 from ..stream.inspect import FileInfo
 from ..stream.promises import promise_of
-from .operations import Viewed, ViewOptions
+from ..verbs import Edit, Viewed
+from .operations import ViewOptions
 
 if TYPE_CHECKING:
     from typing import Self, Unpack
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from ..stream.options import ProfileName
     from ..stream.statistics import FileStatistics
     from ..tin.tin import Tin
-    from .editing import Edit
     from .verification import Verified
 
 _DRAWN = 16
@@ -367,9 +367,10 @@ class IsoFile:
             If no change is asked for, or the file cannot be changed in this way.
         FormatError, LimitError
         """
-        from .editing import Edit
 
-        return self._edited(Edit(layers, size, window, isovalues, profile, precision, keep_topology))
+        edit = Edit(layers, size, window, isovalues, profile, precision, keep_topology)
+        edit.check()
+        return self._edited(edit)
 
     # -- of each kind of file ------------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.sampled import Field
+from ..verbs import Choice
 
 _OWN = (np.ndarray, Field, Mesh, bytes, str, int, float, type(None))
 
@@ -33,7 +34,7 @@ def native(what: Any) -> Any:
         return replace(what, fields=map(native, fields)) if isinstance(fields, Iterator) else what
     if isinstance(what, _OWN) or not described(what):
         return what
-    from ..io.opener import Choice, load
+    from ..io.opener import load
 
     found = load(what, Choice())
     for remark in getattr(found, "remarks", ()):

@@ -1,15 +1,13 @@
-"""Operations on files: which kind of file has which, and requests of what to draw."""
+"""Operations on files: which kind of file has which, and what to draw by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from numbers import Integral
-from typing import Any, TypedDict
+from typing import TypedDict
 
-from ..deferred import dataclass
 from ..errors import OptionError
+from ..verbs import Progress
 
-Progress = Callable[[int, int], object]
 NO_SURFACE = "this file has no triangulated surface: it stores only the samples or vertices next to its curves"
 IMPOSSIBLE: dict[tuple[str, str], str] = {
     ("surface", "grid"): NO_SURFACE,
@@ -44,12 +42,6 @@ def impossible(operation: str, kind: str) -> OptionError:
     return OptionError(IMPOSSIBLE[operation, kind], code="kind")
 
 
-_NAMES = {
-    "grid": "curves of a grid", "series": "a series of frames", "mesh": "curves on a mesh",
-    "surface": "a triangulated surface", "tiles": "curves in tiles",
-}
-
-
 class ViewOptions(TypedDict, total=False):
     """The parameters of `IsoFile.contour`, by name."""
 
@@ -62,38 +54,3 @@ class ViewOptions(TypedDict, total=False):
     through_holes: bool
     partial: bool
     progress: Progress | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Viewed:
-    """Request of what to draw from a file: `ViewOptions`, checked."""
-
-    frame: int | None = None
-    layers: int | None = None
-    max_bytes: int | None = None
-    window: Sequence[Sequence[float]] | None = None
-    within: Any = None
-    smooth: bool | None = None
-    through_holes: bool = False
-    partial: bool = False
-    progress: Progress | None = None
-
-    def __post_init__(self) -> None:
-        check_count(self.layers, "layers")
-        check_count(self.max_bytes, "max_bytes")
-        if self.frame is not None and (
-            isinstance(self.frame, bool) or not isinstance(self.frame, Integral) or self.frame < 0
-        ):
-            raise OptionError(f"frame is {self.frame}; it must be an integer, 0 or greater", code="frame")
-
-    def refuse(self, kind: str, *names: str) -> None:
-        """Raise `OptionError` if one of these parameters, which do not apply to a kind of file, is given."""
-        for name in names:
-            if getattr(self, name) not in (None, False):
-                raise OptionError(f"{name} does not apply to {_NAMES[kind]}", code=name.replace("_", "-"))
-
-
-def check_count(count: int | None, name: str) -> None:
-    """Refuse a count that is not an integer of at least 1."""
-    if count is not None and not (isinstance(count, Integral) and not isinstance(count, bool) and count >= 1):
-        raise OptionError(f"{name} is {count}; it must be an integer of at least 1", code=name.replace("_", "-"))

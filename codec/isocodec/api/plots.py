@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -19,22 +18,21 @@ from ..plotting.map import map_picture
 from ..plotting.panels import StepPanel, check_picture, panels_picture
 from ..plotting.scene import USUAL, drawing, rotation
 from ..stream.isovalues import isovalues_of, range_of
+from ..verbs import Plot, Progress
 from .export import counted
 from .isofile import IsoFile
 from .opening import open
 from .tracing import Traced
 
-Progress = Callable[[int, int], object]
 
-
-def check_plot(path: Path, view: str = USUAL) -> str:
+def check_plot(path: Path, view: str | None) -> str:
     """Check the name of a picture and the view of a surface, before the work begins; returns the suffix.
 
     Raises
     ------
     OptionError, MissingExtraError
     """
-    rotation(view)
+    rotation(view or USUAL)
     return check_picture(path)
 
 
@@ -60,30 +58,11 @@ class Plotted:
     remarks: list[str]
 
 
-def plot_steps(
-    file: IsoFile, suffix: str = ".png", isovalue: float | None = None, frame: int | None = None, count: int = 5,
-    mesh: bool = False, view: str = USUAL, progress: Progress | None = None,
-) -> Plotted:
+def plot_steps(file: IsoFile, suffix: str, options: Plot, progress: Progress | None = None) -> Plotted:
     """Draw prefixes of a file side by side, beginning with the first one that shows any of the curve.
 
-    Parameters
-    ----------
-    file : IsoFile
-        If it is truncated, it is drawn as far as possible.
-    suffix : str
-        ``.png``, ``.pdf`` or ``.svg``.
-    isovalue : float, optional
-        Draw this one alone; all if not given, and of a surface of points evenly spaced ones.
-    frame : int, optional
-        Of a series, the first if not given.
-    count : int
-        Largest number of prefixes. They end with layers that complete a promise, or are evenly spaced.
-    mesh : bool
-        Also draw the cells that the curve crosses.
-    view : str
-        Direction from which a surface is seen, as of `isocodec.plotting.scene.rotation`.
-    progress : callable, optional
-        Called with the number of prefixes drawn and that of all.
+    Of a truncated file, the last one shows as much as there is. Prefixes end with layers that complete a promise, or
+    are evenly spaced.
 
     Raises
     ------
@@ -91,6 +70,7 @@ def plot_steps(
         If the file does not have the isovalue or the frame.
     FormatError, LimitError
     """
+    isovalue, frame = next(iter(options.isovalues), None), options.frame
     tin = file.kind == "surface"
     number = None if isovalue is None or tin else file.info.number_of(isovalue)
     values = [*file.isovalues] if isovalue is None else [isovalue]
@@ -114,7 +94,7 @@ def plot_steps(
         how: Any = {"frame": frame, "partial": True}
         found = [part.contour(one, **how) for one in values] if tin else part.contours(**how)
         held = [one for one in found if one.isovalue in values]
-        meshes = [part.mesh(one.isovalue, **how) for one in held if mesh and len(one.cells)]
+        meshes = [part.mesh(one.isovalue, **how) for one in held if options.draw_mesh and len(one.cells)]
         title = f"{part.size:,} bytes" + (f", within {within[layer]:g}" if layer in within else "")
         title += f", {len(held)} {noun_of(file.metadata)}{'s' * (len(held) > 1)}" * (len(values) > 1)
         under = [(one.points, one.cells) for one in meshes]
@@ -124,43 +104,22 @@ def plot_steps(
     while len(ends) > 1 and not any(len(one.cells) for one in panel(ends[0]).contours):
         del ends[0]
     # of several isovalues the first says little alone
-    start = max(len(ends) / count - 1, 0) * (len(values) > 1)
-    chosen = sorted({ends[round(at)] for at in np.linspace(len(ends) - 1, start, count)})
+    start = max(len(ends) / options.steps - 1, 0) * (len(values) > 1)
+    chosen = sorted({ends[round(at)] for at in np.linspace(len(ends) - 1, start, options.steps)})
     panels = []
     for layer in chosen:
         panels.append(panel(layer))
         if progress is not None:
             progress(len(panels), len(chosen))
-    data = panels_picture(panels, suffix, view, values)
+    data = panels_picture(panels, suffix, options.view or USUAL, values)
     text = f"{len(panels)} step{'s' * (len(panels) > 1)} of {file.size:,} bytes"
     remarks = [] if file.complete else [
         f"the file ends after {file.size} bytes, before it is complete; drawn as far as possible"]
     return Plotted(data, text, {"layers": chosen, "isovalues": values}, remarks + _frames(file, frame))
 
 
-def plot_map(
-    what: IsoFile | Field, suffix: str = ".png", isovalues: Any = None, frame: int | None = None, title: str = "",
-    size: float = 20.0, metadata: dict[str, str] | None = None, progress: Progress | None = None,
-) -> Plotted:
+def plot_map(what: IsoFile | Field, suffix: str, options: Plot, progress: Progress | None = None) -> Plotted:
     """Draw the contour map of a file, or of a field with the lines of an exact file of it.
-
-    Parameters
-    ----------
-    what : IsoFile or Field
-        With two axes.
-    suffix : str
-        ``.png``, ``.pdf`` or ``.svg``.
-    isovalues : object, optional
-        As for `encode`; all of a file, or about 20 multiples of a round interval, if not given.
-    frame : int, optional
-        Of a series, the first if not given.
-    title : str
-    size : float
-        Longest side of the map, without what is around it, in centimetres.
-    metadata : dict, optional
-        Notes of a field.
-    progress : callable, optional
-        As of `encode`.
 
     Raises
     ------
@@ -168,6 +127,8 @@ def plot_map(
         If the file or field does not have two axes.
     InputError, FormatError, LimitError
     """
+    isovalues: Any = options.every or [*options.isovalues] or None
+    frame = options.frame
     if len(getattr(what, "shape", ())) != 2:
         raise OptionError("a map needs a grid with two axes", code="dimension", remedy="encode and decode it instead")
     if isinstance(what, IsoFile):
@@ -179,13 +140,13 @@ def plot_map(
         contours = [file.contour(one, **how) for one in isovalues] if isovalues else file.contours(**how)
         valid, remarks = file.valid() if contours[0].masked else None, _frames(file, frame)
     else:
-        gone, placement, notes = what.combined(metadata=metadata)
+        gone, placement, notes = what.combined(metadata=dict(options.metadata))
         samples, remarks = what.values, []
         if isovalues is None and what.labels is None:
             isovalues = _isovalues(samples[~missing_of(samples, gone)])
         traced = Traced(replace(what, mask=gone, placement=placement, notes=notes), isovalues, progress=progress)
         contours, valid = [*traced], traced.valid
-    data = map_picture(contours, suffix, samples, valid, title, size)
+    data = map_picture(contours, suffix, samples, valid, options.title, options.size)
     values = [float(one.isovalue) for one in contours]
     text = f"{len(values)} {noun_of(contours[0].metadata)}{'s' * (len(values) > 1)}"
     return Plotted(data, text, {"isovalues": values}, remarks)

@@ -20,6 +20,7 @@ from ..field.sampled import Field
 from ..storage.atomic import check_target, write_bytes
 from ..stream.given import field_of, taken
 from ..stream.options import EncodeOptions, Isovalues, Options
+from ..verbs import Choice, Decode
 from .isofile import IsoFile
 from .native import described, native
 
@@ -107,11 +108,11 @@ def save(
             raise OptionError(f"options of encoding do not apply to {suffix or 'a name without a suffix'}",
                               code="options", remedy="choose a name that ends in .iso")
         if not _write_other(path, what, isovalue, suffix, bool(options), simplify):
-            from .export import Wanted, drawn
+            from .export import drawn
 
             field = taken(native(what))
             field = field if isinstance(field, Frames | Mesh) else field_of(field)
-            wanted = Wanted(simplify=None if simplify is None else str(simplify))
+            wanted = Decode(simplify=None if simplify is None else str(simplify))
             drawn(field, path, wanted, isovalue, **options).write(path, progress)
         return
     if simplify is not None:
@@ -150,7 +151,6 @@ def save_tiles(
     from ..tiles.writing import encode_tiles, tiling_of
 
     if described(what):
-        from ..io.opener import Choice
         from .inputs import windowed
 
         what = windowed(what, Choice())

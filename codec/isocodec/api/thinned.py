@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from numbers import Integral
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -29,6 +28,7 @@ from ..tin.points import Points, points_of
 from ..tin.rank import by_rank
 from ..tin.thinning import thin_to, thinning
 from ..tin.tin import Removals, Tin, tin_of
+from ..verbs import Progress, Thin
 from .native import native
 
 ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
@@ -37,7 +37,6 @@ MEMORY = 320
 """Most memory, in bytes, that thinning takes for each point, in addition to the input."""
 _PIECE = 1 << 14
 """Removals between two reports of progress."""
-Progress = Callable[[int, int], object]
 
 
 def thin(
@@ -121,9 +120,21 @@ def thin(
     >>> len(thin(np.hypot(x - 9.5, y - 20), criterion="AT1", to=50))
     50
     """
-    what = native(what)
+    options = Thin(criterion=criterion, to=to, error=error, size=size, tolerance=tolerance, step=step, layers=layers,
+                   contours=None if contours is None else tuple(contours))
+    return thinned(native(what), options, metadata, progress)
+
+
+def thinned(
+    what: Any, options: Thin, metadata: Mapping[str, str] | None = None, progress: Progress | None = None
+) -> Tin:
+    """Thin a field or points as `thin` does."""
+    options.check()
+    if options.layers > MOST_LAYERS:
+        raise OptionError(f"{options.layers} layers; a surface has at most {MOST_LAYERS}", code="layers")
     what = what if isinstance(what, Mesh) else field_of(what)
-    given, field, notes = _points_of(what, criterion is not None)
+    contours, layers, step = options.contours, options.layers, options.step
+    given, field, notes = _points_of(what, options.criterion is not None)
     notes = {**notes, **(metadata or {})}
     if contours is not None and field is None:
         raise OptionError(
@@ -131,20 +142,14 @@ def thin(
             remedy="encode the contours: encode(Mesh(points, None, values), isovalue, precision=..), or encode "
             "--key NAME --isovalue V --precision D",
         )
-    if criterion is None and (error is not None or (contours is not None and tolerance is not None)):
-        notes[PROMISE] = _promise(error, tolerance, contours)
-    error, tolerance = _numbers(error, tolerance, what, notes)
+    if options.criterion is None and (options.error is not None or contours is not None):
+        notes[PROMISE] = _promise(options)
+    options = _in_units(options, what, notes)
+    options.check()
     shape = None if field is None else (field.shape[0], field.shape[1])
-    if criterion is not None:
-        unused = {"size": size, "contours": contours, "tolerance": tolerance}
-        if name := next((name for name, value in unused.items() if value is not None), ""):
-            raise OptionError(f"a criterion and {name} cannot be combined", code="criterion",
-                              remedy="leave the criterion out")
-        _check_layers(layers)
-        tin = _removed(given, criterion, to, error, shape, notes, progress)
+    if options.criterion is not None:
+        tin = _removed(given, options, shape, notes, progress)
         return tin if step is None and layers == 1 else _rounded(given, tin, step, layers)
-    _check(error, to, size, step, layers, contours, tolerance)
-
     made: dict[int, tuple[ChosenPoints, Tin]] = {}
 
     def found(chosen: ChosenPoints) -> Tin:
@@ -156,38 +161,37 @@ def thin(
     def file(chosen: ChosenPoints) -> bytes:
         return b"".join(SurfaceEncoder(found(chosen), Options()))
 
-    if error is not None:
-        return found(within(given, float(error)))
+    if options.error is not None:
+        return found(within(given, float(options.error)))
     if contours is not None:
-        assert tolerance is not None
         assert field is not None
-        return found(near_contours(given, field, contours, float(tolerance)))
-    if to is not None:
-        return found(best(given, int(to), step))
-    assert size is not None
-    chosen = smallest(given, int(size), file, step)
-    if (needed := len(file(chosen))) > size:
-        raise OptionError(f"no surface fits into {size} bytes", code="size", remedy=f"allow {needed}")
+        assert options.tolerance is not None
+        return found(near_contours(given, field, contours, float(options.tolerance)))
+    if options.to is not None:
+        return found(best(given, int(options.to), step))
+    assert options.size is not None
+    chosen = smallest(given, int(options.size), file, step)
+    if (needed := len(file(chosen))) > options.size:
+        raise OptionError(f"no surface fits into {options.size} bytes", code="size", remedy=f"allow {needed}")
     return found(chosen)
 
 
-def _promise(error: float | str | None, tolerance: float | str | None, contours: Sequence[float] | None) -> str:
+def _promise(options: Thin) -> str:
     """The note of a promise, with the distance as it was asked for."""
-    given = error if error is not None else tolerance
+    given = options.error if options.error is not None else options.tolerance
     text = given.replace(" ", "") if isinstance(given, str) else f"{given:.12g}"
-    values = [repr(float(value)).removesuffix(".0") for value in contours or ()]
-    return text + (AT + " ".join(values) if contours is not None else "")
+    values = [repr(float(value)).removesuffix(".0") for value in options.contours or ()]
+    return text + (AT + " ".join(values) if values else "")
 
 
-def _numbers(
-    error: float | str | None, tolerance: float | str | None, what: Field | Mesh, notes: Mapping[str, str]
-) -> tuple[float | None, float | None]:
-    """The error in the unit of the values, the tolerance in samples."""
+def _in_units(options: Thin, what: Field | Mesh, notes: Mapping[str, str]) -> Thin:
+    """The same with the error in the unit of the values, the tolerance in samples."""
+    error, tolerance = options.error, options.tolerance
     if isinstance(error, str):
         error = converted(error, unit_of(notes.get(UNIT)), "the values")
     if isinstance(tolerance, str) and isinstance(what, Field):
         tolerance = in_cells(Precision(world=tolerance), what.placement, notes, {}, what.shape).tolerance
-    return error, None if tolerance is None else float(tolerance)
+    return replace(options, error=error, tolerance=tolerance)
 
 
 def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | None, dict[str, str]]:
@@ -224,20 +228,11 @@ def _surface(
 
 
 def _removed(
-    given: Points, criterion: str, to: int | None, error: float | None, shape: tuple[int, int] | None,
-    metadata: Mapping[str, str], progress: Progress | None,
+    given: Points, options: Thin, shape: tuple[int, int] | None, metadata: Mapping[str, str], progress: Progress | None
 ) -> Tin:
     """Thin by a criterion, as published."""
-    if criterion not in NAMES:
-        raise OptionError(f"unknown criterion {criterion!r}", code="criterion", remedy=f"one of {', '.join(NAMES)}")
-    if (to is None) == (error is None):
-        raise OptionError("give either to or error", code="thin", remedy="to=1000 or error=5.0")
-    if to is not None and not (isinstance(to, Integral) and to >= 3):
-        raise OptionError(f"{to} points cannot make a surface", code="points", remedy="give 3 or more")
-    if error is not None and not (error >= 0):
-        raise OptionError(f"the error is {error}; it must be 0 or greater", code="error")
-    state = thinning(given.x, given.y, given.value, NAMES[criterion])
-    least, most = (0, float(error)) if error is not None else (int(to or 0), math.inf)
+    state = thinning(given.x, given.y, given.value, NAMES[str(options.criterion)])
+    least, most = (int(options.to), math.inf) if options.to is not None else (0, float(options.error or 0))
     while not thin_to(state, least, most, _PIECE):
         if progress:
             progress(state.reg.removed, len(given.x) - least)
@@ -257,39 +252,3 @@ def _rounded(given: Points, tin: Tin, step: float | None, layers: int) -> Tin:
     some = np.flatnonzero(np.isin(given.source, tin.kept))
     chosen = replace(evenly(replace(given, value=given.value[some]), step, False), some=some)
     return replace(_surface(given, chosen, tin.shape, layers, tin.metadata), removals=tin.removals)
-
-
-def _check_layers(layers: int) -> None:
-    if not (isinstance(layers, Integral) and layers >= 1):
-        raise OptionError(f"{layers} layers; it must be an integer of at least 1", code="layers")
-    if layers > MOST_LAYERS:
-        raise OptionError(f"{layers} layers; a surface has at most {MOST_LAYERS}", code="layers")
-
-
-def _check(
-    error: float | None, to: int | None, size: int | None, step: float | None, layers: int,
-    contours: Sequence[float] | None, tolerance: float | None,
-) -> None:
-    """Refuse invalid parameters of a surface for a file."""
-    if sum(each is not None for each in (error, to, size, contours)) != 1:
-        raise OptionError(
-            "give exactly one of error, to, size or contours", code="tin", remedy="error=5.0, or size=2000"
-        )
-    if (contours is None) != (tolerance is None) or (tolerance is not None and not 0 < tolerance < math.inf):
-        raise OptionError(
-            "contours= needs a tolerance greater than 0, and tolerance= needs contours",
-            code="tolerance", remedy="contours=[500], tolerance=0.5"
-        )
-    if contours is not None and not (len(contours) and np.isfinite(contours).all()):
-        raise OptionError("contours= must be a sequence of finite numbers", code="isovalue", remedy="contours=[500]")
-    if error is not None and not 0 <= error < math.inf:
-        raise OptionError(f"the error is {error}; it must be 0 or greater", code="error")
-    for what, number, least in (("points", to, 3), ("bytes", size, 1)):
-        if number is not None and not (isinstance(number, Integral) and number >= least):
-            raise OptionError(f"{number} {what}; it must be an integer of at least {least}", code=what)
-    _check_layers(layers)
-    if step is not None and (error is not None or contours is not None or not 0 < step < math.inf):
-        raise OptionError(
-            "step needs a number of points or a size, and must be greater than 0", code="step",
-            remedy="with error=, the rounding step follows from the error",
-        )

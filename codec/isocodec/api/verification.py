@@ -29,6 +29,7 @@ from ..stream.given import field_of
 from ..stream.inspect import FileInfo, inspect
 from ..stream.promise_note import noted, noted_exact
 from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, of_samples, of_tiles
+from ..verbs import Choice
 from .native import native
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def verified(file: Any, field: Any, frame: int | None, within: float | str | Non
     from ..stream.placing import without_folds
 
     if isinstance(field, str | os.PathLike):
-        from ..io.opener import Choice, load
+        from ..io.opener import load
 
         field = load(field, Choice())
     if isinstance(field, Frames):

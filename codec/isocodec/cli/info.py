@@ -6,31 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..deferred import dataclass
 from ..errors import plain
-from .option_records import OUTPUT, Opening, command, option
+from ..verbs import Info
+from .parameters import Call, command
 from .report import concerning, table, warn
 
 if TYPE_CHECKING:
     from ..api.isofile import FileInfo, FileStatistics
 
 
-@dataclass(frozen=True, kw_only=True)
-class InfoArguments(Opening):
-    """Options of ``info``."""
-
-    statistics: bool = option(
-        "--statistics", heading=OUTPUT, is_flag=True,
-        help="Also count symbols by syntax element, bits per crossed pixel, vertex and face, and how many signs were "
-        "predicted correctly (decodes the file).",
-    )
-
-
-@command("info", InfoArguments, "Show what a file holds, layer by layer.")
-def info_command(options: InfoArguments) -> None:
+@command("info", Info, "Show what a file holds, layer by layer.", "IN.iso", shares=("mesh", "limits"))
+def info_command(call: Call, options: Info) -> None:
     """Show version, profile, shape, isovalues and the layers of IN.iso."""
-    file = options.opened()
-    with concerning(options.source):
+    file = call.opened()
+    with concerning(call.source):
         if options.statistics:
             from ..api.export import counted
 
@@ -39,18 +28,18 @@ def info_command(options: InfoArguments) -> None:
             info = file.info
         statistics = file.statistics() if options.statistics else None
         complete, promise = file.complete, file.promise
-    if options.as_json:
+    if call.as_json:
         import json
 
         more = {} if statistics is None else {"statistics": statistics.as_dict()}
         click.echo(json.dumps({**info.as_dict(), "complete": complete, "promise": promise, **more}, allow_nan=False))
     else:
-        _print(options.source, info, complete, promise)
+        _print(call.source, info, complete, promise)
         if statistics is not None:
             _print_statistics(statistics, info)
     if not complete:
         cut = f"after {info.bytes:,} bytes, before it is complete" if info.tiles is None else "before its tiles do"
-        warn(options.source, f"the file ends {cut}")
+        warn(call.source, f"the file ends {cut}")
 
 
 def _print(source: str, info: FileInfo, complete: bool, promise: str | None) -> None:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..deferred import dataclass
-from .option_records import INPUT, Limited, Reading, argument, command, opened, option
+from ..verbs import Verify
+from .parameters import Call, command
 from .report import BROKEN, concerning, result
 
 if TYPE_CHECKING:
@@ -17,21 +17,8 @@ if TYPE_CHECKING:
     from ..api.verification import Verified
 
 
-@dataclass(frozen=True, kw_only=True)
-class VerifyArguments(Reading, Limited):
-    """Options of ``verify``."""
-
-    source: str = argument("IN.iso")
-    field: str = argument("FIELD")
-    within: str | None = option(
-        "--within", heading=INPUT, metavar="D",
-        help="Distance to check, in cells or in the world: 0.5, 10m; on a mesh in the unit of its points, for a "
-        "surface the largest error of its values.  [default: the promise of IN.iso]",
-    )
-
-
-@command("verify", VerifyArguments, "Check a file against the field it was made from.")
-def verify_command(options: VerifyArguments) -> None:
+@command("verify", Verify, "Check a file against the field it was made from.", "IN.iso", "FIELD", shares=("limits",))
+def verify_command(call: Call, options: Verify) -> None:
     """Decode IN.iso and measure its distance from the contour of FIELD, in both directions.
 
     Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or if the distance exceeds --within or,
@@ -39,16 +26,16 @@ def verify_command(options: VerifyArguments) -> None:
     Of a tiled file the curve joined from all tiles is measured. Of a file on a mesh, FIELD is that mesh with its values
     (--key), or the points.
     """
-    file = opened(options.source, options.limits)
-    field = options.read(options.field)
-    with concerning(options.source):
+    file = call.opened()
+    field = call.read(options, call.field)
+    with concerning(call.source):
         found = file.verify(field, frame=options.frame if file.frames > 1 else None, within=options.within)
     # a surface has no isovalue, and a curve is infinitely far from an empty one
     records = [{name: None if isinstance(fact, float) and not math.isfinite(fact) else fact
                 for name, fact in asdict(one).items()} for one in found]
     verdicts = {one.kept for one in found}
     kept = False if False in verdicts else None if None in verdicts else True
-    result("\n".join(_line(one, file.info) for one in found), {"kept": kept, "isovalues": records}, options.as_json)
+    result("\n".join(_line(one, file.info) for one in found), {"kept": kept, "isovalues": records}, call.as_json)
     if kept is False:
         click.get_current_context().exit(BROKEN)
 

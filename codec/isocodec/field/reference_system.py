@@ -56,7 +56,7 @@ def system_of(placement: Placement | None) -> Any:
         return pyproj.CRS.from_user_input(placement.crs)
     except pyproj.exceptions.CRSError as exc:
         raise OptionError(f"there is no reference system {name}", code="crs",
-                          remedy="--keep-crs writes GeoJSON with the coordinates as they are") from exc
+                          remedy="other formats, as .gpkg and .fgb, keep the coordinates as they are") from exc
 
 
 def short_name(crs: str) -> str:
@@ -113,7 +113,7 @@ def to_degrees(system: Any) -> Transform:
         If pyproj is not installed.
     """
     pyproj = optional("pyproj", extra="vector", purpose="longitude and latitude")
-    remedy = "is the placement right? --keep-crs writes the coordinates as they are"
+    remedy = "is the placement right? .gpkg and .fgb keep the coordinates as they are"
     try:
         transform = pyproj.Transformer.from_crs(system, DEGREES, always_xy=True).transform
     except pyproj.exceptions.ProjError as exc:

@@ -14,7 +14,8 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import CRS, PLACEMENT, Placement
 from ..field.sampled import Field
-from .in_turn import Choice, InTurn, check_frame, check_series, placed_field
+from ..verbs import Choice
+from .in_turn import InTurn, check_frame, check_series, placed_field
 from .libraries import choose, reading
 from .places import along_axes, at_nodes
 

@@ -12,8 +12,8 @@ import numpy as np
 from ..errors import InputError
 from ..field.meshed import Mesh
 from ..field.reference_system import crs_text
+from ..verbs import Choice
 from .arrays import valued
-from .in_turn import Choice
 from .libraries import library, reading
 
 TABLES, CLOUDS = (".csv", ".xyz", ".tsv"), (".las", ".laz")

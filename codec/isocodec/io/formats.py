@@ -26,6 +26,7 @@ from ..field.labelling import caption
 from ..field.placement import Placement
 from ..field.reference_system import is_named, short_name
 from ..storage.atomic import beside
+from ..verbs import OutputOptions
 from . import map_tables as tables
 from . import masks, surfaces
 from .libraries import library
@@ -35,31 +36,6 @@ Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin"]
 contour; a triangulated surface."""
 LOST = 0.01
 """Part of a cell by which single precision may move points without a remark."""
-
-
-@dataclass(frozen=True)
-class OutputOptions:
-    """Options of writing.
-
-    Attributes
-    ----------
-    keep_crs : bool
-        Write GeoJSON in the reference system of the file instead of longitude and latitude.
-    in_samples : bool
-        Write coordinates in samples, even if there is a placement.
-    to : str or None
-        Suffix of the format, if the name has none: ``".geojson"``.
-    layer : str or None
-        Name of the layer; if not given, ``isolines``, ``areas``, ``bands`` or ``triangles``.
-    attribute : str or None
-        Name of the column of isovalues, or of the two of bands: ``"low,high"``.
-    """
-
-    keep_crs: bool = False
-    in_samples: bool = False
-    to: str | None = None
-    layer: str | None = None
-    attribute: str | None = None
 
 
 USUAL = OutputOptions()
@@ -233,7 +209,7 @@ class Job:
                 known and states not in ("degrees", "space" if self.space else "crs"),
             f"{suffix} is written without a reference system, and its coordinates are {where}{rule}; "
             "encode with --spacing and --crs EPSG:..":
-                unknown and (states == "crs" or (states == "degrees" and not options.keep_crs)),
+                unknown and states in ("crs", "degrees"),
             f"{suffix} states that samples lie in steps of 1 from 0, which the file does not state":
                 not self._placed and "SimpleITK" in self.form.libraries,
             f"{suffix} does not keep the coordinates of its samples, which no matrix describes":
@@ -256,8 +232,7 @@ def _as_table(what: Any, path: Path, job: Job) -> None:
         layer, table = "triangles", what[0].to_geodataframe()
     else:
         table = tables.lines(what, names)
-    tables.write_table(table, path, job.name, layer=job.options.layer or layer, keep_crs=job.options.keep_crs,
-                       cell=float(job.steps.max()),
+    tables.write_table(table, path, job.name, layer=job.options.layer or layer, cell=float(job.steps.max()),
                        members={"space": job.placement.crs} if job.placement is not None and job.space else {})
 
 

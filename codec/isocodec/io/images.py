@@ -16,9 +16,10 @@ from ..field.framed import Frames
 from ..field.missing import missing_samples
 from ..field.placement import Placement
 from ..field.sampled import Field
+from ..verbs import Choice
 from . import rasters
 from .arrays import channel_of, numbers, of_array
-from .in_turn import Choice, check_frame
+from .in_turn import check_frame
 from .libraries import library, reading
 
 FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".gif": "GIF", ".pgm": "PPM", ".ppm": "PPM",

@@ -1,4 +1,4 @@
-"""Choices from sources that hold several fields; the fields of a series, each made when it is asked for."""
+"""The fields of a series, each made when it is asked for."""
 
 from __future__ import annotations
 
@@ -6,26 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..deferred import dataclass
 from ..errors import OptionError
 from ..field.placement import Placement
 from ..field.sampled import Field
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Choice from a source that holds several things; attributes as the parameters of `isocodec.read`.
-
-    With ``lazy``, samples stay where they are until windows of them are read, where the format can.
-    """
-
-    key: str | None = None
-    band: int | None = None
-    frame: int | None = None
-    frames: bool = False
-    bbox: tuple[float, ...] | None = None
-    nodata: float | None = None
-    lazy: bool = False
 
 
 class InTurn:

@@ -219,7 +219,7 @@ def _within(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def write_table(
-    table: Any, path: Path, driver: str, *, layer: str, keep_crs: bool = False, cell: float = 1.0,
+    table: Any, path: Path, driver: str, *, layer: str, cell: float = 1.0,
     members: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a table by GDAL, or a GeoParquet file by geopandas; an existing GeoPackage keeps its other layers.
@@ -230,8 +230,6 @@ def write_table(
         Name of GDAL's driver, or ``Parquet``.
     layer : str
         Name of the layer, where the format has them.
-    keep_crs : bool
-        Keep the reference system in GeoJSON.
     cell : float, optional
         As for `degrees`.
     members : mapping, optional
@@ -252,7 +250,7 @@ def write_table(
         if driver in LOCATED:
             raise OptionError("the format is in longitude and latitude, but the file does not state where its samples "
                               "lie, or in which system", code="crs", remedy="encode with a placement and --crs EPSG:..")
-    elif driver in LOCATED or (driver in _BY_RULE and not keep_crs):
+    elif driver in (*LOCATED, *_BY_RULE):
         table = degrees(table, cell)
     if driver == "GeoJSON" and table.crs == DEGREES:  # names no system, as RFC 7946 has it
         table = table.set_crs(None, allow_override=True)

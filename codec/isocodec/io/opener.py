@@ -22,8 +22,9 @@ from ..field.meshed import Mesh
 from ..field.missing import missing_samples
 from ..field.sampled import Field
 from ..storage.content import is_file, is_url, local
+from ..verbs import Choice
 from . import arrays, clouds, images, labelled, rasters, slices, volumes, vtk
-from .in_turn import Choice, InTurn
+from .in_turn import InTurn
 from .libraries import library
 from .stores import is_store
 
@@ -101,7 +102,7 @@ def read(
     UserWarning
         Of what the source states and a field cannot keep; also in ``Field.remarks``.
     """
-    found = load(source, Choice(key, band, frame, frames, bbox, None if nodata is None else float(nodata)))
+    found = load(source, Choice(key, band, bbox, frame, None if nodata is None else float(nodata), frames))
     for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):
         warnings.warn(remark, stacklevel=2)
     return found

@@ -18,7 +18,8 @@ from ..field.placement import Placement
 from ..field.reference_system import crs_text
 from ..field.sampled import Field
 from ..limits import patience
-from .in_turn import Choice, placed_field
+from ..verbs import Choice
+from .in_turn import placed_field
 from .libraries import choose, library, reading
 
 TIFF, _MOSAIC = (".tif", ".tiff"), ".vrt"

@@ -21,8 +21,8 @@ from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
 from ..field.missing import missing_samples
 from ..field.sampled import Field
+from ..verbs import Choice
 from .arrays import channel_of
-from .in_turn import Choice
 from .libraries import choose, library, reading
 from .places import EVEN, as_integers, by_matrix, in_body, kept_axes
 from .volumes import of_frames, squeezed

@@ -15,8 +15,9 @@ from ..errors import InputError, plain
 from ..field.framed import Frames
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
+from ..verbs import Choice
 from .arrays import channel_of, numbers, of_array
-from .in_turn import Choice, InTurn, check_frame, placed_field
+from .in_turn import InTurn, check_frame, placed_field
 from .libraries import library, reading
 from .places import as_integers, by_matrix, in_body, kept_axes
 

@@ -22,8 +22,9 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
+from ..verbs import Choice
 from .arrays import valued
-from .in_turn import Choice, check_frame
+from .in_turn import check_frame
 from .libraries import choose, library, reading
 from .places import along_axes, at_nodes, by_matrix, even_steps
 from .volumes import of_frames, squeezed
