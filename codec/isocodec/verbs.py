@@ -1,4 +1,4 @@
-"""One record a verb: every option stands here once, for Python and for the command line, with the checks on it.
+"""One record a verb: every option is written here once, for Python and for the command line, with the checks on it.
 
 The command line makes its options from the fields: their names, annotations and defaults, and how `option` describes
 them. This module imports no numpy, so that help and usage errors come at once.
@@ -103,7 +103,7 @@ def note_of(text: str) -> tuple[str, str]:
 # -- records ----------------------------------------------------------------------------------------------------------
 
 
-class Record:
+class OptionRecord:
     """Options, some of which are given."""
 
     def given(self, *names: str) -> list[str]:
@@ -130,7 +130,7 @@ class Record:
 
 
 @dataclass(frozen=True)
-class Choice(Record):
+class Choice(OptionRecord):
     """Choice from a source that holds several things, as of `isocodec.read`.
 
     With ``lazy``, samples stay where they are until windows of them are read, where the format can.
@@ -153,8 +153,8 @@ class Choice(Record):
 
 
 @dataclass(frozen=True)
-class OutputOptions(Record):
-    """How contents are written in formats of other tools; ``to`` is the format of a name without a suffix."""
+class OutputOptions(OptionRecord):
+    """Options of writing in formats of other tools; ``to`` is the format of a name without a suffix."""
 
     layer: str | None = option("Layer to write; a GeoPackage that exists keeps its others.  [default: isolines, areas "
                                "or bands]", metavar="NAME")
@@ -178,8 +178,8 @@ class OutputOptions(Record):
 
 
 @dataclass(frozen=True)
-class Viewed(Record):
-    """What to draw from a file: the parameters of `IsoFile.contour`, checked."""
+class Viewed(OptionRecord):
+    """Request of what to draw from a file: the parameters of `IsoFile.contour`, checked."""
 
     frame: int | None = option("Frame of a series, from 0.  [default: the first]", PART, metavar="N", least=0)
     layers: int | None = option("Decode the first N layers of an isovalue.", PART, metavar="N", least=1)
@@ -236,7 +236,7 @@ _APART = {
 
 @dataclass(frozen=True)
 class Decode(Viewed, OutputOptions):
-    """What to decode from a file, and how to write it; without ``what``, its surface or its curves."""
+    """Request of what to decode from a file, and how to write it; without ``what``, its surface or its curves."""
 
     what: Literal["curve", "areas", "areas-below", "bands", "above", "valid", "labels", "mesh", "surface"] | None = (
         option("One of: curve (of a volume, a surface), areas (above a curve), areas-below, bands (between curves), "
@@ -272,7 +272,7 @@ _OF_WHOLE = ("labels", "order", "keep_topology", "layers", "frames", "interval",
 
 @dataclass(frozen=True)
 class Encode(Choice, OutputOptions):
-    """What to encode, and how; names that `isocodec.encode` has are its parameters."""
+    """Request of what to encode, and how; names that `isocodec.encode` has are its parameters."""
 
     isovalues: tuple[Number, ...] = option("Samples with value > V are inside. Repeatable.", ISOVALUE, default=(),
                                            flag="--isovalue", metavar="V")
@@ -377,7 +377,7 @@ class Encode(Choice, OutputOptions):
 
 
 @dataclass(frozen=True)
-class Edit(Record):
+class Edit(OptionRecord):
     """Changes to make to a file: the parameters of `IsoFile.edited`."""
 
     layers: int | None = option("Keep the first N layers, counted over all isovalues; of a tiled file, the first N "
@@ -411,8 +411,8 @@ class Edit(Record):
 
 
 @dataclass(frozen=True)
-class Info(Record):
-    """What of a file is shown."""
+class Info(OptionRecord):
+    """Request of what to show of a file."""
 
     statistics: bool = option(
         "Also count symbols by syntax element, bits per crossed pixel, vertex and face, and how many signs were "
@@ -432,7 +432,7 @@ class Verify(Choice):
 
 @dataclass(frozen=True)
 class Plot(Choice):
-    """What to draw of a file or a field, and how."""
+    """Request of a picture of a file or a field."""
 
     isovalues: tuple[Number, ...] = option("Isovalue to draw alone; repeatable with --map.  [default: all]", ISOVALUE,
                                            default=(), flag="--isovalue", metavar="V")
@@ -474,7 +474,7 @@ class Plot(Choice):
 
 @dataclass(frozen=True)
 class Thin(Choice):
-    """How a terrain, picture or points are thinned: the parameters of `isocodec.thin`."""
+    """Request to thin a terrain, a picture or points: the parameters of `isocodec.thin`."""
 
     contours: tuple[Number, ...] | None = option(
         "If OUT is .iso: keep the contour of V, and hardly any other points. Repeatable.", SURFACE, flag="--isovalue",
@@ -541,4 +541,4 @@ def check_notes(notes: Sequence[tuple[str, str]]) -> None:
     """Refuse a key of a note that is given twice."""
     keys = [key for key, _ in notes]
     if twice := [key for key in keys if keys.count(key) > 1]:
-        raise OptionError(f"--metadata {twice[0]} is given twice", code="metadata", remedy="give each key only once")
+        raise OptionError(f"two notes {twice[0]}", code="metadata", remedy="give KEY=TEXT, and each key only once")

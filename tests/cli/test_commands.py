@@ -274,7 +274,7 @@ def test_standard_output_has_the_file_and_nothing_else(
     """What is said, also as JSON, goes to the other stream; if the file has a name, JSON goes to standard output."""
     monkeypatch.chdir(files)
     words = [name, *WORDS[name], *["--json"] * as_json]
-    has_to = any(each.name == "to" for each in main.commands[name].params)
+    has_to = any("--to" in each.opts for each in main.commands[name].params)
     result = run(*words, "-o", "-", *(["--to", to] if has_to else []))
     if result.exit_code:
         assert result.exit_code == 2 and "-: a name without a suffix" in result.stderr and not has_to

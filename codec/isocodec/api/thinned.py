@@ -185,7 +185,7 @@ def _promise(options: Thin) -> str:
 
 
 def _in_units(options: Thin, what: Field | Mesh, notes: Mapping[str, str]) -> Thin:
-    """The same with the error in the unit of the values, the tolerance in samples."""
+    """Convert the error to the unit of the values, the tolerance to samples."""
     error, tolerance = options.error, options.tolerance
     if isinstance(error, str):
         error = converted(error, unit_of(notes.get(UNIT)), "the values")

@@ -22,7 +22,7 @@ from .report import STANDARD, concerning, one_warning, own_warnings, timed_resul
 if TYPE_CHECKING:
     from ..api.isofile import IsoFile
 
-R = TypeVar("R", bound=verbs.Record)
+R = TypeVar("R", bound=verbs.OptionRecord)
 LIMITS = "Limits"
 HEADINGS = (*verbs.HEADINGS, LIMITS)
 """Headings of help, in order."""
@@ -67,8 +67,8 @@ def limits_of(text: str) -> Limits:
 
 
 @dataclass(frozen=True)
-class Call(verbs.Record):
-    """What a command line names beside the options of its verb: files, limits, and how the result is printed."""
+class Call(verbs.OptionRecord):
+    """Parts of a command line beside the options of its verb: files, limits, and how the result is printed."""
 
     source: Any = ""
     field: str = ""
@@ -200,7 +200,7 @@ class Grouped(click.Command):
 
 def command(
     name: str, record: type[R], short_help: str, *arguments: str, shares: tuple[str, ...] = (),
-    hidden: type[verbs.Record] | None = None,
+    hidden: type[verbs.OptionRecord] | None = None,
 ) -> Callable[[Callable[[Call, R], Any]], Grouped]:
     """Make a command from a function that takes a call and a record of options; its docstring is the help.
 
@@ -239,7 +239,7 @@ def command(
     return made
 
 
-def _parameters(record: type[verbs.Record], hidden: type[verbs.Record] | None = None) -> list[click.Parameter]:
+def _parameters(record: type[verbs.OptionRecord], hidden: type[verbs.OptionRecord] | None = None) -> list[click.Parameter]:
     """Make the options of a record, its own before those of the records that it extends."""
     known = {each.name: each for each in fields(record)}  # type: ignore[arg-type]
     types, apart = get_type_hints(record), vars(hidden)["__annotations__"] if hidden else {}

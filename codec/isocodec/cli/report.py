@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -309,19 +309,12 @@ def _logged(texts: list[str]) -> Iterator[None]:
             logger.handlers = before
 
 
-def _unnamed_file() -> BinaryIO:
-    """Open a file without a name: in memory where the system has such files, which are there at once."""
-    if hasattr(os, "memfd_create"):
-        return os.fdopen(os.memfd_create("output"), "w+b")
-    from tempfile import TemporaryFile
-
-    return TemporaryFile()
-
-
 @contextmanager
 def _streams(lines: list[str]) -> Iterator[None]:
     """Collect lines that C and C++ libraries print, bypassing Python."""
-    with _unnamed_file() as file:
+    from tempfile import TemporaryFile
+
+    with TemporaryFile() as file:
         saved: dict[int, int] = {}
 
         def back() -> None:

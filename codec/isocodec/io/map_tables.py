@@ -199,7 +199,10 @@ def _seam(system: Any, cell: float, south: float, north: float, shapely: Any) ->
 
 def _divided(shapes: Any, measure: Transform, shapely: Any) -> Any:
     """Divide edges of lines or areas into as many pieces as is measured along their points, rounded up."""
-    kind, points, (ends, *more) = shapely.to_ragged_array(shapes)
+    some = ~shapely.is_empty(shapes)  # shapely 2.2 crashes where it puts together polygons without rings
+    if not some.any():
+        return shapes
+    kind, points, (ends, *more) = shapely.to_ragged_array(shapes[some])
     pieces = np.ceil(measure(points)).clip(1)
     pieces[ends[1:-1] - 1] = 1  # from one line to the next
     if (pieces <= 1).all():
@@ -207,7 +210,9 @@ def _divided(shapes: Any, measure: Transform, shapely: Any) -> Any:
     first, number = np.append(0, pieces.cumsum()).astype(np.int64), np.arange(len(points))
     at = np.interp(np.arange(first[-1] + 1), first, number)
     points = np.column_stack([np.interp(at, number, column) for column in points.T])
-    return shapely.from_ragged_array(kind, points, (np.append(first, len(points))[ends], *more))
+    out = shapes.copy()
+    out[some] = shapely.from_ragged_array(kind, points, (np.append(first, len(points))[ends], *more))
+    return out
 
 
 def _within(points: NDArray[np.float64]) -> NDArray[np.float64]:
