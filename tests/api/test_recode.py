@@ -131,13 +131,6 @@ def test_the_searches_start_from_the_curve_of_the_file(name: str, precision: str
     assert same(original(source.field), isocodec.decode(data))
 
 
-def test_topology() -> None:
-    data = isocodec.encode(NOISE, 0.5)
-    made = isocodec.open(data).edited(precision=1.0, keep_topology=True)
-    before, after = (isocodec.decode(d) for d in (data, made))
-    assert len(after.lines) == len(before.lines)
-
-
 def test_missing_samples_and_place() -> None:
     field = HILLS.astype(float)
     field[5:9, 12:20] = np.nan

@@ -34,13 +34,6 @@ def test_outputs_that_cannot_be_written(hills: Path, tmp_path: Path) -> None:
         assert words in line
 
 
-def test_no_file_named_like_standard_output(hills: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    before = sorted(tmp_path.iterdir())
-    assert "--to" in fails(2, "decode", hills, "-o", "-")
-    assert sorted(tmp_path.iterdir()) == before
-
-
 def test_whole_isovalues_that_would_be_rounded(hills: Path, tmp_path: Path) -> None:
     line = fails(3, "encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 2**53 + 1)
     assert f"the nearest one is {2**53}" in line
@@ -126,15 +119,6 @@ def test_permission_denied(curve: Path, tmp_path: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(Path, "open", closed)
     assert fails(3, "info", curve) == f"isocodec: {curve}: Permission denied"
-
-
-def test_corrupt_iso(tmp_path: Path, curve_data: bytes) -> None:
-    flipped = bytearray(curve_data)
-    flipped[len(flipped) // 2] ^= 0x10
-    (tmp_path / "flipped.iso").write_bytes(flipped)
-    line = fails(4, "decode", tmp_path / "flipped.iso", "-o", tmp_path / "c.npz")
-    assert line.startswith(f"isocodec: {tmp_path / 'flipped.iso'}: not a valid .iso file: ")
-    assert not (tmp_path / "c.npz").exists()
 
 
 @pytest.fixture
@@ -266,17 +250,6 @@ def test_internal_errors_are_one_line(curve: Path, monkeypatch: pytest.MonkeyPat
     assert "ISOCODEC_DEBUG=1" in line
     monkeypatch.setenv("ISOCODEC_DEBUG", "1")
     assert "Traceback" in run("info", curve).stderr
-
-
-@pytest.mark.parametrize(("raised", "code"), [(KeyboardInterrupt(), 130), (MemoryError(), 6)])
-def test_interrupt_and_memory(curve: Path, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int) -> None:
-    def end(*_: object, **__: object) -> None:
-        raise raised
-
-    monkeypatch.setattr("isocodec.api.isofile.open", end)
-    result = run("info", curve)
-    assert result.exit_code == code
-    assert result.stderr.strip().splitlines()[-1].startswith("isocodec: ")
 
 
 def complaints(done: subprocess.CompletedProcess[str]) -> list[str]:

@@ -123,11 +123,6 @@ def test_files_reach_what_encoders_do_not_write():
     assert any("isovalue 1" in output.text for output in outputs)
 
 
-def test_files_are_small():
-    sizes = sorted(len(any_file(Random(seed))) for seed in range(60))
-    assert sizes[30] < 64 and sizes[-1] < 300
-
-
 def test_a_seed_is_a_file():
     assert trials_of(3, 17) == trials_of(3, 17) != trials_of(4, 17)
 
@@ -247,16 +242,6 @@ def test_memory_of_a_decoder_is_limited(tmp_path, annex):
         assert answer is not None and answer.code == code
 
 
-def test_commands_are_given_starts_of_files(annex, importable):
-    """As files of their own, which are gone afterwards; pieces only if the command says where they go."""
-    decoder = Command("{python} -m isoconform dump {file}")
-    for request in (Request(annex, size=16), Request(annex, piece=1), Request(annex, layers=1)):
-        decoder.ask(request)
-    cut = dump(ANNEX_D[:16])
-    assert [decoder.answer() for _ in range(3)] == [Answer(cut.exit_code, cut.text), None, None]
-    assert [path.name for path in annex.parent.iterdir()] == [annex.name]
-
-
 def test_vectors_by_batch(capsys, importable):
     """The runner, with the state after each layer, through one process."""
     names = ["plane_values_interleaved", "plane_ends_in_values", "bad_trailing"]
@@ -338,21 +323,6 @@ def test_planted_faults_are_found(tmp_path, capsys, importable, fault):
     assert finding["reason"] in text and "exit code" in text.splitlines()[-1]
     if len(data) >= 4:
         assert "signature (3.3.1)" in text
-
-
-def test_kinds_of_questions_that_are_not_known_are_left_out(tmp_path, importable):
-    """A decoder that takes whole files only, as clause 8.2.1(2) allows."""
-    body = """
-        if asked:
-            sys.stdout.write('-\\n'); sys.stdout.flush()
-        else:
-            output = dump(data); say(output.exit_code, output.text)
-    """
-    campaign = Campaign(Batch(script(tmp_path, body)), files=40, minutes=5)
-    assert list(campaign.run()) == []
-    assert campaign.report.unknown == {"cut", "in pieces", "some layers"}
-    assert campaign.report.questions == campaign.report.files
-    campaign.close()
 
 
 def test_trials_say_what_is_asked():

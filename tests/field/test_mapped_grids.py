@@ -29,9 +29,7 @@ from libraries import Late
 from places import on_nodes
 from tables import looped
 
-cKDTree = Late("scipy.spatial.cKDTree")
 shapely = Late("shapely")
-find_contours = Late("skimage.measure.find_contours")
 trimesh = Late("trimesh")
 
 Array = grids.Array
@@ -57,18 +55,6 @@ def test_points_lie_where_coordinates_say(grid: Callable[[], tuple[Array, list[A
         straight = grids.interpolated(arrays[0], contour.points)
         places = places + np.stack([np.rint((straight - places[:, 0]) / UNWRAP) * UNWRAP, 0 * straight], axis=1)
     assert 0 < grids.off(contour.points, places, arrays) <= error
-
-
-def test_curves_are_those_of_marching_squares() -> None:
-    """Mapped by interpolation; crossings are exact here."""
-    field, arrays = grids.elliptic()
-    whole = np.rint(field * 1000).astype(np.int64)
-    contour = isocodec.decode(isocodec.encode(grids.placed(whole, arrays), 0.5, precision="exact"))
-    lines = find_contours(whole.astype(np.float64), 0.5)
-    expected = np.concatenate([np.stack([grids.interpolated(a, line) for a in arrays], axis=1) for line in lines])
-    found = contour.placed
-    distances = np.linalg.norm(found[:, None] - expected[None], axis=2)
-    assert distances.min(axis=1).max() < 0.01 and distances.min(axis=0).max() < 0.01
 
 
 def test_axes_of_uneven_steps() -> None:
@@ -306,30 +292,6 @@ def test_surfaces_close_across_the_seam(options: dict[str, Any]) -> None:
     assert mesh.body_count == 1 and mesh.euler_number == 0 and mesh.is_winding_consistent
     loops = mesh.outline().discrete
     assert len(loops) == 2
-
-
-@pytest.mark.parametrize("unit", ["km", "degrees"])
-def test_tolerances_in_the_world(unit: str) -> None:
-    """Between the curves, both ways, in kilometres on a sphere or in the unit of the coordinates."""
-    field, arrays = grids.rotated_pole(60, 80)
-    tolerance = {"km": "60km", "degrees": "0.8deg"}[unit]
-    around = UNWRAP if unit == "km" else None
-    where = {"periods": around, "unit": None if around else "degrees"}
-    data = isocodec.encode(grids.placed(field, unwrapped(arrays), **where), 0.1, precision=tolerance)
-    fine = isocodec.decode(isocodec.encode(grids.placed(field, unwrapped(arrays)), 0.1, precision="step=1e-9"))
-    coarse = isocodec.decode(data)
-    assert len(data) < len(isocodec.encode(grids.placed(field, unwrapped(arrays)), 0.1, precision=0.05))
-    along = np.linspace(0, 1, 30)[:, None, None]
-    dense = [
-        c.place(((1 - along) * c.points[c.cells[:, 0]] + along * c.points[c.cells[:, 1]]).reshape(-1, 2))
-        for c in (coarse, fine)
-    ]
-    if unit == "km":
-        dense = [6371 * np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)], axis=1)
-                 for x, y in (np.radians(one).T for one in dense)]
-    trees = [cKDTree(one) for one in dense]
-    most = max(trees[0].query(dense[1])[0].max(), trees[1].query(dense[0])[0].max())
-    assert most < {"km": 60 * 1.02, "degrees": 0.8 * 1.02}[unit]
 
 
 def test_tolerances_by_a_matrix() -> None:

@@ -10,15 +10,12 @@ import pytest
 
 import isocodec
 from commands import HILLS, fails, ok, run
-from inputs import read_field
 from isocodec.errors import InputError
 from isocodec.field.missing import filled, missing_samples
 from isocodec.field.samples import missing_of
 from libraries import Late
 from tables import looped
 
-h5py = Late("h5py")
-rasterio = Late("rasterio")
 tifffile = Late("tifffile")
 
 HOLE = np.zeros(HILLS.shape, np.bool_)
@@ -29,64 +26,6 @@ def tiff(path: Path, field: np.ndarray, nodata: str | None) -> Path:
     tags: list[Any] = [] if nodata is None else [(42113, "s", 0, nodata, False)]
     tifffile.imwrite(path, field, extratags=tags)
     return path
-
-
-def gone_of(path: Path, key: str | None = None) -> np.ndarray:
-    """Which samples of a file are missing."""
-    field = isocodec.read(path, key=key)
-    gone = missing_samples(field.values, None)
-    return gone if field.mask is None else gone | field.mask
-
-
-@looped(
-    ("dtype", "text", "value"),
-    [("int16", "-32768", -32768), ("float32", "-9999", -9999), ("float32", "-3.4028234663852886e+38", None),
-     ("float64", "1e-3", 1e-3), ("float32", "nan", np.nan), ("uint8", "255 ", 255)],
-)
-def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float | None) -> None:
-    field = HILLS.astype(dtype)
-    field[field == 255] = 254
-    field[HOLE] = np.finfo(np.float32).min if value is None else value
-    path = tiff(tmp_path / "dem.tif", field, text)
-    assert np.array_equal(gone_of(path), HOLE)
-
-
-@pytest.mark.parametrize("text", [None, "", "none", "1,5"])
-def test_a_geotiff_that_says_no_number(tmp_path: Path, text: str | None) -> None:
-    """GDAL takes as much of a text as is a number, and 0 where nothing is."""
-    path = tiff(tmp_path / "dem.tif", HILLS, text)
-    with rasterio.open(path) as file:
-        assert np.array_equal(gone_of(path), file.read_masks(1) == 0)
-
-
-@pytest.mark.parametrize("name", ["_FillValue", "missing_value"])
-def test_what_netcdf_says(tmp_path: Path, name: str) -> None:
-    """Of one array among several; of packed ones reading has made NaN already."""
-    field = np.where(HOLE, np.float32(1e30), HILLS.astype(np.float32))
-    with h5py.File(tmp_path / "a.nc", "w") as file:
-        file["other"] = HILLS
-        file["z"] = field
-        file["z"].attrs[name] = np.float32([1e30])
-        file["packed"] = np.where(HOLE, -1, 2)
-        file["packed"].attrs.update({name: -1, "scale_factor": 0.5})
-    for key, gone in (("z", HOLE), ("packed", HOLE), ("other", np.zeros_like(HOLE))):
-        assert np.array_equal(gone_of(tmp_path / "a.nc", key), gone)
-    ok("encode", tmp_path / "a.nc", "--key", "z", "-o", tmp_path / "a.iso", "--isovalue", 80, "--missing", "below")
-    assert not isocodec.open((tmp_path / "a.iso").read_bytes()).above()[HOLE].any()
-
-
-def test_one_of_two_that_netcdf_says(tmp_path: Path) -> None:
-    """``_FillValue`` is what arrays are filled with, and ``missing_value`` the older way to say so: both are."""
-    field = HILLS.astype(np.int16)
-    field[HOLE], field[5, 5] = -1, -2
-    with h5py.File(tmp_path / "a.nc", "w") as file:
-        for name, more in (("z", {}), ("packed", {"scale_factor": 0.5})):
-            file[name] = field
-            file[name].attrs.update({"missing_value": np.int16(-2), "_FillValue": np.int16(-1), **more})
-    gone = HOLE.copy()
-    gone[5, 5] = True
-    assert np.array_equal(isocodec.read(tmp_path / "a.nc", key="z").mask, gone)
-    assert np.array_equal(np.isnan(read_field(tmp_path / "a.nc", key="packed")), gone)
 
 
 @pytest.mark.parametrize(("dtype", "nodata", "gone"), [

@@ -205,13 +205,6 @@ def test_a_library_that_is_not_what_it_should_be(copied: Path, built: Path, faul
 
 
 @pytest.mark.skipif(EXECUTION is not Execution.LIBRARY, reason="there is no library")
-def test_isoconform_says_it_once(copied: Path, built: Path) -> None:
-    flipped(built)
-    line = refused(in_copy(copied, "isoconform", "fuzz", "--files", "3"), "isoconform")
-    assert "damaged" in line
-
-
-@pytest.mark.skipif(EXECUTION is not Execution.LIBRARY, reason="there is no library")
 def test_a_library_needs_no_compiler(copied: Path, built: Path) -> None:
     """And is loaded from the package."""
     done = in_copy(copied, *ENCODE, without="numba llvmlite")

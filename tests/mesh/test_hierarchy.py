@@ -11,7 +11,7 @@ import pytest
 
 from brute import HEAVY
 from explicit_meshes import Mesh, plane, space, torus
-from isocodec.errors import LimitError, OptionError
+from isocodec.errors import OptionError
 from isocodec.mesh.complex import Complex, complex_of
 from isocodec.mesh.hierarchy import LEAST, MOST_STAR, Hierarchy, hierarchy_of
 from libraries import Late
@@ -212,11 +212,3 @@ def test_work_grows_with_the_mesh_alone() -> None:
         hierarchy_of(complex_of(points, cells)[0], lambda work, held, heard=heard: heard.append(work))
         work.append(sum(heard))
     assert work[1] < 8 * work[0]
-
-
-def test_a_caller_can_stop_it() -> None:
-    def stop(work: int, held: int) -> None:
-        raise LimitError("enough", code="limit-work")
-
-    with pytest.raises(LimitError):
-        hierarchy_of(complex_of(*planar(3))[0], stop)

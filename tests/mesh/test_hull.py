@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -253,15 +252,3 @@ def test_points_in_clusters() -> None:
         mesh = Mesh(points, None, values, stored=stored)
         file = isocodec.open(isocodec.encode(mesh, ISOVALUE, precision=0.001))
         assert file.verify(mesh)[0].kept and file.info.domain and file.info.domain.kind.name == "DELAUNAY"
-
-
-def test_few_moves_are_enough() -> None:
-    """Bytes for all points stay near to those of points that are rounded only."""
-    rng = np.random.default_rng(0)
-    points = rng.random((3000, 2)) * 55
-    values = values_at(points, rng)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        data = isocodec.encode(Mesh(points, None, values, stored="whole"), ISOVALUE, precision="signs")
-    domain = isocodec.open(data).info.domain
-    assert domain is not None and domain.kind.name == "DELAUNAY" and len(data) < 3000 * 2.2

@@ -191,20 +191,6 @@ def survey(count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[np.f
     return points, values
 
 
-@pytest.mark.heavy
-def test_bytes() -> None:
-    """Files of the points next to one contour, and to three, against those of all points when they were rounded only.
-    """
-    points, values = survey(23_092)
-    levels = [float(np.quantile(values, share)) for share in (0.3, 0.5, 0.8)]
-    for isovalues, share, rounded in ((levels[1:2], 0.25, 46_068), (levels, 0.55, 49_314)):
-        few, all_ = (
-            len(isocodec.encode(Mesh(points, None, values, stored=stored, error=0.125), isovalues, precision=0.25))
-            for stored in ("delaunay", "whole")
-        )
-        assert few <= share * rounded and all_ <= rounded
-
-
 def test_the_order_of_points_does_not_matter() -> None:
     for points, values in (survey(300), (np.argwhere(np.ones((9, 9))) * 1.0, np.arange(81.0) % 10)):
         order = np.random.default_rng(1).permutation(len(points))

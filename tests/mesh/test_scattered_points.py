@@ -12,7 +12,6 @@ from brute import examples
 from commands import fails, ok
 from explicit_meshes import crossings
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
-from isocodec.io.opener import Choice, load
 from libraries import Late
 from tables import looped
 
@@ -80,20 +79,6 @@ def test_grids_and_duplicates():
     assert isocodec.open(isocodec.encode(isocodec.Mesh(points, None, frames), 33.3)).info.interval == 0
 
 
-def test_connectivity_costs_nothing():
-    """Of a triangulation that is Delaunay's, the file has the points, and these are cheaper than with cells.
-
-    Some bits more for each of them keep the triangles the same.
-    """
-    points, _ = scattered(1, 2000, 1 << 20)
-    values = points[:, 0] + points[:, 1]
-    cells = Delaunay(points).simplices
-    mesh = isocodec.Mesh(points, None, values, stored="whole", error=500.0)
-    alone = isocodec.encode(mesh, 1e6, precision="signs")
-    whole = isocodec.encode(isocodec.Mesh(points, cells, values, stored="whole", error=500.0), 1e6, precision="signs")
-    assert len(alone) < 0.95 * len(whole)
-
-
 @looped(
     ("points", "cells", "options", "error"),
     [
@@ -127,44 +112,6 @@ def test_hostile_points():
             isocodec.decode(bytes(bad))
         except IsoError as error:
             assert isinstance(error, FormatError) and error.clause
-
-
-def test_tables(tmp_path):
-    points, values = scattered(4)
-    rows = np.column_stack([values, points[:, 1], points[:, 0]])
-    np.savetxt(tmp_path / "named.csv", rows, delimiter=";", header="depth; Lat; lon", comments="")
-    np.savetxt(tmp_path / "bare.xyz", np.column_stack([points, values]))
-    for name, key in (("named.csv", "depth"), ("bare.xyz", "z")):
-        found = load(tmp_path / name, Choice(key))
-        assert np.array_equal(found.points, points) and np.array_equal(found.values, values)
-    (tmp_path / "short.csv").write_text("x,y\n1,2\n")
-    (tmp_path / "words.csv").write_text("x,y,z\n1,2,high\n")
-    (tmp_path / "none.csv").write_text("")
-    for name in ("short.csv", "words.csv", "none.csv"):
-        with pytest.raises(InputError):
-            load(tmp_path / name, Choice())
-    with pytest.raises(InputError, match="depth"):
-        load(tmp_path / "named.csv", Choice("z"))
-
-
-def test_clouds_and_layers(tmp_path):
-    """What other libraries wrote."""
-    points, values = scattered(5)
-    laspy, geopandas = pytest.importorskip("laspy"), pytest.importorskip("geopandas")
-    header = laspy.LasHeader(point_format=3, version="1.2")
-    header.scales = [1, 1, 1]
-    cloud = laspy.LasData(header)
-    cloud.x, cloud.y, cloud.z, cloud.intensity = points[:, 0], points[:, 1], values, values + 7
-    cloud.write(tmp_path / "cloud.las")
-    found = load(tmp_path / "cloud.las", Choice())
-    assert np.array_equal(found.points, points) and np.array_equal(found.values, values)
-    assert np.array_equal(load(tmp_path / "cloud.las", Choice("intensity")).values, values + 7)
-    table = geopandas.GeoDataFrame({"depth": values}, geometry=geopandas.points_from_xy(*points.T), crs="EPSG:32633")
-    table.to_file(tmp_path / "layer.gpkg")
-    assert np.array_equal(load(tmp_path / "layer.gpkg", Choice()).values, values)
-    table.buffer(1).to_file(tmp_path / "areas.gpkg")
-    with pytest.raises(InputError, match="Polygon"):
-        load(tmp_path / "areas.gpkg", Choice())
 
 
 def test_commands(tmp_path):

@@ -13,7 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 import isocodec
 from brute import HEAVY, INTERPRETED
-from files import NAMES, files, picture, same_drawing, whole
+from files import NAMES, files, same_drawing, whole
 from isocodec import Decoder
 from isocodec.drawing.snapshot import state_of
 from isocodec.errors import FormatError, OptionError, TruncatedError
@@ -305,15 +305,6 @@ def envelopes(data):
 
 
 # --- what a file says of itself -------------------------------------------------------------------------------------
-
-
-@looped("shape, seed", [((30, 40), 1), ((127, 100), 2), ((9, 8, 10), 3), ((16, 16, 16), 4)])
-@looped("isovalue", [3, -7.5])
-def test_overhead(shape, seed, isovalue):
-    """Small integer files, exact: at most 24 bytes are not entropy-coded data."""
-    data = isocodec.encode(picture(shape, seed), isovalue, precision="exact")
-    assert len(data) < 4096
-    assert isocodec.open(data).info.overhead_bytes <= 24
 
 
 @looped("name", NAMES)

@@ -114,17 +114,6 @@ def test_any_layers(options: dict[str, Any]):
         assert points(isocodec.decode(data, frame=number)) == points(curves[0])
 
 
-def test_as_find_contours():
-    measure = pytest.importorskip("skimage.measure")
-    frames = moving()
-    data = encode(Frames(frames), ISOVALUE + 0.5, precision="exact")
-    for number, frame in enumerate(frames):
-        lines = measure.find_contours(frame.astype(float), ISOVALUE + 0.5)
-        wanted = np.unique(np.round(np.concatenate(lines), 6), axis=0)
-        found = np.unique(np.round(isocodec.decode(data, frame=number).points, 6), axis=0)
-        assert found.shape == wanted.shape and np.abs(found - wanted).max() < 1e-5
-
-
 @pytest.mark.parametrize("piece", [1, 7, 1000])
 def test_bytes_may_come_in_any_pieces(piece: int):
     data = encode(Frames(moving(4, 24)), [ISOVALUE, 25], interval=3)
@@ -192,19 +181,6 @@ def test_memory_of_encoding_is_that_of_two_frames():
     assert strands and all(strand.tube.lean is None for strand in strands)
 
 
-def test_prefixes_give_the_frames_they_hold():
-    frames = moving(4, 24)
-    data = encode(Frames(frames), ISOVALUE, precision="signs")
-    ends = [frame.offset for frame in isocodec.open(data).info.frames[1:]]
-    for length in range(len(data)):
-        taken = []
-        with pytest.raises(TruncatedError):
-            for curves in isocodec.open(data[:length]).each_frame():
-                taken.append(curves)
-        # a frame is over as soon as the chunk that begins the next one is there
-        assert len(taken) == sum(length >= end + 2 for end in ends)
-
-
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
 def test_truncated_files_are_files(share: float):
     frames = moving(5)
@@ -231,13 +207,6 @@ def test_holes_are_those_of_all_frames():
     frames[3, 20, 20] = np.nan
     with pytest.raises(InputError, match="missing"):
         encode(Frames(frames), ISOVALUE, precision="signs")
-
-
-def test_masks_of_frames():
-    frames = moving()
-    data = encode(Frames(frames), ISOVALUE, interval=2, precision="signs")
-    for number, frame in enumerate(frames):
-        assert (isocodec.open(data).above(frame=number) == (frame > ISOVALUE)).all()
 
 
 def test_a_moving_curve_takes_little():
@@ -404,15 +373,3 @@ def test_damaged_bytes_never_crash():
                 pass
         except IsoError:
             pass
-
-
-def test_limits_count_two_frames():
-    frames = moving(6)
-    data = encode(Frames(frames), ISOVALUE, precision="signs")
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
-    small = Decoder(Limits(vertices=40))
-    small.feed(data)
-    with pytest.raises(isocodec.errors.LimitError):
-        list(small)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import hurtful
 import isocodec
 from brute import INTERPRETED, examples
-from files import HEADER, NAMES, files, layers_file, picture, same_drawing, with_checksum
+from files import HEADER, NAMES, files, layers_file, picture, with_checksum
 from hurtful import BASES, GRID, decoded, empty_series, isovalues, measured, mutants, stated_mesh
 from isocodec import Decoder, IsoError, Limits
 from isocodec.drawing.snapshot import state_of
@@ -62,13 +62,6 @@ def test_limits(monkeypatch):
     speck[21, 19] = 1
     _, code = limited(isocodec.encode(speck, 0, layers=0), steps=0)
     assert code == "limit-steps"
-
-
-def test_limits_of_whole_files():
-    data = files()["exact"]
-    with pytest.raises(LimitError):
-        isocodec.decode(data, limits=Limits(vertices=10))
-    assert same_drawing(isocodec.decode(data, limits=Limits(vertices=1 << 17)), isocodec.decode(data))
 
 
 def test_limits_hold_for_all_isovalues_together():

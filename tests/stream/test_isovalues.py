@@ -19,7 +19,7 @@ from isocodec.drawing.snapshot import leaves_of, state_of
 from isocodec.entropy.run import WritingRun
 from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Samples
-from isocodec.format.events import IsovalueRead, LayerComplete
+from isocodec.format.events import IsovalueRead
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.layers.layer_writer import LayerWriter
 from isocodec.grid.passes.runner import Tube
@@ -123,19 +123,6 @@ def test_bases_from_the_leaves_of_another(n):
             assert {x.tobytes() for x in found.astype(np.int64)} == {x.tobytes() for x in expected.astype(np.int64)}
 
     run()
-
-
-def test_bases_from_the_leaves_of_an_adaptive_mesh():
-    field = np.rint(smooth((40, 33), 3) * 100).astype(np.int64)
-    plans = {
-        10.5: strategy.reduced(promise(field, 10.5), "distortion", 1.0, True),
-        12.5: [("leaf_base",), ("refine", None)],
-    }
-    data = b"".join(encoder_of(field, [10.5, 12.5], layers=plans))
-    found, alone = isocodec.decode(data, isovalue=12.5), isocodec.decode(
-        isocodec.encode(field, 12.5, precision="signs")
-    )
-    assert sorted(found.points[found.cells].tolist()) == sorted(alone.points[alone.cells].tolist())
 
 
 @pytest.mark.parametrize("n", [2, 3])
@@ -302,25 +289,6 @@ def test_refused():
         isocodec.decode(isocodec.encode(field, 0.5), isovalue=1.5)
 
 
-def test_truncated_between_isovalues():
-    """Each number of layers, and each number of bytes, is a valid file."""
-    field = np.rint(smooth((20, 17), 2) * 100).astype(np.int64)
-    data = isocodec.encode(field, [0.5, 5.5])
-    layers = len(isocodec.open(data).info.layers)
-    for count in range(1, layers + 1):
-        short = isocodec.open(data).edited(layers=count)
-        # of a turn that ends midway, `info` lists the layers that are missing, too
-        decoder = Decoder()
-        decoder.feed(short)
-        assert [event.number for event in decoder if isinstance(event, LayerComplete)] == [*range(1, count + 1)]
-        isocodec.decode(short)
-    for size in range(60, len(data), 7):
-        short = isocodec.open(data).edited(size=size)
-        assert len(short) <= size
-        for isovalue in isocodec.open(short).info.isovalues:
-            isocodec.decode(short, isovalue=isovalue)
-
-
 def test_numbers_that_many_isovalues_could_make_grow_no_further():
     """Isovalues far apart, each leaning on the one before: no number of a vertex gets beyond 2**53."""
     apart = (1 << 52) - 64
@@ -410,12 +378,3 @@ def test_values_of_floats_follow_exactly(n):
                     assert np.count_nonzero(known)
 
     run()
-
-
-@pytest.mark.parametrize(("step", "share"), [(1, 0.1), (0.7, 0.25)])
-def test_values_of_floats_cost_once(step, share):
-    """A close isovalue takes this share of a file alone, less where steps are the same; as a field of an atmosphere."""
-    field = (5500 * smooth((90, 120), 4, 6) + 54000).astype(np.float32)
-    first, second = (len(isocodec.encode(field, v, precision=f"step={step}")) for v in (54000, 54010))
-    both = len(isocodec.encode(field, [54000, 54010], precision=f"step={step}"))
-    assert both - first < share * second

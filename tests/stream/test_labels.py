@@ -95,13 +95,6 @@ def test_refused() -> None:
         isocodec.merge([data, isocodec.encode(isocodec.Field(ZONES, labels=[3]))])
 
 
-def test_recoded() -> None:
-    data = isocodec.encode(isocodec.Field(SHELLS, labels=[1, 2]))
-    made = isocodec.open(data).edited(profile="baseline")
-    assert made == isocodec.encode(isocodec.Field(SHELLS, labels=[1, 2]), profile="baseline")
-    assert np.array_equal(isocodec.open(made).labels(), SHELLS)
-
-
 @pytest.mark.parametrize(("labels", "more", "options"), [
     ([2, 1], [], {}), ([1, 2, 3], ["--profile", "baseline"], {"profile": "baseline"}),
     ([1, 2], ["--spacing", "2,3", "--metadata", "a=b"], {"metadata": {"a": "b"}}),

@@ -6,7 +6,6 @@ import gc
 import tracemalloc
 import warnings
 import weakref
-from dataclasses import replace
 from unittest import mock
 
 import numpy as np
@@ -19,7 +18,7 @@ from files import picture
 from isocodec import Decoder, IsoError, Limits
 from isocodec import limits as module
 from isocodec.entropy import run
-from isocodec.errors import InputError, LimitError, OptionError
+from isocodec.errors import LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
 from isocodec.io.cost import COST
 from isocodec.io.formats import Areas
@@ -220,14 +219,6 @@ def test_drawing_has_a_limit_of_its_own():
     assert tight.grid.above().shape == (40, 40, 40)
 
 
-def test_isovalues_are_limited():
-    data = isocodec.encode(picture((20, 20), 1), [-20.5, 0.5, 20.5])
-    isocodec.open(data, limits=Limits(isovalues=3)).contours()
-    with pytest.raises(LimitError) as caught:
-        isocodec.open(data, limits=Limits(isovalues=2)).contours()
-    assert caught.value.code == "limit-isovalues"
-
-
 def test_earlier_isovalues_keep_only_what_is_needed_of_them():
     """Sixteen isovalues hold far less than sixteen times what the encoder of one has at its disposal."""
     data = isocodec.encode(field(2, 200, 0), [100.0 * i + 0.5 for i in range(-8, 8)])
@@ -269,15 +260,6 @@ def test_work_is_limited_by_what_has_been_read():
         assert code == "limit-work" and symbols // 8 < done <= symbols // 4
         # 512 symbols a byte are more than it takes
         isocodec.decode(data, limits=Limits(work=1))
-
-
-def test_symbols_are_limited():
-    data = isocodec.encode(picture((60, 60), 2), 0, precision="signs")
-    total = sum(s for layer in inspect(data, symbols=True).layers for s in layer.symbols.values())
-    isocodec.decode(data, limits=Limits(symbols=total + 1))
-    with pytest.raises(LimitError) as caught:
-        isocodec.decode(data, limits=Limits(symbols=total // 2))
-    assert caught.value.code == "limit-symbols"
 
 
 @pytest.mark.parametrize("symbols", [1, 63, 64, 65, 200])
@@ -408,10 +390,3 @@ def test_contours_of_a_file_are_drawn_one_after_the_other(tmp_path, monkeypatch)
     monkeypatch.setattr(Decoder, "contour", noted)
     ok("decode", source, "-o", tmp_path / "a.geojson")
     assert len(alive) == 3
-
-
-def test_an_input_error_is_no_limit():
-    """Errors of input stay what they are."""
-    with pytest.raises(InputError):
-        isocodec.encode(np.zeros((3, 3, 3, 3)), 0)
-    assert replace(Limits(), memory=5).memory == 5

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from fractions import Fraction
 from pathlib import Path
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok
 from isocodec import Decoder, Limits
 from isocodec.errors import FormatError, LimitError
 from isocodec.format.chunks import read_further, write_chunk, write_further
@@ -168,29 +166,6 @@ def test_many_isovalues_in_tiles_series_and_windows(tmp_path: Path) -> None:
         assert np.array_equal(series.above(values[80], frame=frame), values[80] < field)
     fewer = isocodec.open(series.edited(isovalues=values[10::20]))
     assert np.array_equal(fewer.above(values[70], frame=1), values[70] < BOWL + 0.05)
-
-
-@pytest.mark.heavy
-def test_an_interval_on_the_command_line(tmp_path: Path) -> None:
-    """Encoded, listed, cut, verified, decoded and drawn."""
-    np.save(tmp_path / "bowl.npy", BOWL)
-    path = tmp_path / "bowl.iso"
-    ok("encode", tmp_path / "bowl.npy", "-o", path, "--interval", 0.5, "--precision", 0.1)
-    info = json.loads(ok("info", path, "--json"))
-    count = len(info["isovalues"])
-    assert 80 < count < 120
-    assert json.loads(ok("verify", path, tmp_path / "bowl.npy", "--json"))["kept"]
-    ok("decode", path, "-o", tmp_path / "bowl.geojson")
-    lines = json.loads((tmp_path / "bowl.geojson").read_text())["features"]
-    assert {line["properties"]["isovalue"] for line in lines} == set(info["isovalues"])
-    ok("plot", path, "-o", tmp_path / "bowl.png")
-    ok("edit", path, "--size", path.stat().st_size // 2, "-o", tmp_path / "half.iso")
-    assert len(isocodec.open(tmp_path / "half.iso").isovalues) >= count // 3
-    assert "a file holds at most 4,096" in fails(
-        3, "encode", tmp_path / "bowl.npy", "-o", tmp_path / "b.iso", "--interval", 0.01
-    )
-    message = fails(2, "decode", path, "-o", tmp_path / "c.geojson", "--isovalue", 7.25)
-    assert "7, 7.5" in message and len(message) < 400
 
 
 # -- what it costs ----------------------------------------------------------------------------------------------------

@@ -372,13 +372,6 @@ def test_missing_samples(where: str, way: str) -> None:
     assert all(one.kept is not False for one in file.verify(placed))
 
 
-@pytest.mark.parametrize("way", SEARCHED)
-def test_profiles(way: str) -> None:
-    shape, periodic, seed = AXES["torus"]
-    data = isocodec.encode(around(waves(shape, periodic, seed), periodic), LEVEL, profile="baseline", **SEARCHED[way])
-    assert open_ends(isocodec.decode(data), periodic) == 0
-
-
 # -- mapped grids --------------------------------------------------------------------------------------------------
 
 

@@ -26,7 +26,6 @@ from tables import heavy, looped
 from tiled import encoded, hilly, holed, pieces, tiled_of
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
-find_contours = Late("skimage.measure.find_contours")
 
 FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 5, 3: 2}
 """Random fields, by number of axes."""
@@ -191,14 +190,6 @@ def test_levels_of_samples_on_sides(seed: int, k: int) -> None:
     row = signs[0]
     wanted = {(0, y) for y in range(side) if (row[y] != row[y - 1] and y) or (y + 1 < side and row[y] != row[y + 1])}
     assert {(x, y) for x, y, _ in position.tolist() if x == 0} >= wanted - {(0, 0), (0, side - 1)}
-
-
-def test_against_find_contours(tmp_path: Path) -> None:
-    """Exact values: the points of scikit-image."""
-    field = hilly()
-    tiled = isocodec.decode(encoded(tmp_path, field, 30.5, precision="exact"))
-    theirs = np.unique(np.concatenate(find_contours(field.astype(float), 30.5)).round(6), axis=0)
-    assert np.array_equal(np.unique(tiled.points.round(6), axis=0), theirs)
 
 
 def test_windows_are_parts_of_the_whole(tmp_path: Path) -> None:

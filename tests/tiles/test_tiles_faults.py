@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import multiprocessing
 import os
 import random
 import resource
@@ -11,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -191,26 +189,3 @@ def test_a_scheduler_that_dies(tmp_path: Path) -> None:
     assert not out.exists()
     isocodec.save(out, field, 30.5, tile=64)
     assert out.read_bytes() == encoded(tmp_path, field, 30.5, tile=64)
-
-
-def test_a_worker_that_dies_again_and_again(tmp_path: Path) -> None:
-    """Each time what was done is kept: with room for a worker's first tiles the file is there in the end."""
-    field = hilly()
-    out = tmp_path / "a.iso"
-    turns = 0
-    while not out.exists():
-        turns += 1
-        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as processes:
-            processes.submit(os.getpid).result()
-            (worker,) = processes._processes  # type: ignore[misc]
-
-            def progress(done: int, total: int, worker: int = worker, first: list[int] = []) -> None:  # noqa: B006
-                first.append(done)
-                if len(first) % 9 == 0:
-                    os.kill(worker, signal.SIGKILL)
-
-            try:
-                isocodec.save(out, field, 30.5, tile=32, engine=processes, progress=progress)
-            except InputError as error:
-                assert "worker" in str(error) and not out.exists()
-    assert turns < 10 and out.read_bytes() == encoded(tmp_path, field, 30.5)

@@ -98,12 +98,6 @@ def check_no_gaps(tmp_path: Path, n: int, options: dict[str, object], count: int
         check_in_faces(contour, file, sum(len(each.cells) for each in alone))
 
 
-def test_meshes_for_a_tolerance(tmp_path: Path) -> None:
-    for seed in range(4):
-        file = tiled_of(encoded(tmp_path, random_field(2, seed, True), 0.5, precision=1.0))
-        check_closed(mixed(file, seed))
-
-
 @pytest.mark.parametrize("n", [2, 3])
 def test_a_download_that_ends_early(tmp_path: Path, n: int) -> None:
     """Cut anywhere in the segments: closed as well, no worse than the last layer that is there of all tiles."""

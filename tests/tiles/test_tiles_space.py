@@ -61,12 +61,6 @@ def test_the_surface_keeps_to_it(tmp_path: Path, tolerance: float) -> None:
     assert len(data) < len(grid)
 
 
-def test_about_as_small_as_in_one_piece(tmp_path: Path) -> None:
-    field = waves((65, 129, 65))
-    tiled = len(encoded(tmp_path, field, 0.4, tile=64, precision=1.0))
-    assert tiled <= 1.35 * len(isocodec.encode(field, 0.4, precision=1.0))
-
-
 def test_random_fields(tmp_path: Path) -> None:
     check_random(tmp_path, range(COUNT))
 

@@ -23,7 +23,6 @@ from test_servers import right, serving
 
 import isocodec
 from brute import INTERPRETED
-from commands import ok
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.stream.options import Options
 from isocodec.tiles.assembly import grid_of
@@ -68,21 +67,6 @@ def test_the_same_bytes_whoever_encodes(tmp_path: Path) -> None:
             assert encoded(tmp_path, field, 30.5, engine=processes) == alone
 
 
-def test_the_same_bytes_from_other_arrays(tmp_path: Path) -> None:
-    zarr, array = pytest.importorskip("zarr"), pytest.importorskip("dask.array")
-    xarray = pytest.importorskip("xarray")
-    field = hilly((90, 100))
-    alone = encoded(tmp_path, field, 30.5)
-    np.save(tmp_path / "field.npy", field)
-    stored = zarr.open(str(tmp_path / "field.zarr"), mode="w", shape=field.shape, chunks=(37, 23), dtype=field.dtype)
-    stored[:] = field
-    for other in (
-        np.load(tmp_path / "field.npy", mmap_mode="r"), stored, array.from_array(field, chunks=(13, 77)),
-        xarray.DataArray(field),
-    ):
-        assert encoded(tmp_path, other, 30.5) == alone
-
-
 class Here:
     """A field that notes which process reads it, and goes to others in few bytes."""
 
@@ -106,42 +90,6 @@ def test_workers_read_what_is_handed_over_in_few_bytes(tmp_path: Path, ballast: 
         assert encoded(tmp_path, Here(field, tmp_path / "notes", ballast), 30.5, engine=processes) == alone
     readers = set(map(int, (tmp_path / "notes").read_text().split()))
     assert (os.getpid() in readers) == (ballast > 0)
-
-
-@pytest.mark.skipif(INTERPRETED, reason="workers would be slow")
-def test_files_are_read_by_workers(tmp_path: Path) -> None:
-    """As by one process; a GeoTIFF with samples that are missing."""
-    rasterio = pytest.importorskip("rasterio")
-    field = hilly((180, 150))
-    field[:9, :9] = -9999
-    np.save(tmp_path / "f.npy", field)
-    shape = {"height": field.shape[0], "width": field.shape[1]}
-    with rasterio.open(tmp_path / "f.tif", "w", driver="GTiff", count=1, dtype="int16", nodata=-9999, **shape) as file:
-        file.write(field, 1)
-    for name in ("f.npy", "f.tif"):
-        made = []
-        for workers in (1, 2):
-            path = tmp_path / f"{workers}.iso"
-            ok("encode", tmp_path / name, "-o", path, "--isovalue", 30.5, "--tile", 32, "--workers", workers)
-            made.append(path.read_bytes())
-        assert made[0] == made[1]
-    holes = np.ma.masked_equal(field, -9999)
-    assert made[0][40:] and pieces(isocodec.decode(made[0])) == pieces(isocodec.decode(encoded(tmp_path, holes, 30.5)))
-
-
-@pytest.mark.skipif(INTERPRETED, reason="workers would be slow")
-def test_the_same_bytes_of_a_dask_cluster(tmp_path: Path) -> None:
-    distributed, array = pytest.importorskip("distributed"), pytest.importorskip("dask.array")
-    field = hilly((180, 150))
-    alone = encoded(tmp_path, field, 30.5)
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=tmp_path
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        assert encoded(tmp_path, field, 30.5, engine=client) == alone
-        assert encoded(tmp_path, array.from_array(field, chunks=50), 30.5, engine=client) == alone
 
 
 # -- what goes wrong -----------------------------------------------------------------------------------------------

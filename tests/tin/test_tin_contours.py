@@ -9,16 +9,8 @@ import pytest
 
 import isocodec
 from commands import fails, ok
-from home import ROOT
 from isocodec.errors import OptionError
-from isocodec.field.samples import check_field
-from isocodec.search.original import original
-from libraries import Late
 from tables import looped
-
-shapely = Late("shapely")
-
-DEMO = ROOT / "demo" / "data"
 
 
 def test_contours_of_surfaces(tmp_path):
@@ -126,21 +118,3 @@ def test_small_fields_are_not_refused(name, tolerance):
         return
     opened = isocodec.open(isocodec.encode(thinned))
     assert all(one.kept and one.promised == tolerance for one in opened.verify(field))
-
-
-@pytest.mark.parametrize("tolerance", [0.5, 2.0])
-def test_contours_of_real_terrain_are_kept(tolerance):
-    """With saddles and islands; measured both ways by shapely, in a file with few of the samples."""
-    field = np.load(DEMO / "jacksboro_fault_dem.npz")["values"][:70, :90]
-    data = isocodec.encode(isocodec.thin(field, contours=[500.5], tolerance=tolerance))
-    (one,) = isocodec.open(data).verify(field)
-    assert one.kept and one.promised == tolerance
-    curves = [
-        shapely.MultiLineString([*each.points[each.cells]])
-        for each in (isocodec.decode(data, isovalue=500.5), original(check_field(field, 500.5)))
-    ]
-    for first, second in (curves, curves[::-1]):
-        places = shapely.points(shapely.get_coordinates(first.segmentize(0.05)))
-        assert shapely.distance(places, second).max() <= tolerance + 1e-6
-    grid = isocodec.encode(field, 500.5, precision=tolerance)
-    assert len(isocodec.open(data).surface().points) < field.size / 15 and len(data) < 4 * len(grid)
