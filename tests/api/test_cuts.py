@@ -185,7 +185,7 @@ def test_verify_compares_the_curve_alone() -> None:
 @pytest.mark.parametrize("progressive", [None, True, False])
 def test_isovalues_that_lean_on_a_cut(kind: str, progressive: bool | None) -> None:
     """Of vertices that are not there nothing is known: those behind have the curve that they have alone."""
-    for seed in range(6):
+    for seed in range(2):
         mesh = MESHES[kind](LARGER + seed)
         values = np.rint(20 * field_of(mesh, seed)).astype(int)
         isovalues = (0.5, 5.5, -4.5)

@@ -259,20 +259,11 @@ def complaints(done: subprocess.CompletedProcess[str]) -> list[str]:
 
 def test_process(hills: Path, tmp_path: Path) -> None:
     iso, out = tmp_path / "a.iso", tmp_path / "a.geojson"
-    done = process("encode", hills, "-o", iso, "--isovalue", "80.5", "--precision", "exact")
-    assert (done.returncode, complaints(done)) == (0, [])
-    done = process("decode", iso, "-o", out, "--in-samples")
-    assert (done.returncode, complaints(done)) == (0, [])
-    assert json.loads(out.read_text())["type"] == "FeatureCollection"
-    done = process("info", iso, "--json")
-    assert json.loads(done.stdout)["shape"] == [33, 41]
+    done = process("encode", hills, "-o", iso, "--isovalue", "80.5", "--precision", "exact", "--json")
+    assert (done.returncode, complaints(done), json.loads(done.stdout)["shape"]) == (0, [], [33, 41])
     done = process("decode", tmp_path / "none.iso", "-o", out)
     assert done.returncode == 3
     assert done.stderr == f"isocodec: {tmp_path / 'none.iso'}: No such file or directory\n"
-    (tmp_path / "bad.iso").write_bytes(b"PNG?" * 30)
-    done = process("info", tmp_path / "bad.iso", environment={"ISOCODEC_DEBUG": ""})
-    assert done.returncode == 4
-    assert done.stderr.count("\n") == 1
 
 
 class Terminal(io.StringIO):

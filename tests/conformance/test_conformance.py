@@ -43,7 +43,7 @@ VECTORS = read_manifest(HOME)
 BY_NAME = {v.name: v for v in VECTORS}
 each_vector = looped("vector", VECTORS)
 LIGHT = [v for v in VECTORS if v.expected.status != LIMIT]
-SHARE = 4
+SHARE = 8
 each_light_vector = looped("vector", [
     pytest.param(v, marks=[pytest.mark.heavy] if i % SHARE else []) for i, v in enumerate(LIGHT)
 ])

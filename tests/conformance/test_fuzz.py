@@ -35,7 +35,7 @@ from isoconform.shrink import shrunk
 from isoconform.streams import Chunk, File
 from isoconform.syntax import any_bits, any_file, any_header, any_program, any_taste, bare_file
 from isospec.elements import ELEMENTS
-from tables import looped
+from tables import heavy, looped
 
 VECTORS = default_directory()
 SPEC = ROOT / "spec" / "iso.md"
@@ -112,6 +112,7 @@ def test_programs_follow_on_one_another(seed):
         before = after
 
 
+@pytest.mark.heavy  # hundreds of files by plain Python
 def test_files_reach_what_encoders_do_not_write():
     """Of 120 files most are whole and valid, some are cut off, a few are an error; all kinds of layers come in them."""
     outputs = [dump(any_file(Random(seed))) for seed in range(120)]
@@ -224,7 +225,7 @@ def test_a_decoder_that_dies_is_started_again(tmp_path, importable):
 )
 def test_troubles_of_a_batch(tmp_path, annex, importable, body, trouble):
     """No answer in time; one that is none; an end between files, which is noticed at the next one only."""
-    decoder = Batch(script(tmp_path, body), timeout=5 if trouble == "hang" else None)
+    decoder = Batch(script(tmp_path, body), timeout=1.5 if trouble == "hang" else None)
     decoder.ask(Request(annex))
     answer = decoder.answer()
     decoder.close()
@@ -304,7 +305,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", ["exit code", *heavy("a sign", "crash")])
 def test_planted_faults_are_found(tmp_path, capsys, importable, fault):
     """And saved: the file, shrunk, the expected text, and a report with an annotated dump."""
     command = script(tmp_path, f"output = dump(data, layers=asked.get('layers', 0))\n{FAULTS[fault]}")
@@ -401,17 +402,20 @@ def test_annex_d_is_explained_as_in_the_specification(annex, importable):
     assert text.splitlines()[-1] == "exit code 0, profile baseline, 46 symbols: complete"
 
 
-@pytest.mark.parametrize(
-    ("name", "parts"),
-    [
-        ("plane_main_vertex_2x9", ["profile main", "[network 5, kind ", "offsets, 9 parts of 2 samples", "part "]),
-        ("bad_chunk_checksum", ["wrong, it is", "exit code 4", "[spec 3.5.3]"]),
-        ("plane_ends_in_header", ["not read", "no symbols", "exit code 5"]),
-        ("plane_isovalues_random_leaf_base", ["leans on isovalue 0", "leaf base at level", "adapt at level"]),
-        ("plane_cut_run_60", ["symbols to be decoded (3.5.4)"]),
-        ("bad_further_digits_long", ["[spec 3.3.4]"]),
-    ],
-)
+EXPLAINED = [
+    ("plane_main_vertex_2x9", ["profile main", "[network 5, kind ", "offsets, 9 parts of 2 samples", "part "]),
+    ("bad_chunk_checksum", ["wrong, it is", "exit code 4", "[spec 3.5.3]"]),
+    ("plane_ends_in_header", ["not read", "no symbols", "exit code 5"]),
+    ("plane_isovalues_random_leaf_base", ["leans on isovalue 0", "leaf base at level", "adapt at level"]),
+    ("plane_cut_run_60", ["symbols to be decoded (3.5.4)"]),
+    ("bad_further_digits_long", ["[spec 3.3.4]"]),
+]
+"""Vectors, and what is found in the explanation of each."""
+
+
+@pytest.mark.parametrize(("name", "parts"), [
+    pytest.param(*one, marks=[pytest.mark.heavy] if number > 1 else []) for number, one in enumerate(EXPLAINED)
+])
 def test_any_file_is_explained(importable, name, parts):
     """All of its bytes, and as many symbols as the reference counts."""
     path = VECTORS / f"{name}.iso"

@@ -21,7 +21,7 @@ from zoo.misreadings import Change, RottenError, by_name, changed, load, plant
 
 MISREADINGS = load()
 BY_NAME = {m.name: m for m in MISREADINGS}
-PLANTED = ("varint-10-bytes", "second-branch-last-points", "explicit-vertices-in-uniform-rounds", "gap-of-any-size")
+PLANTED = ("varint-10-bytes", "gap-of-any-size")
 """Of different themes, with vectors that plain Python decodes in no time."""
 
 

@@ -217,7 +217,7 @@ def mesh_of(field: isocodec.Field, stored: Any = None) -> isocodec.Mesh:
 
 @pytest.mark.parametrize("option", OPTIONS)
 @pytest.mark.parametrize(
-    ("text", "good"), [("1m", True), ("100cm", True), ("0.5", True), ("15banana", False), ("0.1deg", False)]
+    ("text", "good"), [("100cm", True), ("0.5", True), ("0.1deg", False)]
 )
 def test_options_take_distances_with_units(option: str, text: str, good: bool, tmp_path: Path) -> None:
     run = OPTIONS[option]

@@ -300,7 +300,7 @@ def test_copied_part_of_the_board_keeps_up_with_it(shape, back):
     tube.state = tube.state._replace(active=active)
     tube.state.counters.active = len(active)
     copies = 0
-    for number in rng.choice(len(middles), 60):
+    for number in rng.choice(len(middles), 20):
         tube.state.counters.coded = number
         new = np.minimum(rng.integers(0, last + 1, (4, n)) * g, np.array(shape) - 1)
         new[0] = np.minimum(middles[number] * g, np.array(shape) - 1)

@@ -123,6 +123,7 @@ def test_a_checkout_gets_its_library_whole(tmp_path: Path, monkeypatch: pytest.M
         assert {path.name for path in folder.iterdir()} - {"checked"} == {"kernels.so", "kernels.json"}
 
 
+@pytest.mark.heavy  # digests of all sources, six times
 def test_keys_name_what_a_build_depends_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sources, platform, checks, and what it is built with."""
     linux, windows = (TARGETS[name] for name in ("linux-x86_64", "windows-x86_64"))

@@ -19,7 +19,7 @@ from libraries import Late
 Delaunay = Late("scipy.spatial.Delaunay")
 
 Cell = frozenset[int]
-COMPLEXES = 300 if HEAVY else 100
+COMPLEXES = 300 if HEAVY else 30
 """Random complexes of each kind."""
 
 

@@ -110,7 +110,7 @@ def triangles_of(points: Points, cells: NDArray[Any]) -> set[frozenset[tuple[flo
     return {frozenset(map(tuple, points[cell].tolist())) for cell in cells}
 
 
-@pytest.mark.cover(2)
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("precision", [None, 0.4, 0.05, "step=1e-4"])
 @pytest.mark.parametrize("stored", ["whole", "delaunay"])
 @pytest.mark.parametrize("kind", [*CLEAR, *TIED])
@@ -176,11 +176,11 @@ def test_files_of_all_points_have_one_mesh() -> None:
 
 def test_errors_that_are_asked_for() -> None:
     """Points lie within them, whether they are moved for the triangles or not."""
-    for kind in ("lines", "turned grid", "anywhere"):
+    for kind in ("lines", "turned grid"):
         rng = np.random.default_rng(7)
         points = {**CLEAR, **TIED}[kind](rng)
         values = values_at(points, rng)
-        for error in (0.2, 0.02, 0.0004):
+        for error in (0.2, 0.0004):
             for stored in ("whole", "delaunay"):
                 file = isocodec.open(isocodec.encode(
                     Mesh(points, None, values, error=error, stored=stored), ISOVALUE, precision="signs"

@@ -18,7 +18,7 @@ from tables import looped
 
 cKDTree = Late("scipy.spatial.cKDTree")
 
-MANY = 6 if INTERPRETED else 150 if HEAVY else 50
+MANY = 6 if INTERPRETED else 150 if HEAVY else 20
 """Random complexes, of each dimension."""
 
 
@@ -261,7 +261,7 @@ def test_damaged(make):
     mesh = make(9)
     data = encode(Mesh(*mesh, noise(len(mesh[0]), 9)), [30, 60], precision=1)
     rng = np.random.default_rng(1)
-    for _ in range(20 if INTERPRETED else 300):
+    for _ in range(20 if INTERPRETED else 300 if HEAVY else 100):
         wrong = bytearray(data)
         for _ in range(rng.integers(1, 4)):
             wrong[rng.integers(len(wrong))] = rng.integers(256)

@@ -211,7 +211,7 @@ def closed(data: bytes) -> Decoder:
 
 def all_of_prefixes(data: bytes) -> Iterator[bytes]:
     """For each prefix that tells some symbols a file of all of them."""
-    for length in range(len(data)):
+    for length in range(0, len(data), 1 if HEAVY else 5):
         with suppress(OptionError, TruncatedError):
             yield isocodec.open(data[:length]).edited(size=len(data) + 100)
 
@@ -227,7 +227,7 @@ def test_truncate_to_bytes(name):
         prefixes.append((decoder.take().contour(), decoder.symbols))
     kept = [(len(file), closed(file).symbols) for file in all_of_prefixes(data)]
     fits = False
-    for size in range(1, len(data) + 1):
+    for size in range(1 if HEAVY else 1 + (len(data) - 1) % 5, len(data) + 1, 1 if HEAVY else 5):
         try:
             short = isocodec.open(data).edited(size=size)
         except OptionError:

@@ -305,7 +305,7 @@ def promised(t: int, isovalue: float, precision: float | tuple[float, ...]) -> l
     return [layer.within for layer in info.layers if layer.within]
 
 
-@pytest.mark.cover(2)
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("interval", [0, 1, 2])
 @pytest.mark.parametrize("isovalues", [[ISOVALUE], [ISOVALUE, 25]], ids=["one", "two"])
 @pytest.mark.parametrize("precision", [0.05, 0.5, (1, 0.2)], ids=["grid", "searched", "steps"])

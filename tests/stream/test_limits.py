@@ -95,6 +95,7 @@ WAYS = {
 
 
 @pytest.mark.skipif(INTERPRETED, reason="memory of kernels that are not compiled is another")
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("n, size, rough", [
     (2, 150, 1), pytest.param(2, 300, 0, marks=pytest.mark.heavy), (3, 24, 1),
@@ -151,13 +152,13 @@ def test_the_encoder_warns_of_files_that_default_limits_refuse(monkeypatch):
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
 @pytest.mark.parametrize("n, suffix", [
-    *((2, suffix) for suffix in (".npz", ".geojson", ".svg", "areas")), *((3, suffix) for suffix in (".npz", ".ply")),
-    *(pytest.param(n, suffix, marks=pytest.mark.heavy)
-      for n, suffix in ((2, ".pmtiles"), (2, ".png"), (3, ".obj"), (3, ".stl"), (3, ".png"))),
+    (2, ".geojson"), (2, "areas"), (3, ".ply"),
+    *(pytest.param(n, suffix, marks=pytest.mark.heavy) for n, suffix in (
+        (2, ".npz"), (2, ".svg"), (2, ".pmtiles"), (2, ".png"), (3, ".npz"), (3, ".obj"), (3, ".stl"), (3, ".png"))),
 ])
 @pytest.mark.parametrize("rough", [1, pytest.param(0, marks=pytest.mark.heavy)])
 def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
-    size = (400 if n == 2 else 60) >> rough
+    size = (300 if n == 2 else 48) >> rough
     # coordinates with many digits
     placement = np.column_stack([np.eye(n) * 12.345, np.full(n, 1e6 / 3)])
     crs = {"crs": "EPSG:3857"} if suffix == ".pmtiles" else None
@@ -183,7 +184,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
     """Before their memory is taken; the decoder holds nothing after that, and says why."""
     ends = []
     lone = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
-    for step in (len(lone), 1, 5):
+    for step in (len(lone), 1):
         decoder = Decoder(Limits(memory=40 * MIB))
         gc.collect()
         tracemalloc.start()
@@ -198,7 +199,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
         ends.append((caught.value.offset, decoder.symbols))
         with pytest.raises(LimitError):
             decoder.contour()
-    assert ends[0] == ends[1] == ends[2] and sum(ends[0][1].values()) > 1000
+    assert ends[0] == ends[1] and sum(ends[0][1].values()) > 1000
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")

@@ -137,7 +137,7 @@ def test_each_of_many_isovalues_is_right(count: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("order", [0, *heavy(1, -1)])
 def test_isovalues_in_any_order(order: int) -> None:
-    values = evenly(100)
+    values = evenly(70)
     given = values[::order] if order else np.random.default_rng(3).permutation(values).tolist()
     file = isocodec.open(isocodec.encode(BOWL, given, precision="signs"))
     assert file.isovalues == tuple(given)
@@ -181,12 +181,12 @@ def held(data: bytes) -> int:
 def test_memory_is_linear() -> None:
     """An isovalue more takes what is decoded of it, and its models."""
     sizes = {
-        count: held(isocodec.encode(BOWL, evenly(450)[:count], precision="signs", order="isovalues"))
-        for count in (50, 150, 450)
+        count: held(isocodec.encode(BOWL, evenly(180)[:count], precision="signs", order="isovalues"))
+        for count in (20, 60, 180)
     }
-    each = (sizes[450] - sizes[150]) / 300
+    each = (sizes[180] - sizes[60]) / 120
     assert each < 100_000
-    assert (sizes[150] - sizes[50]) / 100 == pytest.approx(each, rel=0.5)
+    assert (sizes[60] - sizes[20]) / 40 == pytest.approx(each, rel=0.5)
 
 
 @pytest.mark.parametrize("profile", ["baseline", "main"])

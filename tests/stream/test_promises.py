@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import examples, smooth
+from brute import HEAVY, examples, smooth
 from commands import BALL, HILLS
 from isocodec import Decoder
 from isocodec.errors import OptionError
@@ -135,7 +135,7 @@ def rough(shape: tuple[int, ...], seed: int) -> np.ndarray:
 )
 @pytest.mark.parametrize("shape", [(70, 57), (17, 14, 20)])
 def test_the_criterion_distortion_keeps_its_distance(distance: float, shape: tuple[int, ...], topology: bool) -> None:
-    for seed in range(3):
+    for seed in range(3 if HEAVY else 1):
         field = rough(shape, seed)
         options = {"layers": f"distortion={distance}", "keep_topology": topology}
         data = isocodec.encode(field, 0.0, **options)
@@ -160,6 +160,7 @@ def test_distortion_finer_than_offsets() -> None:
         isocodec.encode(field, 0.0, layers="distortion=0.02", precision="signs")
 
 
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("topology", [False, True])
 @pytest.mark.parametrize("shape", [(61, 52), (11, 14, 12)])
 def test_the_curve_gets_no_worse_between_steps(shape: tuple[int, ...], topology: bool) -> None:

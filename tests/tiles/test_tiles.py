@@ -27,7 +27,7 @@ from tiled import encoded, hilly, holed, pieces, tiled_of
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 
-FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 5, 3: 2}
+FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 4, 3: 1}
 """Random fields, by number of axes."""
 MANY = {2: 200, 3: 60}
 
@@ -161,7 +161,7 @@ def in_face(part: TilePart | None, axis: int, at: int) -> list[tuple[float, ...]
 
 
 @pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
-@looped("seed", [0, 1, *heavy(2, 3, 4, 5)])
+@looped("seed", [0, *heavy(1, 2, 3, 4, 5)])
 def test_tolerances_are_kept_without_seams(tmp_path: Path, seed: int) -> None:
     """Meshes are searched tile by tile: all of the curve lies within the tolerance, both ways, and goes on."""
     field = random_field(2, seed, seed % 2 == 0)

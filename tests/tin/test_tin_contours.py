@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ import pytest
 import isocodec
 from commands import fails, ok
 from isocodec.errors import OptionError
-from tables import looped
+from tables import heavy, looped
 
 
 def test_contours_of_surfaces(tmp_path):
@@ -42,7 +42,7 @@ def test_contours_of_surfaces(tmp_path):
     assert ".svg" in fails(2, "decode", tmp_path / "b.iso", "-o", tmp_path / "b.svg", "--isovalue", 6.25)
 
 
-@pytest.mark.parametrize("tolerance", [0.5, 1.5])
+@pytest.mark.parametrize("tolerance", [1.5, *heavy(0.5)])
 def test_surfaces_that_keep_contours(tmp_path, tolerance):
     """The criterion ``contour``: contours of the surface lie where those of the field do, by another measure."""
     scipy = pytest.importorskip("scipy.spatial")
@@ -105,8 +105,14 @@ SMALL = {
 }
 
 
-@looped("tolerance", [0.1, 0.2, 0.5, 2.0])
-@looped("name", SMALL)
+QUICK = {("ramp", 0.5), ("cone", 2.0), ("steps", 0.2), ("strip", 2.0)}
+"""Those that are found within two seconds."""
+
+
+@looped("name, tolerance", [
+    pytest.param(*one, marks=[] if one in QUICK else [pytest.mark.heavy])
+    for one in product(SMALL, (0.1, 0.2, 0.5, 2.0))
+])
 def test_small_fields_are_not_refused(name, tolerance):
     """Where the search finds nothing, the surface of all samples has the contours, if any surface of samples has."""
     field, isovalues = SMALL[name], [22.5, 37.0]
