@@ -18,7 +18,6 @@ from libraries import Late
 
 Image = Late("PIL.Image")
 shapely = Late("shapely")
-tifffile = Late("tifffile")
 trimesh = Late("trimesh")
 
 # ---- encode ---------------------------------------------------------------------------------------------------------
@@ -57,19 +56,6 @@ def test_encode_options_are_those_of_the_library(
 ) -> None:
     ok("encode", hills, "-o", tmp_path / "out.iso", "--isovalue", 80.5, *options)
     assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS, 80.5, **keywords)
-
-
-def test_encode_of_a_channel_and_of_a_key(tmp_path: Path, curve_data: bytes) -> None:
-    Image.fromarray(np.dstack([HILLS // 2, HILLS, HILLS])).save(tmp_path / "c.png")
-    ok(
-        "encode", tmp_path / "c.png", "-o", tmp_path / "c.iso", "--isovalue", 80.5, "--precision", "exact",
-        "--band", 2,
-    )
-    np.savez(tmp_path / "k.npz", a=HILLS // 2, b=HILLS)
-    ok("encode", tmp_path / "k.npz", "-o", tmp_path / "k.iso", "--isovalue", 80.5, "--precision", "exact", "--key", "b")
-    tifffile.imwrite(tmp_path / "t.tif", HILLS)
-    ok("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 80.5, "--precision", "exact")
-    assert {(tmp_path / name).read_bytes() for name in ("c.iso", "k.iso", "t.iso")} == {curve_data}
 
 
 def test_negative_isovalue_is_no_option(tmp_path: Path) -> None:
@@ -169,37 +155,12 @@ def test_decode_curves(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
     assert Image.open(tmp_path / "c.png").size[0] == 900
 
 
-def test_decode_surfaces(surface: Path, tmp_path: Path) -> None:
-    for suffix in (".ply", ".stl", ".obj"):
-        line = ok("decode", surface, "-o", tmp_path / f"s{suffix}")
-        assert "triangles" in line
-        mesh = trimesh.load_mesh(tmp_path / f"s{suffix}")
-        mesh.merge_vertices()
-        assert mesh.is_watertight
-        # A ball of radius 5.55; its triangles cut a little off, 1 % at this size.
-        assert abs(mesh.volume) == pytest.approx(4 / 3 * np.pi * 5.55**3, rel=0.03)
-    ok("decode", surface, "-o", tmp_path / "s.npz")
-    ok("decode", surface, "-o", tmp_path / "s.png")
-
-
 def test_decode_of_the_wrong_dimension(curve: Path, surface: Path, tmp_path: Path) -> None:
     line = fails(2, "decode", curve, "-o", tmp_path / "c.stl")
     assert line.startswith(f"isocodec: {tmp_path / 'c.stl'}: ")
     assert ".geojson" in line and ".png" in line
     assert ".npz" in fails(2, "decode", surface, "-o", tmp_path / "s.svg")
     assert ".geojson" in fails(2, "decode", surface, "-o", tmp_path / "s.xyz")
-
-
-def test_decode_of_fewer_layers_or_bytes(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
-    out = tmp_path / "c.npz"
-    ok("decode", curve, "-o", out, "--layers", 1)
-    with np.load(out) as arrays:
-        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
-    half = len(curve_data) // 2
-    ok("decode", curve, "-o", out, "--max-bytes", half)
-    with np.load(out) as arrays:
-        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, max_bytes=half).points)
-    fails(2, "decode", curve, "-o", out, "--layers", 0)
 
 
 def test_decode_of_an_empty_curve(tmp_path: Path) -> None:

@@ -34,18 +34,6 @@ def test_outputs_that_cannot_be_written(hills: Path, tmp_path: Path) -> None:
         assert words in line
 
 
-def test_whole_isovalues_that_would_be_rounded(hills: Path, tmp_path: Path) -> None:
-    line = fails(3, "encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 2**53 + 1)
-    assert f"the nearest one is {2**53}" in line
-    ok("encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 2**53 + 2)
-
-
-def test_names_of_as_many_bytes_as_the_system_takes(hills: Path, tmp_path: Path) -> None:
-    out = tmp_path / ("\u754c" * 80 + ".iso")
-    ok("encode", hills, "-o", out, "--isovalue", 80.5)
-    assert out.exists() and len(list(tmp_path.glob("*.iso"))) == 1
-
-
 def test_links_to_nowhere_are_found_out_before_the_work(hills: Path, tmp_path: Path) -> None:
     dangling, coming = tmp_path / "dangling.iso", tmp_path / "coming.iso"
     dangling.symlink_to(tmp_path / "missing" / "out.iso")
@@ -209,11 +197,6 @@ def test_nothing_received(tmp_path: Path, curve_data: bytes) -> None:
         fails(5, "decode", tmp_path / "cut.iso", "-o", tmp_path / "c.npz", "--partial")
 
 
-def test_partial_of_a_whole_file_says_nothing(curve: Path, tmp_path: Path) -> None:
-    result = run("decode", curve, "-o", tmp_path / "c.npz", "--partial")
-    assert (result.exit_code, result.stderr) == (0, "")
-
-
 # ---- How a process ends ---------------------------------------------------------------------------------------------
 
 
@@ -324,12 +307,6 @@ def test_what_was_received_of_another_isovalue(two: Path, tmp_path: Path) -> Non
     part.write_bytes(data[:40])
     for more in ((), ("--partial",)):
         assert "before isovalue 40.25 begins" in fails(5, "decode", part, "-o", out, "--isovalue", 40.25, *more)
-
-
-def test_bytes_that_end_before_the_curve_begins(two: Path, tmp_path: Path) -> None:
-    for out, more in (("a.npz", ("--max-bytes", 6)), ("a.geojson", ("--max-bytes", 60, "--isovalue", 40.25))):
-        assert "ends before its curve begins" in fails(5, "decode", two, "-o", tmp_path / out, *more)
-        assert not (tmp_path / out).exists()
 
 
 def test_isovalues_are_said_in_full(hills: Path, tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
@@ -48,9 +47,6 @@ each_light_vector = looped("vector", [
     pytest.param(v, marks=[pytest.mark.heavy] if i % SHARE else []) for i, v in enumerate(LIGHT)
 ])
 """All but those that take a decoder to its limits, which takes seconds; most of them among the heavy tests."""
-
-CIRCLE_MEMORY = 64 << 20
-"""Issue 2: decoding a 200-cell circle in a domain of 100,000 x 100,000 takes at most this."""
 
 
 @pytest.fixture
@@ -211,12 +207,17 @@ def test_generation_gives_the_same_bytes(tmp_path):
 # --- the circle -----------------------------------------------------------------------------------------------------
 
 
+CIRCLE_MEMORY = 64 << 20
+"""For a circle of 200 cells in a domain of 100,000 x 100,000, at most."""
+
+
 @pytest.mark.parametrize("name", ["circle_100000", "circle_100000_rounds"])
 def test_circle_is_the_circle(name):
-    """Signs are the field's, and both ends of every grid edge that is crossed are known."""
+    """In little memory; signs are the field's, and both ends of every grid edge that is crossed are known."""
     decoder = Decoder()
     decoder.feed((HOME / f"{name}.iso").read_bytes())
     decoder.close()
+    assert decoder.budget.peak < CIRCLE_MEMORY
     state = decoder.grid.state()
     away = state.position - np.array(CENTRE)
     assert np.array_equal(state.above, (away**2).sum(axis=1) < RADIUS**2)
@@ -227,53 +228,6 @@ def test_circle_is_the_circle(name):
         low = np.argwhere(np.diff(inside, axis=a)) - RADIUS - 2
         high = low + np.eye(2, dtype=np.int64)[a]
         assert set(map(tuple, np.concatenate([low, high]).tolist())) <= known
-
-
-MEASURE = """
-import resource, sys, time, tracemalloc
-from brute import INTERPRETED
-from isocodec import Decoder, Limits
-from isocodec.errors import LimitError
-from isocodec.limits import TIERS
-from isocodec.grid.models.trained import shipped_models
-from isospec.tables import KINDS
-
-def peak():
-    # ru_maxrss is the parent's where a process was started by vfork; the kernel's own mark is not
-    try:
-        with open("/proc/self/status") as status:
-            return next(int(line.split()[1]) << 10 for line in status if line.startswith("VmHWM"))
-    except OSError:
-        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        return most if sys.platform == "darwin" else most << 10
-
-def decode(data):
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
-    return len(decoder.grid.state().position)
-
-warm, circle = (open(path, "rb").read() for path in sys.argv[1:])
-decode(warm)
-before = peak()
-tracemalloc.start()
-vertices = decode(circle)
-arrays = tracemalloc.get_traced_memory()[1]
-tracemalloc.stop()
-print(vertices, max(peak() - before, 0), arrays)
-"""
-
-
-@pytest.mark.parametrize("name", ["circle_100000", "circle_100000_rounds"])
-def test_circle_takes_little_memory(name, importable):
-    """Above the interpreter with its imports and warm kernels; by the process's peak and by what was allocated."""
-    pytest.importorskip("resource")
-    files = [str(HOME / f"{file}.iso") for file in ("plane_new_components_near", name)]
-    done = subprocess.run([sys.executable, "-c", MEASURE, *files], stdout=subprocess.PIPE, check=True, text=True)
-    vertices, grown, allocated = map(int, done.stdout.split())
-    assert vertices == BY_NAME[name].expected.vertices
-    assert grown < CIRCLE_MEMORY
-    assert allocated < CIRCLE_MEMORY
 
 
 # --- the runner -----------------------------------------------------------------------------------------------------

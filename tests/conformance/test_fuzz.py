@@ -24,11 +24,10 @@ from isocodec.format.program import Progress, read_program
 from isoconform import strategies
 from isoconform.__main__ import main
 from isoconform.damage import damaged, fields_of, torn
-from isoconform.decoders import Answer, Batch, Command, Reference, Request
+from isoconform.decoders import Answer, Batch, Reference, Request
 from isoconform.dump import COMPLETE, CUT_OFF, REFUSED, dump
-from isoconform.explain import explanation
 from isoconform.fuzz import STATE, Campaign, Trial, trials_of, verdict
-from isoconform.growing import grown, probe
+from isoconform.growing import probe
 from isoconform.manifest import default_directory
 from isoconform.properties import check, try_encoder
 from isoconform.shrink import shrunk
@@ -128,15 +127,6 @@ def test_a_seed_is_a_file():
     assert trials_of(3, 17) == trials_of(3, 17) != trials_of(4, 17)
 
 
-def test_a_run_grows_past_its_errors():
-    """Random bytes behind a base find a component where one has been soon; what is grown does not."""
-    start = EMPTY + bytes.fromhex("01 c0 00 0f")
-    found = [grown(start, Random(seed), 12)[1] for seed in range(10)]
-    assert all(probe.error is None for probe in found)
-    once = [grown(start, Random(seed), 12, 1)[1] for seed in range(10)]
-    assert any(probe.error is not None for probe in once)
-
-
 # --- damage ---------------------------------------------------------------------------------------------------------
 
 
@@ -232,17 +222,6 @@ def test_troubles_of_a_batch(tmp_path, annex, importable, body, trouble):
     assert answer is not None and answer.trouble.partition(":")[0] == trouble
 
 
-def test_memory_of_a_decoder_is_limited(tmp_path, annex):
-    """It fails to allocate what is over the limit."""
-    pytest.importorskip("resource")
-    allocates = "{python} -c 'bytearray(1 << 31)' {file}"
-    limited, free = Command(allocates, memory=1 << 30), Command("{python} -c 'pass' {file}", memory=1 << 30)
-    for decoder, code in ((limited, 1), (free, 0)):
-        decoder.ask(Request(annex))
-        answer = decoder.answer()
-        assert answer is not None and answer.code == code
-
-
 def test_vectors_by_batch(capsys, importable):
     """The runner, with the state after each layer, through one process."""
     names = ["plane_values_interleaved", "plane_ends_in_values", "bad_trailing"]
@@ -293,11 +272,6 @@ def test_faults_of_our_own_kernels_are_findings(tmp_path, monkeypatch, capsys, i
         dump(ANNEX_D)
 
 
-def test_a_decoder_that_breaks_off_while_it_explains(tmp_path, importable):
-    """Then what it said last stands there."""
-    assert explanation(tmp_path / "nothing.iso").startswith("isoconform: ")
-
-
 FAULTS = {
     "a sign": "say(output.exit_code, output.text.replace('v 1 1 1', 'v 1 1 0'))",
     "exit code": "say(0 if output.exit_code == 5 else output.exit_code, output.text)",
@@ -339,22 +313,6 @@ def test_usage_errors(capsys, arguments):
 
 
 # --- shrinking ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.heavy
-def test_a_file_is_shrunk_to_what_matters():
-    """To a vertex above, of a vector of 150 bytes: a header, a base, and the fewest bytes that say so."""
-    data = (VECTORS / "plane_isovalues_between_chunks.iso").read_bytes()
-
-    def holds(other):
-        output = dump(other)
-        return output.exit_code == COMPLETE and re.search(r"^v .* 1$", output.text, re.MULTILINE) is not None
-
-    assert not holds(b"") and holds(data)
-    small = shrunk(data, holds)
-    assert holds(small)
-    # signature, version, flags, sides, isovalue; head, length, program, run; checksum
-    assert len(small) <= 4 + 1 + 1 + 2 + 1 + 1 + 1 + 1 + 2 + 4
 
 
 def test_shrinking_keeps_to_its_tries():
@@ -455,17 +413,3 @@ def test_wrong_signs_are_noticed():
         check(field, 0.5, other, [other], b"")
     with pytest.raises(AssertionError, match="pieces"):
         check(field, 0.5, data, [other], b"")
-
-
-def test_isoconform_works_without_hypothesis(importable):
-    """It is asked for only where fuzzing of the encoder is."""
-    program = (
-        "import sys; sys.modules['hypothesis'] = None\n"
-        "from isoconform.__main__ import main\n"
-        "assert main(['--only', 'bad_trailing']) == 0\n"
-        "assert main(['fuzz', '--files', '2']) == 0\n"
-        "sys.exit(main(['fuzz', '--encoder']))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "pip install '.[dev]'" in done.stderr

@@ -70,16 +70,6 @@ def test_axes_of_uneven_steps() -> None:
     assert isocodec.encode(grids.placed(field, both), 0.1) == isocodec.encode(grids.placed(field, [south, east]), 0.1)
 
 
-def test_volumes() -> None:
-    field, arrays = grids.cylinder()
-    contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays), 0.0))
-    assert 0 < grids.off(contour.points, contour.placed, arrays) <= 0.005
-    axes = [np.geomspace(1, 5, 9), np.arange(24.0), np.linspace(7, 3, 11)]
-    placed = isocodec.decode(isocodec.encode(grids.placed(field, axes), 0.0)).placed
-    expected = [np.interp(contour.points[:, a], range(len(axis)), axis) for a, axis in enumerate(axes)]
-    assert np.abs(placed - np.stack(expected, axis=1)).max() < 0.005
-
-
 @looped("options", [{}, {"precision": "signs"}, {"precision": "step=0.01"}, {"profile": "baseline"}])
 @looped("grid", [grids.polar, grids.cylinder])
 def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[str, Any]) -> None:
@@ -103,19 +93,6 @@ def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[st
     for one, other in ((turned, fine), (fine, turned)):
         distances = np.linalg.norm(one.placed[:, None] - other.placed[None], axis=2).min(axis=1)
         assert distances.max() < 0.1 * cell + 1e-3 * 3
-
-
-def test_longitudes_that_wrap() -> None:
-    """Points next to the date line are placed between their neighbours, not around the earth."""
-    rows, columns = 19, 36
-    latitude, longitude = np.linspace(90, -90, rows), (np.arange(columns) * 10.0 + 100.0) % 360.0 - 180.0
-    field = np.cos(np.radians(longitude))[None] + 0 * latitude[:, None]
-    data = isocodec.encode(grids.placed(field, [latitude, longitude], periodic=1, periods=360), 0.2)
-    contour = isocodec.decode(data)
-    expected = np.degrees(np.arccos(0.2))
-    east = (contour.placed[:, 0] + 180) % 360 - 180
-    assert np.abs(np.abs(east) - expected).max() < 0.6
-    assert contour.placement is not None and contour.placement.periods == (360.0, 0.0) and not contour.placement.closes
 
 
 def test_signs_do_not_need_them() -> None:
@@ -196,18 +173,6 @@ def test_cells_that_fold_are_left_out(right: float, up: float, missing: bool) ->
     assert len(found) > 30 and np.abs(back + 11.5 + np.array([up, right]) - found).max() < 0.2
     with warnings.catch_warnings(action="ignore"):
         assert all(one.kept for one in file.verify(placed, within=0.05))
-
-
-def test_cells_that_fold_in_frames() -> None:
-    arrays = grids.polar()[1]
-    arrays[0][5, 7] += 1.0
-    field = grids.polar()[0]
-    with pytest.warns(UserWarning, match="fold"):
-        frames = [grids.placed(field + 0.01 * number, arrays, periodic=1) for number in range(3)]
-        data = isocodec.encode(isocodec.Frames(frames), 0.05)
-    assert np.argwhere(~isocodec.open(data).valid()).tolist() == [[5, 7]]
-    with pytest.warns(UserWarning, match="3; they are left out, with 1 of"):
-        isocodec.encode(grids.placed(field, arrays), 0.05)
 
 
 def folded() -> list[Array]:

@@ -18,13 +18,11 @@ sys.path.insert(0, str(ROOT / "tools"))
 
 
 from bench import measure
-from bench import run as bench_run
 from bench.classes import BY_KEY, CLASSES
 from bench.command import main
 from bench.compare import compare
 from bench.errors import Shape, apart, middles
 from bench.items import load, read_items
-from bench.measure import Codec
 from bench.nearest import Boxes
 from bench.rows import Book, read_rows
 from stand_ins import STAND_INS
@@ -152,59 +150,7 @@ def test_a_tolerance_is_kept(result):
     assert by_name["ours-largest"]["err_max"] <= 0.25
 
 
-def test_a_report_is_written_anew_from_rows(folder, tmp_path, capsys):
-    out = tmp_path / "out"
-    run = [str(folder), "-o", str(out), "--repeat", "1", "--no-plots", "--items", "hill,ball"]
-    assert main([*run, "--classes", "signs2"]) == 0
-    rows = read_rows(out / "results.jsonl")
-    table = capsys.readouterr().out
-    assert BY_KEY["signs2"].title in table
-    assert main([*run, "--report-only"]) == 0
-    assert (read_rows(out / "results.jsonl"), capsys.readouterr().out) == (rows, table)
-    assert main([*run, "--classes", "signs3", "--add"]) == 0
-    assert len(read_rows(out / "results.jsonl")) > len(rows)
-
-
 # ---- What is missing or goes wrong ----
-
-
-def test_missing_peers_are_named_and_the_reference_stands_in(folder, tmp_path, monkeypatch, capsys):
-    gone = ("jbigkit", "imagecodecs", "brotli", "DracoPy", "meshoptimizer", "PIL")
-    library = measure.library
-    monkeypatch.setattr(measure, "library", lambda name: None if name in gone else library(name))
-    out, reference = tmp_path / "out", tmp_path / "reference.jsonl"
-    known = [("jbig1-seq", 40), ("not-a-peer", 3), ("xz", 7)]
-    reference.write_text("\n".join(
-        json.dumps({"corpus": "sub/hill", "isovalue": 107.5, "class": "mask2d", "peer": peer, "bytes": size})
-        for peer, size in known
-    ))
-    run = [str(folder), "-o", str(out), "--repeat", "1", "--no-plots", "--peers", str(reference)]
-    assert main([*run, "--classes", "signs2,surface-qp10", "--items", "hill,ball"]) == 0
-    book = Book(None, read_rows(out / "results.jsonl"), read_rows(reference))
-    assert book.missing()["jbigkit"] == ["jbig1-prog5", "jbig1-seq"]
-    assert book.missing()["DracoPy"] == ["draco-eb-qp10-cl10", "draco-eb-qp14-cl10", "draco-eb-qp8-cl10"]
-    (result,) = compare(book)
-    assert result.cls.key == "signs2"
-    assert (result.ratios[0].peer["peer"], result.ratios[0].peer["reference"]) == ("jbig1-seq", True)
-    report, errors = (out / "report.md").read_text(), capsys.readouterr().err
-    for name in gone[:1] + gone[3:4]:
-        assert f"{name} is not installed" in report and f"missing: {name}" in errors
-    assert "jbig1-seq\\*" in report
-    assert "draco-eb-qp10-cl10, which sets the error of surface-qp10, is missing" in errors
-
-
-def test_peers_that_fail_are_named(folder, tmp_path, monkeypatch):
-    def breaks():
-        raise RuntimeError("no room")
-
-    codecs = [Codec("breaks", "", breaks, bytes), Codec("lies", "", lambda: b"1", lambda _: HILL > 3)]
-    monkeypatch.setattr(bench_run.peers2d, "mask_peers", lambda mask: codecs)
-    out = tmp_path / "out"
-    assert main([str(folder), "-o", str(out), "--no-plots", "--items", "hill", "--classes", "signs2"]) == 0
-    report = (out / "report.md").read_text()
-    assert "- breaks, sub/hill@107.5: RuntimeError: no room" in report
-    assert "- lies, sub/hill@107.5: decoded to something else" in report
-    assert compare(Book(None, read_rows(out / "results.jsonl"))) == []
 
 
 def test_what_cannot_be_done_is_said(folder, tmp_path, capsys):

@@ -241,14 +241,3 @@ def test_triangles_that_are_too_thin() -> None:
     assert "scale" in str(error.value.remedy)
     file = isocodec.open(isocodec.encode(Mesh(points * [1, 1e6], None, points[:, 0], stored="whole"), 500.0))
     assert np.allclose(file.contour().points[:, 0], 500, atol=20)
-
-
-def test_points_in_clusters() -> None:
-    """Where points come together on the first lattices, finer ones follow."""
-    rng = np.random.default_rng(4)
-    points = np.concatenate([0.01 * rng.normal(size=(60, 2)) + at for at in rng.random((8, 2)) * 50])
-    values = values_at(points, rng)
-    for stored in ("whole", "delaunay"):
-        mesh = Mesh(points, None, values, stored=stored)
-        file = isocodec.open(isocodec.encode(mesh, ISOVALUE, precision=0.001))
-        assert file.verify(mesh)[0].kept and file.info.domain and file.info.domain.kind.name == "DELAUNAY"

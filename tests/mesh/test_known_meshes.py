@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import isocodec
-from brute import HEAVY, INTERPRETED, clamped
+from brute import HEAVY, INTERPRETED
 from explicit_meshes import components, crossings, euler, pieces, plane, space
 from isocodec import Decoder, IsoError, Limits, Mesh, decode, encode
 from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
-from isoconform.meshes import exponent
 from libraries import Late
 from tables import looped
 
@@ -88,33 +87,6 @@ def test_orientation():
     assert (np.cross(b - a, c - a)[:, 2] <= 1e-9).all()
 
 
-@pytest.mark.parametrize("shape", [(9, 9), (7, 12)])
-def test_lattice_as_a_mesh(shape):
-    """A level of the grid's mesh, given as triangles, has the same curve."""
-    field = np.random.default_rng(3).integers(0, 50, shape)
-    level = 2 * exponent(shape) - 2
-    s = clamped(shape, level)
-    points, cells = np.unique(s.reshape(-1, 2), axis=0, return_inverse=True)
-    values = field[tuple(points.T)]
-    grid = decode(encode(field, 24.5, layers=[("base", level), ("values", None)]))
-    mesh = points, cells.reshape(-1, 3)
-    contour = decode(encode(Mesh(*mesh, values), 24.5, precision="exact"), mesh=mesh)
-    segments = [np.round(c.points[c.cells], 6).reshape(-1, 4) for c in (contour, grid)]
-    assert {tuple(x) for x in segments[0].tolist()} == {tuple(x) for x in segments[1].tolist()}
-
-
-@looped("make", [plane, space])
-@looped("tolerance", [0.02, 1.0, 30.0])
-def test_tolerance(make, tolerance):
-    """Points lie within the tolerance of the crossings of their edges."""
-    mesh = make(2, 80)
-    values = np.sin(mesh[0][:, 0] / 15) * 50 + mesh[0][:, 1]
-    contour = check(mesh, values, 50.0, precision=tolerance)[1]
-    wanted = np.array(list(crossings(mesh, values, 50.0).values()))
-    distance = np.sqrt(((contour.points[:, None] - wanted[None]) ** 2).sum(axis=2)).min(axis=1)
-    assert distance.max() <= tolerance
-
-
 def test_several_isovalues():
     """Each leans on others, takes fewer bytes for it, and is that of a file of its own."""
     mesh = plane(4, 60 if INTERPRETED else 500, 0.95)
@@ -163,21 +135,6 @@ def test_piece_by_piece():
         assert len(decoder.contour(0).points) <= len(whole.contour(0).points)
     with pytest.raises(FormatError):
         decode(data + b"x", mesh=mesh)
-
-
-def test_inspect():
-    mesh = plane(7)
-    values = noise(len(mesh[0]), 7)
-    info = isocodec.open(encode(Mesh(*mesh, values, progressive=False), [30, 60], precision="exact")).info
-    assert [layer.kind for layer in info.layers] == ["signs", "values"] * 2
-    kinds = [
-        layer.kind for layer in isocodec.open(
-            encode(Mesh(*mesh, values, progressive=True), [30, 60], precision="exact")
-        ).info.layers
-    ]
-    assert set(kinds) == {"levels", "values"} and len(kinds) > 3
-    assert info.domain.vertices == len(mesh[0]) and info.domain.cells == len(mesh[1])
-    assert info.as_dict()["domain"]["kind"] == "known"
 
 
 def test_another_mesh():

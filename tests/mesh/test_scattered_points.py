@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import isocodec
-from brute import examples
 from commands import fails, ok
-from explicit_meshes import crossings
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
 from libraries import Late
 from tables import looped
@@ -27,37 +23,6 @@ def scattered(seed, count=80, side=1000):
 
 def sets(cells):
     return {frozenset(cell) for cell in np.asarray(cells).tolist()}
-
-
-@examples(30)
-@given(seed=st.integers(0, 999), isovalues=st.sampled_from([[20.5], [20.5, 40.5]]), signs_only=st.booleans())
-def test_the_curve_of_another_library(seed, isovalues, signs_only):
-    """On points that are kept exactly the triangles are those of Qhull, and crossings lie on their sides."""
-    points, values = scattered(seed)
-    precision = "signs" if signs_only else "exact"
-    mesh = isocodec.Mesh(points, None, values, stored="whole", error=0.71)
-    data = isocodec.encode(mesh, isovalues, precision=precision)
-    decoder = isocodec.Decoder()
-    decoder.feed(data)
-    decoder.close()
-    mesh = decoder.on_mesh.domain.mesh
-    unit = decoder.on_mesh.domain.unit
-    assert unit == 1
-    triangles = Delaunay(points)
-    if not len(triangles.coplanar):
-        origin = np.array(decoder.on_mesh.head.origin)
-        place = {tuple(p): i for i, p in enumerate(points.astype(int).tolist())}
-        number = np.array([place[tuple(p)] for p in (mesh.position + origin).tolist()])
-        assert sets(number[mesh.cell]) == sets(triangles.simplices)
-    for number, isovalue in enumerate(isovalues):
-        contour = isocodec.decode(data, isovalue=isovalue)
-        found = crossings((points, triangles.simplices), values, isovalue)
-        assert len(contour.points) == len(found)
-        if not signs_only and found:
-            wanted = np.array(list(found.values()))
-            far = np.abs(contour.points[:, None] - wanted[None]).sum(axis=2).min(axis=1)
-            assert far.max() < 2.5
-        assert np.array_equal(decoder.contour(number).points, contour.points)
 
 
 def test_grids_and_duplicates():

@@ -275,19 +275,6 @@ def test_truncated_files_keep_their_mask() -> None:
         assert np.array_equal(isocodec.open(kept).valid(), ~HOLE)
 
 
-def test_holes_cost_less_than_what_they_replace() -> None:
-    """Than the curve through the nearest samples, and the mask in a file of its own."""
-    y, x = np.mgrid[:200, :200]
-    field = np.sin(x / 9) + np.cos(y / 7 + x / 30)
-    gone = np.hypot(x - 90, y - 110) < 60
-    filled = np.where(gone, 0.0, field)
-    from isocodec.field.missing import filled as replaced
-
-    nearest = isocodec.encode(replaced(filled, gone, "nearest", [0.2]), 0.2)
-    mask = isocodec.encode(~gone, 0.5, precision="signs")
-    assert len(isocodec.encode(isocodec.Field(field, mask=gone), 0.2)) <= 0.85 * (len(nearest) + len(mask))
-
-
 @pytest.mark.parametrize("seed", [0, 4, 20, 22])
 def test_pieces_that_are_cut_lie_on_the_curve_through_holes(seed: int) -> None:
     """Of coarse meshes, whose segments lie in many unit cells: parts of one are joined, parts of two are not."""

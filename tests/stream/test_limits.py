@@ -334,22 +334,6 @@ def test_memory_that_ends_for_a_mask():
 # --- the command line -------------------------------------------------------------------------------------------------
 
 
-def test_every_command_that_decodes_has_the_limits(tmp_path):
-    source = tmp_path / "in.iso"
-    source.write_bytes(isocodec.encode(field(2, 150, 1), 0.5))
-    commands = (
-        ("decode", source, "-o", tmp_path / "a.npz"), ("decode", "--what", "above", source, "-o", tmp_path / "a.npy"),
-        ("plot", source, "-o", tmp_path / "a.png"), ("edit", source, "-o", tmp_path / "b.iso", "--size", 9000),
-        ("info", source, "--statistics"),
-    )
-    for command in commands:
-        ok(*command, "--limits", f"memory=1.5G,work={1 << 24}")
-        assert "more than 2 MiB of memory" in fails(6, *command, "--limits", "memory=2M")
-        assert "'much' is not a size" in fails(2, *command, "--limits", "memory=much")
-    ok(*commands[0], "--limits", "work=1")
-    assert "0 is less than 1" in fails(2, *commands[0], "--limits", "work=0")
-
-
 def test_large_masks_are_written_when_asked_for(tmp_path):
     """By rows: a mask of 2**26 samples takes no more than a few of them."""
     source = tmp_path / "in.iso"
@@ -373,21 +357,3 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     assert above == samples * 24 // 64 and peak < samples / 2
     ok("decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limits", f"samples={samples}")
     assert np.array_equal(np.load(tmp_path / "m.npy")[:, ::64], np.repeat(step, 64, 0) > 4)
-
-
-def test_contours_of_a_file_are_drawn_one_after_the_other(tmp_path, monkeypatch):
-    """Each goes before the next one comes, and what it was drawn from with it."""
-    source = tmp_path / "in.iso"
-    source.write_bytes(isocodec.encode(field(2, 100, 0), [0.5, 300.5, 600.5]))
-    alive = []
-    drawn = Decoder.contour
-
-    def noted(decoder, *arguments, **options):
-        assert all(ref() is None for ref in alive)
-        contour = drawn(decoder, *arguments, **options)
-        alive.append(weakref.ref(contour))
-        return contour
-
-    monkeypatch.setattr(Decoder, "contour", noted)
-    ok("decode", source, "-o", tmp_path / "a.geojson")
-    assert len(alive) == 3

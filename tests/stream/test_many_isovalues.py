@@ -151,23 +151,6 @@ def test_many_labels() -> None:
     assert len(file.isovalues) == 168 and np.array_equal(file.labels(), labels)
 
 
-@pytest.mark.heavy
-def test_many_isovalues_in_tiles_series_and_windows(tmp_path: Path) -> None:
-    values = evenly(94)
-    isocodec.save(tmp_path / "a.iso", BOWL, values, tile=32, precision="signs")
-    tiled = isocodec.open(tmp_path / "a.iso")
-    assert tiled.isovalues == tuple(values)
-    for value in (values[0], values[63], values[64], values[-1]):
-        assert np.array_equal(tiled.above(value), value < BOWL)
-    window = isocodec.open(tiled.edited(window=[(0, 40), (10, 50)]))
-    assert np.array_equal(window.above(values[70]), values[70] < BOWL[:41, 10:51])
-    series = isocodec.open(isocodec.encode(isocodec.Frames([BOWL, BOWL + 0.05]), values, interval=0, precision="signs"))
-    for frame, field in enumerate((BOWL, BOWL + 0.05)):
-        assert np.array_equal(series.above(values[80], frame=frame), values[80] < field)
-    fewer = isocodec.open(series.edited(isovalues=values[10::20]))
-    assert np.array_equal(fewer.above(values[70], frame=1), values[70] < BOWL + 0.05)
-
-
 # -- what it costs ----------------------------------------------------------------------------------------------------
 
 

@@ -65,17 +65,6 @@ def test_a_window_in_one_piece(tmp_path: Path, n: int, integers: bool) -> None:
                 assert ours.shape == theirs_.shape and np.allclose(ours, theirs_, atol=2e-7)
 
 
-def test_the_same_bytes_as_of_the_samples(tmp_path: Path) -> None:
-    """Exact values: what the field's samples themselves would give, but for the placement."""
-    field = hilly()
-    file = isocodec.open(encoded(tmp_path, field, [30.5, 60.5], precision="exact"))
-    made = file.edited(window=[(20, 120), (31, 150)])
-    wanted = isocodec.encode(
-        isocodec.Field(field[20:121, 30:151], placement=[[0, 1, 30], [1, 0, 20]]), [30.5, 60.5], precision="exact",
-    )
-    assert made == wanted
-
-
 def test_a_tile_as_it_is(tmp_path: Path) -> None:
     """Its bytes are those of the tiled file, also of several isovalues and beside missing samples."""
     for field in (hilly(), holed(hilly(), 1)):
@@ -116,7 +105,7 @@ def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
         small.edited(window=[(0, 20), (0, 20)])
     # a point, and the field's last corner
     assert isocodec.decode(file.edited(window=[(4, 4), (6, 6)])).shape == (2, 2)
-    assert isocodec.decode(file.edited(window=[(149, 149), (209, 209)])).shape == (2, 2)
+    assert isocodec.decode(file.edited(window=[(99, 99), (129, 129)])).shape == (2, 2)
 
 
 @pytest.mark.parametrize("options", [{}, *heavy({"precision": "signs"}, {"precision": "exact"})])
