@@ -54,6 +54,11 @@ def test_values_that_no_sample_can_have(dtype: str, nodata: float) -> None:
     assert not missing_samples(np.arange(-3, 9).astype(dtype), nodata).any()
 
 
+def test_the_ends_of_a_type_stand_for_missing_samples() -> None:
+    for nodata in (0.0, 255.0):
+        assert missing_samples(np.array([0, 7, 255], np.uint8), nodata).tolist() == [nodata == 0, False, nodata == 255]
+
+
 @looped("dtype", ["uint8", "int32", "float32", "float64"])
 @looped("isovalues", [[80.5], [80], [20.25, 300]])
 def test_missing_samples_lie_where_they_are_said_to(dtype: str, isovalues: list[float]) -> None:
