@@ -18,6 +18,7 @@ from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.shared_sides import SharedSides
 from isocodec.storage.ranges import GAP, MOST_PIECES, SLACK, together
+from isocodec.tiles import tiled
 from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import groups_of
@@ -208,6 +209,14 @@ def test_windows_are_parts_of_the_whole(tmp_path: Path) -> None:
                 assert pieces(part) == sorted(
                     tuple(sorted(map(tuple, (whole.points[cell].round(7) + 0.0).tolist()))) for cell in wanted
                 )
+
+
+def test_directories_that_are_kept_have_a_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there is room for none, none is kept, and windows are the same."""
+    data = encoded(tmp_path, hilly(), 30.5, precision="signs")
+    file, wanted = tiled_of(data), tiled_of(data).window()
+    monkeypatch.setattr(tiled, "KEPT", 0)
+    assert pieces(file.window()) == pieces(wanted) and not file._leaves
 
 
 def test_a_tile_is_a_file(tmp_path: Path) -> None:

@@ -161,8 +161,9 @@ def test_a_spool_of_something_else(tmp_path: Path) -> None:
     field = hilly()
     with pytest.raises(OSError, match="gone"):
         isocodec.save(tmp_path / "a.iso", Stopping(field, 3), 30.5, tile=32)
-    with pytest.raises(OptionError, match="different options"):
-        isocodec.save(tmp_path / "a.iso", field, 31.5, tile=32)
+    for other, isovalue in ((field, 31.5), (field.astype(np.int32), 30.5)):
+        with pytest.raises(OptionError, match="different options"):
+            isocodec.save(tmp_path / "a.iso", other, isovalue, tile=32)
     tiling = Tiling(grid_of(field.shape, 5), (30.5,), Options(), "<i2")
     with (
         Spool(tmp_path / "a.iso.tiles", tiling),
