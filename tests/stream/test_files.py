@@ -123,7 +123,7 @@ def test_prefixes(name):
     """Any prefix: symbols are the first ones of the file's, a drawing works, and only close() complains."""
     data, (_, total, _, _) = files()[name], whole(name)
     before = dict.fromkeys(total, 0)
-    for length in range(len(data)):
+    for length in range(0, len(data), 1 if HEAVY else 3):
         decoder = Decoder()
         decoder.feed(data[:length])
         events = list(decoder)
