@@ -16,7 +16,6 @@ from isocodec.drawing.simplices import crossed, draw_simplices
 from isocodec.drawing.snapshot import leaves_of
 from isocodec.field.samples import check_field
 from isocodec.grid.lattice.implied import Implied, implied_ratio
-from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import reduced
 from isoconform.meshes import chosen, uniform
@@ -112,21 +111,6 @@ def test_which_edges_are_implied_and_where(n):
             assert drawn[a, b] == pytest.approx(np.array(a) + stated[a, b] * np.subtract(b, a))
 
     run()
-
-
-def test_cubes_tell_their_edges_only():
-    """As the full grid does."""
-    shape = (17, 17, 17)
-    leaves, told = leaves_and_told(shape, 7, 3)
-    position, above = leaves.position, leaves.above
-    assert cube_exponent(shape) == 4 and len(told)
-    sign = {tuple(map(int, p)): s for p, s in zip(position, above, strict=True)}
-    edges = {
-        (p, q)
-        for p in sign for a in range(3) for q in [tuple(x + 2 * (i == a) for i, x in enumerate(p))]
-        if q in sign and sign[p] != sign[q]
-    }
-    assert told == edges
 
 
 @pytest.mark.parametrize("above", [[True, False, True, False], [True, False, False, False], [True, False, False, True]])

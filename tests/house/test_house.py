@@ -51,6 +51,7 @@ GEOMETRY = ("vertex", "simplex", "gate", "diamond", "dimension", "middle")
 MOST_NAMES = 20
 
 
+@cache
 def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
