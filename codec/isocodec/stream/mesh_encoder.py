@@ -21,7 +21,7 @@ from ..field.placement import COORDINATE_UNIT, CRS
 from ..field.samples import Samples, isovalue_of
 from ..field.stretch import in_unit
 from ..field.units import distance_of
-from ..format.chunks import write_chunk, write_further
+from ..format.chunks import write_chunk
 from ..format.domain import (
     MOST_STEP,
     DomainHead,
@@ -30,7 +30,7 @@ from ..format.domain import (
     write_domain,
     write_mesh_layer,
 )
-from ..format.frames import as_last, write_frame, write_interval
+from ..format.frames import FRAME_BEFORE
 from ..format.header import Header
 from ..mesh.coded_points import triangulated
 from ..mesh.complex import Complex, complex_of
@@ -48,7 +48,7 @@ from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
 from .mesh_contents import coordinates_of
 from .options import LEVELS, SEARCHED, Options
 from .promise_note import PROMISE
-from .series import Series
+from .series import Series, chain
 
 FINER = 8
 """Factor by which the number of known vertices grows from one layer of signs to the next, about."""
@@ -153,7 +153,7 @@ class MeshFrames:
             self._metadata[PROMISE] = self._promise(options.precision.tolerance)
         if options.precision.steps is not None:
             self._metadata[PROMISE] = self._asked or options.precision.text
-        self._strands: list[MeshIsovalue] = []
+        self._before: list[MeshIsovalue] = []
         self.cuts: Cuts | None = None
 
     @cached_property
@@ -182,43 +182,27 @@ class MeshFrames:
         """Encode values at distinct points."""
         fields = self._fields(values)
         self.options.check_data(fields[0].integer)
-        if self.series.number >= 0:
-            self.series.next_frame()
-        try:
+        with self.series.next_frame():
             begun = self._beginning() if self.series.frame == 0 else ()
-            before = self._strands
-            self._strands = []
-            return [*begun, *self._frame(fields, before)]
-        except BaseException:
-            self._strands = before
-            self.series.forget_frame()
-            raise
+            strands: list[MeshIsovalue] = []
+            out = [*begun, *self._frame(fields, strands)]
+        self._before = strands
+        return out
 
     def _beginning(self) -> Iterator[bytes]:
-        """Chunks for the whole file."""
-        yield from beginning(self.header, self._metadata)
-        yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
-        if self.series.interval is not None:
-            yield write_chunk(ChunkType.SERIES, write_interval(self.series.interval))
+        """Yield the header, and the chunks that concern the whole file."""
+        domain = write_chunk(ChunkType.DOMAIN, self._domain_chunk)
+        return beginning(self.header, self._metadata, [domain], self.series.interval)
 
-    def _frame(self, fields: Sequence[Samples], before: Sequence[MeshIsovalue]) -> Iterator[bytes]:
-        """Yield the chunks of all isovalues of a frame."""
-        series, strands = self.series, self._strands
-        frame = series.frame
-        cuts = self._cuts_of(fields)
+    def _frame(self, fields: Sequence[Samples], strands: list[MeshIsovalue]) -> Iterator[bytes]:
+        """Yield the chunks of all isovalues of a frame, and collect their states."""
+        series, cuts = self.series, self._cuts_of(fields)
         for number, value in enumerate(series.isovalues):
             lean = series.choose(number, self.options.independent)
-            series.add(lean)
-            coded = None if lean is None else lean.coded
-            if frame:
-                yield write_chunk(ChunkType.FRAME, write_frame(number, coded, series.is_key(frame)))
-            elif number:
-                yield write_chunk(ChunkType.ISOVALUE, write_further(number, value, coded))
-            earlier = []
-            then = before[number] if lean is not None and lean.before else None
-            while lean is not None and not lean.before:
-                earlier.append(strands[lean.number])
-                lean = series.lean(lean.number, frame)
+            series.leans[number:] = [lean]
+            yield from series.opening(number)
+            earlier = [strands[one] for one in chain(series.leans, number)]
+            then = self._before[number] if lean == FRAME_BEFORE else None
             begun = partial(MeshIsovalue, self.domain, value, self.options.precision.step, earlier, then)
             if cuts[number]:
                 strands.append(begun())
@@ -475,17 +459,10 @@ class MeshEncoder(ContainerEncoder):
         interval = options.interval if np.ndim(mesh.values) == 2 else None  # type: ignore[arg-type]
         self.frames = MeshFrames(mesh, Series(isovalues, interval), options, report=report)
         self.header = self.frames.header
-        self.isovalues = self.frames.series.isovalues
 
-    def _pieces(self) -> Iterator[bytes]:
-        """Yield the pieces of the file without its checksum."""
-        waiting = b""
+    def _chunks(self) -> Iterator[bytes]:
         for values in self.frames.given:
-            for chunk in self.frames.merged_chunks(values):
-                if waiting:
-                    yield waiting
-                waiting = chunk
-        yield as_last(waiting)
+            yield from self.frames.merged_chunks(values)
 
 
 def _stored(mesh: Mesh, complete: bool) -> str:
@@ -529,14 +506,10 @@ def level_heads(hierarchy: Hierarchy) -> list[MeshLayerHead]:
 def _check_options(options: Options) -> None:
     """Refuse options that do not apply to meshes."""
     precision = options.precision
-    for name, given in (
-        ("layers", not options.layers.default),
-        (f"profile {options.profile!r}", options.entropy != Profile.MAIN),
-        (f"order {options.order!r}", options.order == LEVELS),
-        (f"precision {precision.text!r}", precision.smooth),
-    ):
-        if given:
-            raise OptionError(f"{name} does not apply to meshes", code=name.split()[0], remedy="leave it out")
+    options.check_unused("meshes", {
+        "layers": not options.layers.default, f"profile {options.profile!r}": options.entropy != Profile.MAIN,
+        f"order {options.order!r}": options.order == LEVELS, f"precision {precision.text!r}": precision.smooth,
+    })
     tolerance = precision.tolerance
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
         raise OptionError(f"the precision is {tolerance}; it must be greater than 0", code="tolerance")

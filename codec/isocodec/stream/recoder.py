@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from ..format.kinds import LayerKind
 from ..grid.layers.plan import Entry
 from ..grid.tube.decoded import Decoded
 from ..limits import Limits
-from .container import Ending
+from .container import closed
 from .decoder import Decoder
-from .grid_encoder import GridEncoder, GridFrames, grid_file
+from .grid_encoder import GridEncoder, GridFrames
+from .grid_file import grid_file
 from .options import Options
 from .series import Series
 
@@ -242,6 +243,5 @@ def recoded_frames(
         geometry = [max((one.geometry for one in sources), key=len) for sources in zip(*frames, strict=True)]
     series = Series([one.isovalue for one in samples[0]], interval)
     file = grid_file(samples[0], series, options, geometry=geometry, promised=promised)
-    encoder, ending = GridFrames(file), Ending()
-    out = [ending.add(encoder.chunks(one)) for one in samples]
-    return b"".join(out) + ending.end()
+    encoder = GridFrames(file)
+    return b"".join(closed(chain.from_iterable(map(encoder.chunks, samples))))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from ..tin.coded_tin import SurfaceLayers, decoded, encoded
 from ..tin.delaunay import delaunay, triangles
 from ..tin.rank import by_rank
 from ..tin.tin import Tin
-from .container import beginning, with_checksum
+from .container import beginning
 from .outline import check_explicit
 from .session import Session
 
@@ -155,12 +154,11 @@ class SurfaceContents:
         return head, parts
 
 
-def write_surface(head: TinHead, parts: SurfaceLayers, layers: int, metadata: Mapping[str, str]) -> bytes:
-    """Write a file with the first ``layers`` layers of points."""
-    some = parts.first(layers)
-    payload = write_tin(replace(head, counts=head.counts[:layers])) + encoded(some, head.extent, head.largest)
-    begun = beginning(Header((), 0.0, None, Profile.MAIN, cells=2), metadata)
-    return b"".join(with_checksum([*begun, write_chunk(ChunkType.DOMAIN, payload, last=True)]))
+def surface_chunks(head: TinHead, parts: SurfaceLayers, metadata: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield the header and the chunks of a file of a surface."""
+    payload = write_tin(head) + encoded(parts, head.extent, head.largest)
+    header = Header((), 0.0, None, Profile.MAIN, cells=2)
+    return beginning(header, metadata, [write_chunk(ChunkType.DOMAIN, payload)])
 
 
 def contour_of_tin(tin: Tin, isovalue: float | None) -> Contour:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import replace
 
 from isospec.container import Checksum, ChunkType, write_varint
 
@@ -13,10 +14,11 @@ from ..format.events import LayerComplete
 from ..format.frames import as_last
 from ..format.program import write_program
 from ..limits import Limits
+from .container import closed
 from .decoder import Decoder
 from .inspect import FileInfo, inspect
 from .promise_note import PROMISE, last_promise
-from .surface_contents import write_surface
+from .surface_contents import surface_chunks
 
 _CLOSING = 24
 """Upper bound on the bytes that truncation adds to those that it keeps."""
@@ -90,7 +92,8 @@ def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits
         )
     _check_layers(layers)
     for kept in range(layers or there, 0, -1):
-        out = write_surface(head, parts, kept, last_promise(dict(decoder.metadata)))
+        some = replace(head, counts=head.counts[:kept])
+        out = b"".join(closed(surface_chunks(some, parts.first(kept), last_promise(dict(decoder.metadata)))))
         if max_bytes is None or len(out) <= max_bytes:
             return out
     raise OptionError(
