@@ -12,7 +12,7 @@ import pytest
 
 import isocodec
 from commands import fails, ok, run
-from isocodec.stream.isovalues import multiples
+from isocodec.field.isovalues import multiples
 from isocodec.stream.options import Options
 from isocodec.tiles.writing import sample_range, tiling_of
 from libraries import Late

@@ -19,7 +19,7 @@ from ..format.header import HEAD_BYTES, is_tiled
 from ..limits import Limits
 from ..storage.content import Readable, content, is_url
 from ..storage.ranges import NoRangesError, ranges_of
-from ..stream.inspect import FileInfo
+from ..stream.file_info import FileInfo
 from ..stream.promises import promise_of
 from .files import TileFile, Viewed, ViewOptions, WholeFile
 from .selfcheck import check_kernels

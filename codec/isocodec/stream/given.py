@@ -18,6 +18,7 @@ from ..deferred import dataclass
 from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import DecodedSamples, near_values
+from ..field.isovalues import isovalues_of, range_of
 from ..field.labelling import LABELS, having, listed
 from ..field.meshed import Mesh
 from ..field.missing import filled
@@ -28,11 +29,10 @@ from ..grid.lattice.tables import cube_exponent
 from ..search.original import original
 from ..search.rounds import rounds_for
 from ..search.tolerance import radices
-from .isovalues import isovalues_of, range_of
 from .options import COORDINATES_SHARE, INDEPENDENT, LEVELS, Options, Precision
 from .placing import check_axes, without_folds
 from .plan_file import check_plan
-from .promise_note import PROMISE
+from .promises import PROMISE
 
 
 def taken(what: Any) -> Any:

@@ -22,7 +22,7 @@ from ..grid.layers.plan import Entry
 from ..search.tolerance import EXACT
 from .plan_file import CRITERIA, read_plan
 from .plan_meshes import ends_alike
-from .promise_note import STEP
+from .promises import STEP
 
 ProfileName: TypeAlias = Literal["main", "baseline"]
 """Profiles of entropy coding."""

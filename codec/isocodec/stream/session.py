@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from copy import copy
-from functools import cached_property
-from typing import TYPE_CHECKING, NoReturn, Protocol, TypeAlias
+from functools import cached_property, wraps
+from typing import TYPE_CHECKING, NoReturn, ParamSpec, Protocol, TypeAlias, TypeVar
 
 from isospec.container import ChunkType
 
@@ -18,6 +18,27 @@ from .outline import Outline
 
 if TYPE_CHECKING:
     from ..entropy.run import Account
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def within_memory(doing: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Make a function raise a `LimitError` instead of a ``MemoryError``, whose traceback would keep arrays alive."""
+
+    def made(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def run(*given: P.args, **named: P.kwargs) -> T:
+            try:
+                return function(*given, **named)
+            except MemoryError:
+                pass
+            raise out_of_memory(doing)
+
+        return run
+
+    return made
 
 
 class Contents(Protocol):

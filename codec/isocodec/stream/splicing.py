@@ -14,8 +14,9 @@ from ..format.chunks import payload_of, write_chunk
 from ..format.frames import FRAME_BEFORE
 from ..format.header import Header, read_header
 from .container import beginning, closed, opening
-from .inspect import FileInfo, inspect
-from .promise_note import PROMISE, last_promise
+from .file_info import FileInfo
+from .inspect import inspect
+from .promises import PROMISE, last_promise
 
 ANCILLARY = 0x80
 """Bit of a chunk's head that marks it as ancillary, so that readers may skip it."""

@@ -20,13 +20,13 @@ from ..format.header import HEAD_BYTES, Header, write_header
 from ..limits import Limits
 from ..storage.ranges import Fetch, Pieces, Range
 from ..stream.container import with_checksum
-from ..stream.shared_limits import Shared
 from .closing import TilePart
 from .head import read_head
 from .joining import joined
 from .layout import Index
 from .leaf import read_leaf, sizes_of
 from .numbers import wrong
+from .shared_limits import Shared
 from .structure import Head, Kind, Leaf, TileStrand
 
 KEPT = 1 << 24
