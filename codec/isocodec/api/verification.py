@@ -139,7 +139,8 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if held.kind == "surface":
         return _surface(held, known, within)
     values, gone = without_holes(known.values, known.mask)
-    gone = without_folds(known.placement, values.shape, gone)
+    if known.placement is not None:
+        gone = without_folds(known.placement, values.shape, gone)
     contours = held.contours(Viewed(frame=frame))
     placement = _placement(known, contours[0].placement, held.info.metadata)
     if isinstance(held, TileFile):

@@ -16,45 +16,31 @@ from ..format.header import Header, write_header
 
 def beginning(
     header: Header, metadata: Mapping[str, str] | None, shared: Iterable[bytes] = (), interval: int | None = None
-) -> Iterator[bytes]:
-    """Yield the header, and the chunks that concern the whole file: notes, ``shared`` ones, and those of a series."""
-    yield write_header(header)
-    if metadata:
-        yield write_chunk(ChunkType.METADATA, write_metadata(metadata), ancillary=True)
-    yield from shared
-    if interval is not None:
-        yield write_chunk(ChunkType.SERIES, write_interval(interval))
+) -> list[bytes]:
+    """Write the header, and the chunks that concern the whole file: notes, ``shared`` ones, and those of a series."""
+    notes = [write_chunk(ChunkType.METADATA, write_metadata(metadata), ancillary=True)] if metadata else []
+    series = [] if interval is None else [write_chunk(ChunkType.SERIES, write_interval(interval))]
+    return [write_header(header), *notes, *shared, *series]
 
 
-def opening(frame: int, number: int, isovalue: float, lean: int | None, interval: int | None) -> Iterator[bytes]:
-    """Yield the chunk with which an isovalue of a frame begins; the first one of a file begins with the header."""
+def opening(frame: int, number: int, isovalue: float, lean: int | None, interval: int | None) -> list[bytes]:
+    """Write the chunk with which an isovalue of a frame begins; the first one of a file begins with the header."""
     if frame:
-        yield write_chunk(ChunkType.FRAME, write_frame(number, lean, is_key(frame, interval or 0)))
-    elif number:
-        yield write_chunk(ChunkType.ISOVALUE, write_further(number, isovalue, lean))
-
-
-def with_checksum(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """Yield the pieces of a file, followed by the checksum of all of them."""
-    checksum = 0
-    for piece in pieces:
-        checksum = zlib.crc32(piece, checksum)
-        yield piece
-    yield Checksum.build(checksum)
+        return [write_chunk(ChunkType.FRAME, write_frame(number, lean, is_key(frame, interval or 0)))]
+    return [write_chunk(ChunkType.ISOVALUE, write_further(number, isovalue, lean))] if number else []
 
 
 def closed(chunks: Iterable[bytes]) -> Iterator[bytes]:
-    """Yield header and chunks of a file, the last one marked as such, and the checksum."""
-
-    def marked() -> Iterator[bytes]:
-        waiting = b""
-        for chunk in chunks:
-            if waiting:
-                yield waiting
-            waiting = chunk
-        yield as_last(waiting)
-
-    return with_checksum(marked())
+    """Yield header and chunks of a file, the last one marked as such, and the checksum of all of them."""
+    checksum, waiting = 0, b""
+    for chunk in chunks:
+        if waiting:
+            checksum = zlib.crc32(waiting, checksum)
+            yield waiting
+        waiting = chunk
+    waiting = as_last(waiting)
+    yield waiting
+    yield Checksum.build(zlib.crc32(waiting, checksum))
 
 
 class ContainerEncoder(ABC):

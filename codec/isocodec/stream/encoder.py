@@ -48,7 +48,8 @@ def encoder_of(
         return MeshEncoder(what, levels_of(what, isovalue, asked, [what]), asked, progress)
     field = field_of(what)
     given, samples = completed(field, isovalue, asked, [field])
-    file = grid_file(samples, Series(given.isovalues), given.options, given.placement, report=progress)
+    series = Series(given.isovalues, None, given.options.independent)
+    file = grid_file(samples, series, given.options, given.placement, report=progress)
     # a label may be missing, which is known only then
     return GridEncoder(file, samples if given.labels is None else [*samples])
 
@@ -195,7 +196,7 @@ class SeriesFrames:
         alike = field.shape, np.asarray(field.values).dtype
         if given is None or grid is None:
             given, samples = completed(field, self._isovalue, self._options, self._known, series=True)
-            series = Series(given.isovalues, given.options.interval)
+            series = Series(given.isovalues, given.options.interval, given.options.independent)
             grid = GridFrames(grid_file(samples, series, given.options, given.placement, report=self._report))
         else:
             self._check_alike(field, given, *alike)
@@ -231,9 +232,8 @@ class SeriesFrames:
     def _of_mesh(self, frame: Any) -> list[bytes]:
         if self._mesh is None:
             isovalues = levels_of(frame, self._isovalue, self._options, self._known)
-            self._mesh = MeshFrames(
-                frame, Series(isovalues, self._options.interval), self._options, complete=False, report=self._report
-            )
+            series = Series(isovalues, self._options.interval, self._options.independent)
+            self._mesh = MeshFrames(frame, series, self._options, complete=False, report=self._report)
         return self._mesh.chunks(frame.values if isinstance(frame, Mesh) else frame)
 
 

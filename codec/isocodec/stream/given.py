@@ -30,7 +30,7 @@ from ..search.original import original
 from ..search.rounds import rounds_for
 from ..search.tolerance import radices
 from .options import COORDINATES_SHARE, INDEPENDENT, LEVELS, Options, Precision
-from .placing import check_axes, without_folds
+from .placing import without_folds
 from .plan_file import check_plan
 from .promises import PROMISE
 
@@ -98,7 +98,8 @@ class GivenField:
 
     def samples(self, field: Field) -> Sequence[Samples]:
         """Samples of a frame at each isovalue, made when they are needed; see `sampler`."""
-        return _Sampled(self.sampler(field), self.isovalues)
+        sampler = self.sampler(field)
+        return _Sampled(sampler, self.isovalues) if len(self.isovalues) > 1 else [sampler(self.isovalues[0])]
 
     def sampler(self, field: Field) -> Callable[[float], Samples]:
         """Make a function from an isovalue to samples: missing ones filled as asked for, periodic axes closed.
@@ -115,9 +116,9 @@ class GivenField:
                 values, mask = filled(np.asarray(values), gone, self.missing, self.isovalues), None
         bare, hole = without_holes(values, mask)
         if self.labels is None:
-            hole = without_folds(self.placement, bare.shape, hole)
-            check_axes(self.periodic, bare.shape)
-            bare, hole = closed(bare, self.periodic), None if hole is None else closed(hole, self.periodic)
+            if self.placement is not None:
+                hole = without_folds(self.placement, bare.shape, hole)
+                bare, hole = closed(bare, self.periodic), None if hole is None else closed(hole, self.periodic)
             return lambda isovalue: check_field(bare, isovalue, self.options.precision.step, hole)
         if bare.ndim not in (2, 3) or bare.dtype.kind not in "biuf":
             raise InputError(f"labels of shape {bare.shape} and type {bare.dtype}", code="labels",

@@ -119,7 +119,7 @@ class GridFrame:
         if number:
             progress = self.strands[-1].progress
             self._announced += self.strands[-1].planned
-        strand, lean = self._strand(number, self.file.series.choose(number, self.file.options.independent), progress)
+        strand, lean = self._strand(number, self.file.series.choose(number), progress)
         leans[number:] = [lean]
         self.strands.append(strand)
 
@@ -203,7 +203,7 @@ class GridFrame:
     def _promises(self, number: int) -> Iterator[bytes]:
         """Yield the chunk with the promises of an isovalue, if there are any."""
         strand = self.strands[number]
-        if promise := self.file.promise(number):
+        if promise := self.file.promised[number]:
             strand.within[len(strand.layers)] = promise
         if strand.within:
             promises = write_promises(Promises(strand.within, self.file.options.keep_topology))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import accumulate
 
@@ -51,10 +51,20 @@ class GridFile:
         The missing samples, in the form that decoders have.
     shared : list of bytes
         Chunks of mask and coordinates.
+    promised : sequence of float or None
+        Distances in cells that the last layers of isovalues promise.
+    values : list of entries
+        Layers of values that the options ask for.
+    fine : float or None
+        Distance that crossings on the full grid are stored to; None without crossings.
+    on_grid : bool
+        Whether the options lead to the full grid without fixing the layers in between.
+    free : bool
+        Whether crossings may be coded with slack.
+    full_level : int
+        Level of the full grid.
     geometry : sequence of lists of entries, or None
         Layers behind the full grid, for each isovalue, whatever the options are.
-    promised : sequence of float or None, or None
-        Distances in cells that the last layers promise, for each isovalue, whatever the options are.
     report : callable or None
     """
 
@@ -66,60 +76,22 @@ class GridFile:
     gone: NDArray[np.bool_] | None
     holes: Holes | None
     shared: list[bytes]
-    geometry: Sequence[list[Entry]] | None = None
-    promised: Sequence[float | None] | None = None
-    report: Report | None = None
-
-    def promise(self, number: int) -> float | None:
-        """Distance in cells that the last layer of an isovalue promises; None if none, or if the plan has promises."""
-        if self.promised is not None:
-            return self.promised[number]
-        # under a criterion the mesh keeps to another distance, or to none
-        return self.options.precision.tolerance if self.options.layers.criterion is None else None
+    promised: Sequence[float | None]
+    values: list[Entry]
+    fine: float | None
+    on_grid: bool
+    free: bool
+    full_level: int
+    geometry: Sequence[list[Entry]] | None
+    report: Report | None
 
     @cached_property
     def sides(self) -> SharedSides | None:
         """Both ends of periodic axes, which are described alike; None without such axes."""
         return SharedSides.of_axes(self.header.shape, self.periodic) if self.periodic else None
 
-    @property
-    def full_level(self) -> int:
-        """Level of the full grid."""
-        return self.header.n * cube_exponent(self.header.shape)
-
-    @property
-    def on_grid(self) -> bool:
-        """Whether the options lead to the full grid without fixing the layers in between."""
-        o = self.options
-        return o.layers.default and o.precision.steps is o.precision.searched is None and not o.keep_topology
-
-    @property
-    def values(self) -> list[Entry]:
-        """Layers of values that the options ask for."""
-        precision = self.options.precision
-        return [(LayerKind.VALUES, None)] if precision.exact or precision.step is not None else []
-
-    @property
-    def fine(self) -> float | None:
-        """Distance that crossings on the full grid are stored to; None without crossings."""
-        precision = self.options.precision
-        return None if self.values or precision.signs else precision.offsets or DEFAULT_TOLERANCE
-
-    @cached_property
-    def free(self) -> bool:
-        """Whether crossings may be coded with slack (spec annex G.3): if those of several isovalues stay in order.
-
-        First digits cannot pass those of the isovalue that is used for prediction, so each isovalue must lie beyond all
-        earlier ones. Smoothed crossings lie in their parts.
-        """
-        o, isovalues = self.options, self.series.isovalues
-        before = zip(isovalues[1:], accumulate(isovalues, min), accumulate(isovalues, max), strict=False)
-        outward = not any(low < value < high for value, low, high in before)
-        in_order = len(isovalues) == 1 or (not o.independent and outward and len(radices(self.fine)) <= 1)
-        return o.entropy == Profile.MAIN and not o.precision.smooth and in_order
-
-    def beginning(self) -> Iterator[bytes]:
-        """Yield the header, and the chunks that concern the whole file."""
+    def beginning(self) -> list[bytes]:
+        """Write the header, and the chunks that concern the whole file."""
         return beginning(self.header, self.metadata, self.shared, self.series.interval)
 
 
@@ -128,7 +100,7 @@ def grid_file(
     geometry: Sequence[list[Entry]] | None = None, promised: Sequence[float | None] | None = None,
     report: Report | None = None,
 ) -> GridFile:
-    """Code what concerns all frames of a file on a grid.
+    """Make a file on a grid: code what concerns all frames, and find once what the options mean for each isovalue.
 
     Parameters
     ----------
@@ -138,8 +110,10 @@ def grid_file(
     options : Options
         Complete.
     placement : Placement, optional
-    geometry, promised, report
+    geometry, report
         As of `GridFile`.
+    promised : sequence of float or None, optional
+        As of `GridFile`, whatever the options are.
 
     Raises
     ------
@@ -157,5 +131,29 @@ def grid_file(
         missing = mask_field(gone)
         run, holes = encoded_mask(header, missing, truth_of(missing))
         shared.append(write_chunk(ChunkType.MASK, run))
-    periodic = () if placement is None else placement.periodic
-    return GridFile(options, series, header, notes, periodic, gone, holes, shared, geometry, promised, report)
+    precision, layers = options.precision, options.layers
+    if promised is None:
+        # under a criterion the mesh keeps to another distance, or to none; a plan has its promises
+        promised = [precision.tolerance if layers.criterion is None else None] * len(series.isovalues)
+    values: list[Entry] = [(LayerKind.VALUES, None)] if precision.exact or precision.step is not None else []
+    fine = None if values or precision.signs else precision.offsets or DEFAULT_TOLERANCE
+    on_grid = layers.default and precision.steps is precision.searched is None and not options.keep_topology
+    # smoothed crossings lie in their parts
+    free = options.entropy == Profile.MAIN and not precision.smooth and _in_order(series.isovalues, options, fine)
+    return GridFile(
+        options, series, header, notes, () if placement is None else placement.periodic, gone, holes, shared, promised,
+        values, fine, on_grid, free, len(shape) * cube_exponent(shape), geometry, report,
+    )
+
+
+def _in_order(isovalues: Sequence[float], options: Options, fine: float | None) -> bool:
+    """Whether the crossings of several isovalues stay in order if they are coded with slack (spec annex G.3).
+
+    First digits cannot pass those of the isovalue that is used for prediction, so each isovalue must lie beyond all
+    earlier ones.
+    """
+    if len(isovalues) == 1:
+        return True
+    before = zip(isovalues[1:], accumulate(isovalues, min), accumulate(isovalues, max), strict=False)
+    outward = not any(low < value < high for value, low, high in before)
+    return not options.independent and outward and len(radices(fine)) <= 1

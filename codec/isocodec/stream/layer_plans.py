@@ -54,7 +54,7 @@ def plan_of(
         *file.values, *grid_offsets(file.fine, file.free and not file.periodic)
     ]
     if file.on_grid or (level is not None and not o.keep_topology):
-        return [*strategy.grid_plan(file.header.n, file.full_level, base if level is None else level), *behind]
+        return [*strategy.grid_plan(len(file.header.shape), file.full_level, base if level is None else level), *behind]
     promise = promise_of()
     if o.precision.steps is not None:
         return stepwise(promise, o.precision.steps, o.keep_topology)

@@ -175,8 +175,8 @@ class MeshFrames:
         self._before = strands
         return out
 
-    def _beginning(self) -> Iterator[bytes]:
-        """Yield the header, and the chunks that concern the whole file."""
+    def _beginning(self) -> list[bytes]:
+        """Write the header, and the chunks that concern the whole file."""
         domain = write_chunk(ChunkType.DOMAIN, self._stored.payload)
         return beginning(self.header, self._metadata, [domain], self.series.interval)
 
@@ -184,7 +184,7 @@ class MeshFrames:
         """Yield the chunks of all isovalues of a frame, and collect their states."""
         series, cuts = self.series, self._cuts_of(fields)
         for number, value in enumerate(series.isovalues):
-            lean = series.choose(number, self.options.independent)
+            lean = series.choose(number)
             series.leans[number:] = [lean]
             yield from series.opening(number)
             earlier = [strands[one] for one in chain(series.leans, number)]
@@ -355,7 +355,7 @@ class MeshEncoder(ContainerEncoder):
         self, mesh: Mesh, isovalues: Sequence[float], options: Options, report: Report | None = None
     ) -> None:
         interval = options.interval if np.ndim(mesh.values) == 2 else None  # type: ignore[arg-type]
-        self.frames = MeshFrames(mesh, Series(isovalues, interval), options, report=report)
+        self.frames = MeshFrames(mesh, Series(isovalues, interval, options.independent), options, report=report)
         self.header = self.frames.header
 
     def _chunks(self) -> Iterator[bytes]:

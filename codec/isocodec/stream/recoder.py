@@ -224,6 +224,6 @@ def recoded_frames(
     if kept:
         # an isovalue whose curve is empty in one frame may have geometry in others
         geometry = [max((one.geometry for one in sources), key=len) for sources in zip(*frames, strict=True)]
-    series = Series([one.isovalue for one in samples[0]], interval)
+    series = Series([one.isovalue for one in samples[0]], interval, options.independent)
     encoder = GridFrames(grid_file(samples[0], series, options, geometry=geometry, promised=promised))
     return b"".join(closed(chain.from_iterable(map(encoder.chunks, samples))))

@@ -21,6 +21,8 @@ class Series:
     isovalues : iterable of float
     interval : int or None
         Frames whose number is a multiple of this are key frames; 0 if only the first is, None without a series.
+    independent : bool
+        Whether no isovalue and no frame is predicted from earlier ones.
 
     Attributes
     ----------
@@ -31,9 +33,11 @@ class Series:
         or ``FRAME_BEFORE``.
     """
 
-    def __init__(self, isovalues: Iterable[float], interval: int | None = None) -> None:
+    def __init__(
+        self, isovalues: Iterable[float], interval: int | None = None, independent: bool = False
+    ) -> None:
         self.isovalues = list(isovalues)
-        self.interval = interval
+        self.interval, self._independent = interval, independent
         self.frame = -1
         self.leans: list[int | None] = []
 
@@ -56,20 +60,20 @@ class Series:
     def _nearest(self) -> list[int]:
         return nearest_before(self.isovalues)
 
-    def choose(self, number: int, independent: bool) -> int | None:
+    def choose(self, number: int) -> int | None:
         """Choose what an isovalue of the current frame should be predicted from, if that helps.
 
         That is the same isovalue of the previous frame; in key frames, and so in a file of one frame, the nearest
         earlier isovalue.
         """
-        if independent:
+        if self._independent:
             return None
         if not self.key:
             return FRAME_BEFORE
         return self._nearest[number] if number else None
 
-    def opening(self, number: int) -> Iterator[bytes]:
-        """Yield the chunk with which an isovalue of the current frame begins, if there is any."""
+    def opening(self, number: int) -> list[bytes]:
+        """Write the chunk with which an isovalue of the current frame begins, if there is any."""
         return opening(self.frame, number, self.isovalues[number], self.leans[number], self.interval)
 
 

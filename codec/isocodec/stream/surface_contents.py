@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -154,8 +154,8 @@ class SurfaceContents:
         return head, parts
 
 
-def surface_chunks(head: TinHead, parts: SurfaceLayers, metadata: Mapping[str, str]) -> Iterator[bytes]:
-    """Yield the header and the chunks of a file of a surface."""
+def surface_chunks(head: TinHead, parts: SurfaceLayers, metadata: Mapping[str, str]) -> list[bytes]:
+    """Write the header and the chunks of a file of a surface."""
     payload = write_tin(head) + encoded(parts, head.extent, head.largest)
     header = Header((), 0.0, None, Profile.MAIN, cells=2)
     return beginning(header, metadata, [write_chunk(ChunkType.DOMAIN, payload)])

@@ -54,7 +54,7 @@ class SurfaceEncoder(ContainerEncoder):
         self._head, self._layers = tin.coded if tin.coded is not None else _coded(tin, options)
 
     def _chunks(self) -> Iterator[bytes]:
-        return surface_chunks(self._head, self._layers, self._metadata)
+        yield from surface_chunks(self._head, self._layers, self._metadata)
 
 
 def surface_of(
