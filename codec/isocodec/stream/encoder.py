@@ -234,7 +234,8 @@ class SeriesFrames:
             isovalues = levels_of(frame, self._isovalue, self._options, self._known)
             series = Series(isovalues, self._options.interval, self._options.independent)
             self._mesh = MeshFrames(frame, series, self._options, complete=False, report=self._report)
-        return self._mesh.chunks(frame.values if isinstance(frame, Mesh) else frame)
+        values: Any = frame.values if isinstance(frame, Mesh) else frame
+        return self._mesh.chunks(values)
 
 
 class _SeriesEncoder(ContainerEncoder):

@@ -285,10 +285,10 @@ class _ByLevels(GridFrame):
         left = [strand.planned - there for strand, there in zip(self.strands, signs, strict=True)]
         behind = {tuple(strand.layers[there:]) for strand, there in zip(self.strands, signs, strict=True)}
         if set(left) == {1} and len(behind) == 1 and behind != {()}:
-            rest = [(range(count), None)]
+            each = [(range(count), None)]
         else:
-            rest = [one for one, some in zip(each, left, strict=True) if some]
-        return [*first, *finer(self._bases, self._coarse, full), *rest]
+            each = [one for one, some in zip(each, left, strict=True) if some]
+        return [*first, *finer(self._bases, self._coarse, full), *each]
 
     def _turn(self, turn: range, target: int | None) -> Iterator[bytes]:
         """Yield chunks of layers of some isovalues: up to a level, or all that are left."""

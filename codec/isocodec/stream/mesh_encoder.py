@@ -217,7 +217,7 @@ class MeshFrames:
         if error is None and tolerance is not None:
             off = min(off, TOLERANCE_SHARE * tolerance)
         # for each frame, how many isovalues the value of each vertex exceeds
-        exceeded = [
+        exceeded: list[NDArray[np.uint16]] = [
             np.sum([one.signs for one in self._fields(frame)], axis=0, dtype=np.uint16)
             for frame in (self.given if few else ())
         ]
