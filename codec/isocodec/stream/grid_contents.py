@@ -177,7 +177,7 @@ class GridContents:
     def _tube_of(self, number: int, before: bool = False) -> Tube | None:
         """The tube of an isovalue, by number, or of the frame before; None before it is read, or if it is skipped.
 
-        After a limit was exceeded there is none any more: the decoded state has been dropped.
+        An exceeded limit is raised again: the decoded state has been dropped.
         """
         if (error := self._session.exceeded) is not None:
             raise copy(error)
