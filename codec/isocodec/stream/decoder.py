@@ -19,7 +19,7 @@ from ..format.chunks import Envelope
 from ..format.events import Event
 from ..format.header import Header
 from ..limits import Limits
-from .outline import check_explicit, holds_surface
+from .outline import holds_surface
 from .session import Contents, Session
 
 if TYPE_CHECKING:
@@ -222,10 +222,6 @@ class DomainBeginning:
     def __init__(self, session: Session, header: Header, mesh: tuple[ArrayLike, ArrayLike] | None) -> None:
         self.outline = session.outline
         self._session, self._header, self._mesh = session, header, mesh
-
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """See `Contents.expect`."""
-        check_explicit(chunk, at, False)
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`: the first byte of the domain chunk states the kind."""

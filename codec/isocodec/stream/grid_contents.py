@@ -77,14 +77,10 @@ class GridContents:
 
     # -- chunks ---------------------------------------------------------------------------------------------------
 
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """See `Contents.expect`."""
-        if chunk.type == ChunkType.MASK:
-            self._strands.begin_mask(at)
-        self.outline.begun |= chunk.type in LAYER_CHUNKS
-
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`."""
+        if chunk.type == ChunkType.MASK and self._strands.mask_reader is None:
+            self._strands.begin_mask()
         mask = self._strands.mask_reader
         if mask is not None and not mask.read(chunk, at):
             return None, False

@@ -20,7 +20,7 @@ from ..format.program import Layer, Progress, read_program
 from ..format.surface import read_tin
 from ..limits import Limits
 from .file_info import ChunkInfo, FileInfo, FrameInfo, LayerInfo
-from .outline import LAYER_CHUNKS, check_explicit, holds_surface
+from .outline import LAYER_CHUNKS, holds_surface
 from .promises import promised_on_grid, promised_on_mesh
 from .session import Session
 
@@ -60,17 +60,8 @@ class _Survey:
         self.promised: dict[tuple[int, int], Promises] = {}
         self.frames: list[tuple[int, list[int | None], list[bool]]] = [(0, self.outline.leans, [])]
         self.uncertain: set[int] = set()
-        self._session, self._header, self._begun = session, header, False
+        self._session, self._header = session, header
         self._to_layers = to_layers
-
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """See `Contents.expect`."""
-        if self._header.cells is not None:
-            check_explicit(chunk, at, self._begun)
-            self._begun |= chunk.type == ChunkType.DOMAIN
-        elif chunk.type == ChunkType.MASK:
-            self.outline.begin_mask(at)
-        self.outline.begun |= chunk.type in LAYER_CHUNKS
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`."""

@@ -29,7 +29,6 @@ from ..mesh.cut import CellHistory, history_of
 from ..mesh.hierarchy import Hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import decoded_mesh
-from .outline import check_explicit
 from .series import chain
 from .session import Session
 
@@ -268,10 +267,6 @@ class MeshContents:
 
     # -- chunks ---------------------------------------------------------------------------------------------------
 
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """See `Contents.expect`."""
-        check_explicit(chunk, at, self.head is not None)
-
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`: a layer is decoded once it is complete."""
         return None, True
@@ -390,7 +385,6 @@ class MeshContents:
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = self._strands[-1] if self.outline.needs(self.outline.number) else None
-        self.outline.begun = True
         self._layers += 1
         if self._layers > LAYER_LIMIT:
             raise FormatError(f"more than {LAYER_LIMIT:,} layers", code="layers", offset=start, clause="11.1")

@@ -77,8 +77,8 @@ class Outline:
         Numbers of isovalues that have had layers since an isovalue began last.
     closed : int
         Isovalues that get no layers any more, as bits: files may have thousands of turns of thousands of isovalues.
-    begun : bool
-        Whether a chunk of layers has been read.
+    begun, placed : bool
+        Whether a chunk of layers, and one of a domain, has begun.
     coordinates : CoordinatesRecord or None
         Where the samples lie.
     shape : tuple of int
@@ -116,6 +116,7 @@ class Outline:
     layered: set[int] = field(default_factory=set)
     closed: int = 0
     begun: bool = False
+    placed: bool = False
     coordinates: CoordinatesRecord | None = None
     shape: tuple[int, ...] = ()
     cells: int | None = None
@@ -161,19 +162,29 @@ class Outline:
         before = self.progresses or [Progress(self.full_level)]
         self.progresses.append(before[-1].begin(lean))
 
-    def begin_mask(self, offset: int) -> None:
-        """Record a mask, whose chunk begins at ``offset``.
+    def expect(self, chunk: Envelope, at: int) -> None:
+        """Check that a critical chunk, whose envelope has been read, is allowed at byte ``at``, and record it.
 
         Raises
         ------
         FormatError
-            If there already is a mask, or a second frame has begun.
+            If a mask follows another one or a frame, or a mesh (domain) does not come first or once.
         """
-        if self.frame > 0:
-            raise FormatError("a mask after the first frame", code="mask", offset=offset, clause="3.5.7")
-        if self.masked:
-            raise FormatError("a second mask", code="mask", offset=offset, clause="3.5.6")
-        self.masked = True
+        domain, mask = chunk.type == ChunkType.DOMAIN, chunk.type == ChunkType.MASK
+        if self.cells is None and mask:
+            if self.frame > 0:
+                raise FormatError("a mask after the first frame", code="mask", offset=at, clause="3.5.7")
+            if self.masked:
+                raise FormatError("a second mask", code="mask", offset=at, clause="3.5.6")
+            self.masked = True
+        elif self.cells is not None:
+            if chunk.type in REFUSED:
+                raise FormatError("not allowed in a file on a mesh", code="chunk", offset=at, clause="10.1.1")
+            if domain == self.placed:
+                what = "a second mesh (domain)" if domain else "the mesh (domain) must come first"
+                raise FormatError(what, code="domain", offset=at, clause="3.5.8")
+            self.placed = True
+        self.begun |= chunk.type in LAYER_CHUNKS
 
     def read(self, chunk: Envelope, payload: bytes, behind: int) -> Event:
         """Read a chunk other than of layers; ``behind`` is the offset after it in the file.
@@ -311,20 +322,6 @@ READERS: Mapping[int, Reader] = {
     ChunkType.DOMAIN: _domain,
 }
 """Readers by type of chunk."""
-
-
-def check_explicit(chunk: Envelope, at: int, begun: bool) -> None:
-    """Check that a critical chunk is allowed in a file on a mesh; ``begun``: the domain chunk has been read.
-
-    Raises
-    ------
-    FormatError
-    """
-    if chunk.type in REFUSED:
-        raise FormatError("not allowed in a file on a mesh", code="chunk", offset=at, clause="10.1.1")
-    if (chunk.type == ChunkType.DOMAIN) == begun:
-        what = "a second mesh (domain)" if begun else "the mesh (domain) must come first"
-        raise FormatError(what, code="domain", offset=at, clause="3.5.8")
 
 
 def holds_surface(header: Header, first: int) -> bool:

@@ -46,14 +46,6 @@ class Contents(Protocol):
 
     outline: Outline
 
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """Check that a critical chunk, whose envelope has been read, is allowed at byte ``at``.
-
-        Raises
-        ------
-        FormatError
-        """
-
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """Decode as much of a critical chunk as possible before its checksums are verified.
 
@@ -234,7 +226,7 @@ class Session:
             if not chunk.ancillary:
                 if self.cut:
                     raise FormatError("layers after a truncated run", code="cut", offset=self.at, clause="3.5.4")
-                contents.expect(chunk, self.at)
+                self.outline.expect(chunk, self.at)
                 # further layers of a frame that was marked as ended
                 self.outline.ended &= chunk.type == ChunkType.FRAME
             self._chunk = chunk

@@ -23,7 +23,6 @@ from ..tin.delaunay import delaunay, triangles
 from ..tin.rank import by_rank
 from ..tin.tin import Tin
 from .container import beginning
-from .outline import check_explicit
 from .session import Session
 
 PER_POINT = 400
@@ -54,14 +53,10 @@ class SurfaceContents:
         self._counted = 0
         self.head: TinHead | None = None
 
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """See `Contents.expect`."""
-        check_explicit(chunk, at, self._chunk is not None)
-        if self._chunk is not None:
-            raise FormatError("not allowed in a file of a surface", code="chunk", offset=at, clause="10.9.1")
-
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`: points are decoded only when they are asked for."""
+        if self._chunk not in (None, chunk):
+            raise FormatError("not allowed in a file of a surface", code="chunk", offset=at, clause="10.9.1")
         self._chunk = chunk
         return None, True
 

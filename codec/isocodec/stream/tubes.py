@@ -260,9 +260,8 @@ class Tubes:
         self._layered.clear()
         self._recount(None)
 
-    def begin_mask(self, offset: int) -> None:
+    def begin_mask(self) -> None:
         """Begin the chunk of the mask."""
-        self._outline.begin_mask(offset)
         tube = mask_tube(self._header, _ROOM, self._left(), budget=self._budget)
         self.mask.append(tube)
         self.mask_reader = MaskReader(self._limits, self._session.data, tube, self.all, self._session.account)
