@@ -32,7 +32,7 @@ MOST_TAKEN = 8
 MOST_LINES, MOST_KERNEL_LINES = 60, 80
 """Lines of a function at most, without its docstring; of a compiled one, with it."""
 NOT_YET = frozenset({
-    "beginning.leaning_tube", "drawn.contour_of", "encoding.encode", "fit.fitted_offsets", "isofile.IsoFile.contour",
+    "beginning.leaning_tube", "encoding.encode", "fit.fitted_offsets", "isofile.IsoFile.contour",
     "reduction.Reduction.reduce", "runner.Tube.__init__", "sampled.Field.__init__", "saving.save",
     "tables.mesh_tables", "thinned.thin",
 })

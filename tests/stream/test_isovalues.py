@@ -116,7 +116,7 @@ def test_bases_from_the_leaves_of_another(n):
         decoder.feed(b"".join(encoder_of(field, isovalues, layers=plans)))
         decoder.close()
         for number, isovalue in enumerate(isovalues[1:], 1):
-            leaves = leaves_of(decoder.grid._tubes[number], isovalue, lambda steps, above: steps)
+            leaves = leaves_of(decoder.grid.tubes[number], isovalue, lambda steps, above: steps)
             expected = mixed(field > isovalue, full)
             found = leaves.position[leaves.simplices]
             assert len(found) == len(expected)

@@ -309,7 +309,9 @@ def test_an_error_is_raised_again_without_what_led_to_it():
         list(decoder)
 
 
-@pytest.mark.parametrize("where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.drawn.leaves_of"])
+@pytest.mark.parametrize(
+    "where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.grid_contents.leaves_of"]
+)
 def test_memory_that_ends_is_an_error_of_ours(where):
     """Whatever the limits say: the machine may have less."""
     data = isocodec.encode(field(2, 150, 1), 0.5)

@@ -12,10 +12,10 @@ import pytest
 import isocodec
 from isocodec import Decoder, Limits
 from isocodec.errors import FormatError, LimitError
+from isocodec.field.isovalues import multiples
 from isocodec.format.chunks import read_further, write_chunk, write_further
 from isocodec.format.frames import read_frame, write_frame
 from isocodec.format.header import Header, read_header, read_isovalue, write_header, write_isovalue
-from isocodec.stream.isovalues import multiples
 from isocodec.stream.series import nearest_before
 from isospec.container import LAYER_LIMIT, MAX_ISOVALUES, ChunkType, IsovalueKind
 from tables import heavy, looped

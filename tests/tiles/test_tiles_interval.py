@@ -11,7 +11,7 @@ import pytest
 
 import isocodec
 from commands import fails, ok, run
-from isocodec.stream.isovalues import multiples
+from isocodec.field.isovalues import multiples
 from isocodec.stream.options import Options
 from isocodec.tiles.writing import sample_range, tiling_of
 from tables import looped

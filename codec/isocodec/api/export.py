@@ -31,7 +31,7 @@ from ..limits import Budget, Limits
 from .drawings import Counts, Drawings, Fewer, OneByOne
 
 if TYPE_CHECKING:
-    from ..stream.inspect import FileInfo
+    from ..stream.file_info import FileInfo
     from .isofile import IsoFile
 
 Target = str | os.PathLike[str] | BinaryIO

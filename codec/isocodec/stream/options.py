@@ -22,7 +22,7 @@ from ..grid.layers.plan import Entry
 from ..search.tolerance import EXACT
 from .plan_file import CRITERIA, read_plan
 from .plan_meshes import ends_alike
-from .promise_note import STEP
+from .promises import STEP
 
 ProfileName: TypeAlias = Literal["main", "baseline"]
 """Profiles of entropy coding."""
@@ -391,10 +391,10 @@ class Options:
                 remedy="use step=.. or a distance",
             )
 
-    def check_unused(self, kind: str, **unused: bool) -> None:
-        """Refuse options that do not apply to this kind of file; each keyword states whether that option was given."""
-        if name := next((name for name, given in unused.items() if given), ""):
-            raise OptionError(f"{name} does not apply to {kind}", code=name, remedy="leave it out")
+    def check_unused(self, kind: str, given: Mapping[str, bool]) -> None:
+        """Refuse options that do not apply to this kind of file: names, and whether each was given."""
+        if name := next((name for name, there in given.items() if there), ""):
+            raise OptionError(f"{name} does not apply to {kind}", code=name.split()[0], remedy="leave it out")
 
     def check_placement_note(self, n: int) -> None:
         """Refuse a note of a placement that a reader would ignore."""
