@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import MAX_PARTS, MAX_RADIX
+from isospec.container import MAX_PARTS
 
 from ..errors import OptionError
 from ..field.samples import OFFSET_BITS
@@ -19,14 +19,14 @@ Edges = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]]
 """Choice of edges, by the positions of their ends (E, n) each."""
 EXACT = 0.0
 """A step that asks for all values, to the last bit."""
-PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
-"""Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""
 NO_OFFSETS = 1, 40
 """Parts and unit of crossings that are not stored: middles of edges, all of them shorter than the unit."""
 MOST_SLACK = 2.0
 """Crossings are stored at most this many tolerances off along their edges."""
-EDGE = 1e-6
+ROUNDING = 1e-6
 """Share of a tolerance that is below its rounding."""
+HALF = 0.5
+"""Tolerance in cells that signs alone keep to: points are in the middles of edges."""
 
 
 class Slack:
@@ -130,8 +130,10 @@ def radices(tolerance: float | None) -> list[int]:
         raise OptionError(
             f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
         )
+    if tolerance >= HALF:
+        return []
     # offsets are rounded to 30 bits before they are coded
-    parts = max(math.ceil(0.5 / (tolerance - 2.0**-OFFSET_BITS)), 1) | 1
+    parts = math.ceil(HALF / (tolerance - 2.0**-OFFSET_BITS)) | 1
     while True:
         rest, factors = parts, []
         for factor in (13, 11, 7, 5, 3):
@@ -141,21 +143,3 @@ def radices(tolerance: float | None) -> list[int]:
         if rest == 1:
             return factors[::-1]
         parts += 2
-
-
-def parts_on(length: int, parts: int, unit: int) -> int:
-    """Parts of an edge of so many samples where there are ``parts`` in ``2**unit`` samples (spec clause 5.7.3(1))."""
-    return -(-parts * length >> unit) | 1
-
-
-def pitches(tolerance: float, n: int) -> Iterator[tuple[int, int]]:
-    """Parts in ``2**unit`` samples to be tried for a tolerance, the coarsest first."""
-    coarsest, count = PITCHES[n]
-    found: set[tuple[float, int, int]] = set()
-    for unit in range(12):
-        for parts in range(1, MAX_RADIX + 1, 2):
-            pitch = 2.0**unit / parts
-            if pitch <= coarsest * tolerance and (parts <= 3 or unit == 0):
-                found.add((-pitch, parts, unit))
-    for _, parts, unit in sorted(found)[:count]:
-        yield parts, unit

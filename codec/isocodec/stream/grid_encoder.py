@@ -43,7 +43,6 @@ from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from ..limits import Limits, in_units
 from ..search import strategy
-from ..search.choice import smallest
 from ..search.fences import Fences
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.original import original
@@ -274,7 +273,7 @@ class GridFrame:
         """Whether curves of several isovalues that are near one another must not cross."""
         file, o = self.file, self.file.options
         single = len(file.series.isovalues) == 1 or file.series.interval is not None or is_of_labels(file.metadata)
-        searched = o.layers.default and o.precision.steps is None and o.precision.searched is not None
+        searched = o.layers.default and o.precision.steps is None and o.searched is not None
         return searched and not single and file.header.n == 2
 
     def _uncrossed(self) -> Iterator[bytes]:
@@ -463,7 +462,7 @@ class GridFrame:
         free = o.entropy == Profile.MAIN and not precision.smooth and self._slack_keeps_order(fine)
         offsets = grid_offsets(fine, free and not file.periodic)
         behind = [*values, *offsets] if file.geometry is None else file.geometry[number]
-        searched = precision.searched if level is None else None
+        searched = o.searched if level is None else None
         if searched is precision.steps is o.layers.criterion is None and not o.keep_topology:
             level = self._bases[number] if self._bases else level
             return [*strategy.grid_plan(len(file.header.shape), file.full_level, level), *behind]
@@ -481,26 +480,26 @@ class GridFrame:
             mesh: strategy.Plan = strategy.reduced(promise, criterion, parameter, o.keep_topology)
             return mesh + values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
         if searched is not None:
-            return smallest(promise, searched, o.keep_topology)
+            return strategy.smallest(promise, searched, o.keep_topology)
         return [*strategy.whole_mesh(promise, True, level), *behind]
 
     def _beside_others(self, promise: Promise, number: int, lean: LeanOn | None) -> Sequence[Entry]:
         """Make the plan for an isovalue whose curve must not cross those next to it."""
         o = self.file.options
-        assert o.precision.searched is not None
+        assert o.searched is not None
         if number not in self._on_full:
             promise.fences = self._fences(number)
             try:
-                return smallest(promise, o.precision.searched, o.keep_topology)
+                return strategy.smallest(promise, o.searched, o.keep_topology)
             except strategy.NotKeptError:
                 if lean is not None:
                     # without prediction first
                     raise
                 self._on_full.add(number)
         grid = strategy.whole_mesh(promise, o.keep_topology)
-        if self._halfway and not len(promise.excess(promise.trial(grid)[1], o.precision.searched)):
+        if self._halfway and not len(promise.excess(promise.trial(grid)[1], o.searched)):
             return grid
-        return [*grid, *grid_offsets(o.precision.searched, False)]
+        return [*grid, *grid_offsets(o.searched, False)]
 
     def _planned(self, plan: Sequence[Entry], number: int, lean: LeanOn | None) -> Sequence[Entry]:
         """Replace criteria in a given plan by meshes."""
@@ -533,7 +532,7 @@ class GridFrame:
     def _on_grid(self) -> bool:
         """Whether the options lead to the full grid without fixing the layers in between."""
         o = self.file.options
-        return o.layers.default and o.precision.steps is o.precision.searched is None and not o.keep_topology
+        return o.layers.default and o.precision.steps is o.searched is None and not o.keep_topology
 
     def _smaller(self, number: int, lean: LeanOn, progress: Progress) -> LayerWriter:
         """Make layers for an isovalue predicted from one on the full grid: on its leaves, or level by level.

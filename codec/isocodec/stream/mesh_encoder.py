@@ -46,7 +46,7 @@ from ..search.tolerance import EXACT
 from .container import ContainerEncoder, beginning
 from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
 from .mesh_contents import coordinates_of
-from .options import LEVELS, SEARCHED, Options
+from .options import BEST, LEVELS, SEARCHED, Options
 from .promise_note import PROMISE
 from .series import Series
 
@@ -533,6 +533,7 @@ def _check_options(options: Options) -> None:
         ("layers", not options.layers.default),
         (f"profile {options.profile!r}", options.entropy != Profile.MAIN),
         (f"order {options.order!r}", options.order == LEVELS),
+        ("effort", options.effort == BEST),
         (f"precision {precision.text!r}", precision.smooth),
     ):
         if given:

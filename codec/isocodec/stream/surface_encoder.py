@@ -20,7 +20,7 @@ from ..tin.coded_tin import SurfaceLayers, encoded
 from ..tin.points import Points, points_of
 from ..tin.tin import Tin
 from .container import ContainerEncoder, beginning
-from .options import Options
+from .options import BEST, Options
 
 
 class SurfaceEncoder(ContainerEncoder):
@@ -92,6 +92,7 @@ def _check_options(options: Options) -> None:
     unused = {
         "keep_topology": options.keep_topology, "layers": not options.layers.default,
         f"profile {options.profile!r}": options.entropy != Profile.MAIN, "order": options.order is not None,
+        "effort": options.effort == BEST,
         f"precision {precision.text!r}": bool(
             precision.signs or precision.steps is not None or precision.world or precision.smooth
         ),
