@@ -54,7 +54,7 @@ def test_edges_of_even_meshes() -> None:
 
 def test_noise_takes_the_full_grid() -> None:
     promise = Promise(check_field(np.random.default_rng(0).normal(size=(40, 40)), 0.0))
-    assert smallest(promise, 1.0, False) == grid_of(promise)
+    assert smallest(promise, WORTH_SEARCHING, False) == grid_of(promise)
 
 
 @pytest.mark.parametrize("n", [2, 3])

@@ -48,7 +48,7 @@ def check_kept(file: TiledFile, field: np.ndarray, isovalue: float, tolerance: f
         check_closed(mixed(file, seed))
 
 
-@pytest.mark.parametrize("tolerance", [0.8, 1.0, 2.3])
+@pytest.mark.parametrize("tolerance", [1.0, 1.5, 2.3])
 def test_the_surface_keeps_to_it(tmp_path: Path, tolerance: float) -> None:
     field = waves((70, 81, 52))
     data = encoded(tmp_path, field, 0.4, precision=tolerance)
@@ -139,7 +139,7 @@ class Breaks:
 def test_resumed_where_it_was(tmp_path: Path) -> None:
     """Also if it stopped on the full grid, after coarse meshes had been given up; the bytes are the same."""
     rough = waves((40, 40, 70))
-    rough[:, :, 40:] += np.random.default_rng(0).normal(size=(40, 40, 30))
+    rough[:, :, 40:] = np.random.default_rng(0).normal(size=(40, 40, 30))
     for field, searched in ((waves((40, 40, 70)), True), (rough, False)):
         whole = encoded(tmp_path, field, 0.4, precision=1.0)
         assert is_searched(tiled_of(whole)) == searched

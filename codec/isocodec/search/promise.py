@@ -133,17 +133,10 @@ class Promise:
 
     def leaves(self, plan: Sequence[Entry]) -> tuple[int, Leaves]:
         """Bytes of the runs of a plan, and the leaves in the end."""
-        total, tube, _ = self._encoded(plan)
+        total, tube = self._encoded(plan)
         if self.tried:
             self.tried()
         return total, self._leaves(tube)
-
-    def layers(self, plan: Sequence[Entry]) -> list[tuple[Contour, float | None]]:
-        """Drawings of a decoder after each layer of a plan, and the distance promised by then."""
-        contours: list[Contour] = []
-        promised = self._encoded(plan, lambda tube, _: contours.append(draw(self._leaves(tube), measured=True)))[2]
-        at = [max((layers for layers in promised if layers <= done), default=0) for done in range(1, len(contours) + 1)]
-        return [(contour, promised.get(layers)) for contour, layers in zip(contours, at, strict=True)]
 
     def after_entries(self, plan: Sequence[Entry], wanted: Collection[int]) -> dict[int, Contour]:
         """Drawings of a decoder after some entries of a plan, by number."""
@@ -168,8 +161,8 @@ class Promise:
 
     def _encoded(
         self, plan: Sequence[Entry], seen: Callable[[Tube, Sequence[int]], object] | None = None
-    ) -> tuple[int, Tube, dict[int, float]]:
-        """Bytes of the runs of a plan, the tube in the end, and distances promised by number of layers."""
+    ) -> tuple[int, Tube]:
+        """Bytes of the runs of a plan, and the tube in the end."""
         tube = self.fresh() if self.fresh else self._alone()
         # the earlier isovalue has a limit of steps, which trials do not take part in
         steps = tube.lean.state.counters.work if tube.lean else 0
@@ -180,7 +173,7 @@ class Promise:
             total += len(run)
         if tube.lean:
             tube.lean.state.counters.work = steps
-        return total, tube, strand.within
+        return total, tube
 
     def _alone(self) -> Tube:
         header = Header(self.field.values.shape, self.field.isovalue, self.field.scale, Profile.MAIN)

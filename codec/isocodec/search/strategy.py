@@ -22,11 +22,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from isospec.container import MAX_RADIX
 
 from ..errors import OptionError
 from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import Entry
+from .original import mixed_cells
 from .promise import Promise
 from .reduction import Reduction
 from .tolerance import HALF, ROUNDING, Slack, grid_offsets
@@ -44,6 +48,8 @@ MOST_REPAIRS = 64
 """Number of times that vertices are put back."""
 MOST_TIGHTENED = 16
 """Number of times that slack is taken back."""
+SMOOTH = 0.97
+"""Share of a fourth of its cells that a smooth surface passes when half of the samples along each axis are left out."""
 HEADERS = 8
 """Bytes by which files with the same runs may differ."""
 
@@ -87,6 +93,12 @@ def whole_mesh(promise: Promise, topology: bool, base_level: int | None = None) 
 def exponent_of(tolerance: float) -> int:
     """Exponent of the edge of even squares and cubes to begin with; 0 where none is worth it."""
     return max(math.floor(math.log2(EDGE * tolerance)), 0)
+
+
+def is_smooth(signs: NDArray[np.bool_]) -> bool:
+    """Whether the original is a smooth surface: it passes a fourth of its unit cells among those of twice the edge."""
+    coarse = len(mixed_cells(signs[(slice(None, None, 2),) * signs.ndim]))
+    return signs.ndim == 3 and 4 * coarse >= SMOOTH * len(mixed_cells(signs))
 
 
 def smallest(promise: Promise, tolerance: float, topology: bool, coarse: int | None = None) -> Plan:
@@ -152,8 +164,8 @@ def better(promise: Promise, tolerance: float, plan: Plan, best: Found) -> Found
 
 
 def slanted(promise: Promise, tolerance: float, grid: Plan, best: Found) -> Found:
-    """The best plan, or the full grid with crossings stored as coarsely as can be, with slack also at a slant."""
-    # as few parts as can be, even if in the worst case a crossing on their border is stored a rounding too far away
+    """The best plan, or the full grid with crossings in as few parts as can be, with slack, also at a slant."""
+    # even if in the worst case a crossing on their border is stored a rounding too far away
     parts = math.ceil(HALF / tolerance * (1 - ROUNDING)) | 1
     slack = Slack(tolerance, promise.phi, promise.fixed)
     for _ in range(MOST_TIGHTENED if parts <= MAX_RADIX else 0):

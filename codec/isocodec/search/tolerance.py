@@ -32,9 +32,9 @@ HALF = 0.5
 class Slack:
     """Slack of crossings on edges of the full grid: how far from where the field crosses them they may be stored.
 
-    If all are stored within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it
-    takes a longer way along the edge to get as far from the curve; that is tried, and taken back where the tolerance is
-    not kept.
+    If all are stored within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it takes a
+    longer way along the edge to get as far from the curve; that is tried, and taken back where the tolerance is not
+    kept.
 
     Parameters
     ----------
@@ -48,9 +48,7 @@ class Slack:
     def __init__(
         self, tolerance: float, phi: NDArray[np.float32] | None = None, fixed: Edges | None = None
     ) -> None:
-        self._tolerance = tolerance
-        self._phi = phi
-        self._fixed = fixed
+        self._tolerance, self._phi, self._fixed = tolerance, phi, fixed
         self._tight = np.zeros(0, np.int64)
 
     def tighten(self, places: NDArray[np.float64]) -> None:
@@ -59,7 +57,8 @@ class Slack:
         reach = math.ceil(self._tolerance) + 1
         around = np.array(list(product(range(-reach, reach + 1), repeat=self._phi.ndim)))
         last = np.array(self._phi.shape) - 1
-        near = np.clip(np.floor(places).astype(np.int64)[:, None] + around, 0, last).reshape(-1, self._phi.ndim)
+        here = np.unique(np.floor(places).astype(np.int64), axis=0)
+        near = np.clip(here[:, None] + around, 0, last).reshape(-1, self._phi.ndim)
         self._tight = np.union1d(self._tight, np.ravel_multi_index(tuple(near.T), self._phi.shape))
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -67,9 +66,8 @@ class Slack:
         slack = np.full(len(low), self._tolerance)
         if self._phi is not None:
             slope = slopes_at(self._phi, low) + slopes_at(self._phi, high)
-            slanted = self._tolerance * at_a_slant(slope, high - low, MOST_SLACK)
             tight = np.isin(np.ravel_multi_index(tuple(low.T), self._phi.shape), self._tight)
-            slack = np.where(tight, slack, slanted)
+            slack = np.where(tight, self._tolerance, self._tolerance * at_a_slant(slope, high - low, MOST_SLACK))
         if self._fixed is not None:
             slack = np.where(self._fixed(low, high), 0.0, slack)
         # places are rounded to the same unit

@@ -50,9 +50,9 @@ from ..search.promise import Promise
 from ..search.reduced import LINEAR_POINTS
 from ..search.shared_sides import SharedSides
 from ..search.steps import stepwise
-from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
+from ..search.tolerance import HALF, NO_OFFSETS, grid_offsets, radices
 from .container import ContainerEncoder, beginning
-from .options import DEFAULT_TOLERANCE, LEVELS, Options
+from .options import DEFAULT_TOLERANCE, LEVELS, SEARCHED, Options
 from .placing import coordinates_payload
 from .plan_file import check_plan
 from .plan_meshes import with_meshes
@@ -462,7 +462,7 @@ class GridFrame:
         free = o.entropy == Profile.MAIN and not precision.smooth and self._slack_keeps_order(fine)
         offsets = grid_offsets(fine, free and not file.periodic)
         behind = [*values, *offsets] if file.geometry is None else file.geometry[number]
-        searched = o.searched if level is None else None
+        searched = self._searched if level is None else None
         if searched is precision.steps is o.layers.criterion is None and not o.keep_topology:
             level = self._bases[number] if self._bases else level
             return [*strategy.grid_plan(len(file.header.shape), file.full_level, level), *behind]
@@ -532,7 +532,15 @@ class GridFrame:
     def _on_grid(self) -> bool:
         """Whether the options lead to the full grid without fixing the layers in between."""
         o = self.file.options
-        return o.layers.default and o.precision.steps is o.searched is None and not o.keep_topology
+        return o.layers.default and o.precision.steps is self._searched is None and not o.keep_topology
+
+    @cached_property
+    def _searched(self) -> float | None:
+        """The tolerance, if a plan is searched for: also for single smooth surfaces, which slack at a slant suits."""
+        o, tolerance = self.file.options, self.file.options.precision.tolerance
+        slack = tolerance is not None and SEARCHED <= tolerance < HALF and not o.precision.smooth
+        slanted = slack and len(self._fields) == 1 and o.entropy == Profile.MAIN and not self.file.periodic
+        return tolerance if slanted and strategy.is_smooth(self._fields[0].signs) else o.searched
 
     def _smaller(self, number: int, lean: LeanOn, progress: Progress) -> LayerWriter:
         """Make layers for an isovalue predicted from one on the full grid: on its leaves, or level by level.
