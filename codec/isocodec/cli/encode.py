@@ -88,8 +88,8 @@ class EncodeArguments(Converting, Reading):
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")
     effort: str = option("--effort", heading=PRECISION, type=click.Choice(["normal", "best"]), default="normal",
-                         metavar="E", help="best: take several times the time at distances from 0.1 to 0.5 cells, for "
-                         "files that are 2 to 25 % smaller.")
+                         metavar="E", help="best: take four to ten times the time at distances from 0.1 to 0.5 cells, "
+                         "for files that are 1 to 5 % smaller.")
     layers: str | None = option(
         "--layers", heading=LAYERS, metavar="L",
         help="One of: a level L, to start from the uniform mesh of that level instead of searching for the best mesh; "

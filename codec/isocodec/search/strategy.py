@@ -42,7 +42,7 @@ BASE_CYCLES = 1
 """The default base has cubes of half the root's edge: refinements find what is small more cheaply than it does."""
 EDGE = 8 / 3
 """Edge of even squares and cubes to begin with, in tolerances, at most: where they take as many bytes as half of it."""
-SHARES = {2: 1.0, 3: 0.7}
+SHARES = {2: 1.0, 3: 0.5}
 """Share of the leaves too far away that are bisected at once: for surfaces that often does for the others."""
 MOST_REPAIRS = 64
 """Number of times that vertices are put back."""

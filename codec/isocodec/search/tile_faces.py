@@ -170,7 +170,7 @@ def volume_plan(promise: Promise, tolerance: float, coarse: int, faces: Faces) -
     Raises
     ------
     NotKeptError
-        If there is none, or if it takes clearly more bytes than the full grid.
+        If no such plan is found, or if it takes clearly more bytes than the full grid.
     """
     n, full = promise.n, promise.full_level
     level = max(full - n * faces.exponent, coarse)

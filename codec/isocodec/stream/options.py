@@ -27,7 +27,7 @@ from .promise_note import STEP
 ProfileName: TypeAlias = Literal["main", "baseline"]
 """Profiles of entropy coding."""
 EffortName: TypeAlias = Literal["normal", "best"]
-"""How long an encoder searches."""
+"""Time that an encoder takes to search."""
 CriterionName: TypeAlias = Literal["crossing", "topology", "curvature", "distortion", "level"]
 """Criteria for coarsening a mesh."""
 PrecisionGiven: TypeAlias = "float | str | Sequence[float | Literal['exact']] | None"
