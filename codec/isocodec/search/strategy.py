@@ -15,6 +15,13 @@ Measured on 20 pictures and terrains and 9 volumes at 0.75 to 3 cells, in bytes 
 | a mesh that is coarse where the curve is flat, points fitted | 1.2 to 1.8 | 6 |
 | edges twice as long, without offsets | 1.00 to 1.4 | 1.5 |
 | the full grid | 1.3 to 5, on noise 0.9 | 0.3 |
+
+| what stays | saves | tokens |
+| --- | --- | ---: |
+| `even_mesh`, `mended` | 19 to 80 % from 1 cell on | 260 |
+| the full grid where that is smaller | up to 25 % on noise | 60 |
+| `slanted`, with what `Slack` has for it | 10 to 35 % on smooth surfaces below half a cell, else 1 to 5 % | 300 |
+| half of the leaves at once, on surfaces | 1 to 2 % | 10 |
 """
 
 from __future__ import annotations
