@@ -32,7 +32,7 @@ MOST_TAKEN = 8
 MOST_LINES, MOST_KERNEL_LINES = 60, 80
 """Lines of a function at most, without its docstring; of a compiled one, with it."""
 NOT_YET = frozenset({
-    "beginning.leaning_tube", "encoding.encode", "fit.fitted_offsets", "isofile.IsoFile.contour",
+    "beginning.leaning_tube", "encoding.encode", "isofile.IsoFile.contour",
     "reduction.Reduction.reduce", "runner.Tube.__init__", "sampled.Field.__init__", "saving.save",
     "tables.mesh_tables", "thinned.thin",
 })
@@ -182,7 +182,7 @@ def test_few_names_are_public():
     assert len(isocodec.__all__) <= MOST_NAMES and sorted(isocodec.__all__) == isocodec.__all__
     assert set(isocodec.__all__) == set(isocodec._HOME)
     taken = inspect.signature(isocodec.encode).parameters
-    assert len(taken) <= 10
+    assert len(taken) <= 11
 
 
 def test_the_mesh_takes_a_grid():

@@ -31,7 +31,6 @@ from ..grid.layers.plan import Entry
 from ..grid.passes.runner import Tube
 from ..limits import Limits, in_units
 from ..search import strategy
-from ..search.choice import smallest
 from ..search.fences import Fences
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.original import original
@@ -359,12 +358,12 @@ class _Uncrossed(GridFrame):
 
     def _plan_of(self, number: int, lean: int | None) -> Sequence[Entry]:
         o, promise = self.file.options, self._promise(number, lean)
-        tolerance = o.precision.searched
+        tolerance = self.file.searched
         assert tolerance is not None
         if number not in self._on_full:
             promise.fences = self._fences(number)
             try:
-                return smallest(promise, tolerance, o.keep_topology)
+                return strategy.smallest(promise, tolerance, o.keep_topology)
             except strategy.NotKeptError:
                 if lean is not None:
                     # without prediction first
@@ -417,7 +416,7 @@ def _frame_of(file: GridFile, fields: Sequence[Samples], before: Sequence[LayerW
     if by_levels and (o.order == LEVELS or (o.order is None and not apart)):
         return _ByLevels(file, fields)
     single = count == 1 or series.interval is not None or is_of_labels(file.metadata)
-    searched = o.layers.default and precision.steps is None and precision.searched is not None
+    searched = o.layers.default and precision.steps is None and file.searched is not None
     if searched and not single and file.header.n == 2:
         return _Uncrossed(file, fields)
     return GridFrame(file, fields, before)

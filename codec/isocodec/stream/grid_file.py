@@ -21,11 +21,12 @@ from ..grid.lattice.tables import cube_exponent
 from ..grid.layers.layer_writer import encoded_mask
 from ..grid.layers.plan import Entry
 from ..grid.tube.holes import Holes
+from ..search import strategy
 from ..search.ground_truth import truth_of
 from ..search.shared_sides import SharedSides
-from ..search.tolerance import radices
+from ..search.tolerance import HALF, radices
 from .container import beginning
-from .options import DEFAULT_TOLERANCE, Options
+from .options import DEFAULT_TOLERANCE, SEARCHED, Options
 from .placing import coordinates_payload
 from .series import Series
 
@@ -57,6 +58,8 @@ class GridFile:
         Layers of values that the options ask for.
     fine : float or None
         Distance that crossings on the full grid are stored to; None without crossings.
+    searched : float or None
+        Distance in cells for which a plan is searched, if it is.
     on_grid : bool
         Whether the options lead to the full grid without fixing the layers in between.
     free : bool
@@ -79,6 +82,7 @@ class GridFile:
     promised: Sequence[float | None]
     values: list[Entry]
     fine: float | None
+    searched: float | None
     on_grid: bool
     free: bool
     full_level: int
@@ -137,13 +141,22 @@ def grid_file(
         promised = [precision.tolerance if layers.criterion is None else None] * len(series.isovalues)
     values: list[Entry] = [(LayerKind.VALUES, None)] if precision.exact or precision.step is not None else []
     fine = None if values or precision.signs else precision.offsets or DEFAULT_TOLERANCE
-    on_grid = layers.default and precision.steps is precision.searched is None and not options.keep_topology
+    searched = _searched(fields, options, placement is not None and bool(placement.periodic))
+    on_grid = layers.default and precision.steps is searched is None and not options.keep_topology
     # smoothed crossings lie in their parts
     free = options.entropy == Profile.MAIN and not precision.smooth and _in_order(series.isovalues, options, fine)
     return GridFile(
         options, series, header, notes, () if placement is None else placement.periodic, gone, holes, shared, promised,
-        values, fine, on_grid, free, len(shape) * cube_exponent(shape), geometry, report,
+        values, fine, searched, on_grid, free, len(shape) * cube_exponent(shape), geometry, report,
     )
+
+
+def _searched(fields: Sequence[Samples], options: Options, periodic: bool) -> float | None:
+    """The distance for which a plan is searched: also of single smooth surfaces, which slack at a slant suits."""
+    tolerance, alone = options.precision.tolerance, len(fields) == 1 and options.entropy == Profile.MAIN
+    if alone and tolerance is not None and SEARCHED <= tolerance < HALF and not (options.precision.smooth or periodic):
+        return tolerance if strategy.is_smooth(fields[0].signs) else options.searched
+    return options.searched
 
 
 def _in_order(isovalues: Sequence[float], options: Options, fine: float | None) -> bool:

@@ -9,7 +9,6 @@ from ..errors import OptionError
 from ..format.kinds import LayerKind
 from ..grid.layers.plan import Entry
 from ..search import strategy
-from ..search.choice import smallest
 from ..search.promise import Promise
 from ..search.reduced import LINEAR_POINTS
 from ..search.steps import stepwise
@@ -49,7 +48,7 @@ def plan_of(
         if not len(given) and number == len(file.series.isovalues) - 1:
             raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
         return with_meshes(given, file.full_level, lean_level, promise_of)
-    level, searched = o.layers.level, o.precision.searched
+    level = o.layers.level
     behind = file.geometry[number] if file.geometry is not None else [
         *file.values, *grid_offsets(file.fine, file.free and not file.periodic)
     ]
@@ -60,8 +59,8 @@ def plan_of(
         return stepwise(promise, o.precision.steps, o.keep_topology)
     if o.layers.criterion is not None:
         return _under_criterion(file, promise, o.layers.criterion, o.layers.parameter)
-    if searched is not None and level is None:
-        return smallest(promise, searched, o.keep_topology)
+    if file.searched is not None and level is None:
+        return strategy.smallest(promise, file.searched, o.keep_topology)
     return [*strategy.whole_mesh(promise, True, level), *behind]
 
 

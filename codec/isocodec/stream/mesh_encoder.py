@@ -38,7 +38,7 @@ from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
 from .grid_file import Report
 from .mesh_contents import code_layer
 from .mesh_file import NEEDED, StoredMesh, known_mesh, mesh_of_cells, mesh_of_points, stored_kind
-from .options import LEVELS, SEARCHED, Options
+from .options import BEST, LEVELS, SEARCHED, Options
 from .promises import PROMISE
 from .series import Series, chain
 
@@ -380,6 +380,7 @@ def _check_options(options: Options) -> None:
     options.check_unused("meshes", {
         "layers": not options.layers.default, f"profile {options.profile!r}": options.entropy != Profile.MAIN,
         f"order {options.order!r}": options.order == LEVELS, f"precision {precision.text!r}": precision.smooth,
+        "effort": options.effort == BEST,
     })
     tolerance = precision.tolerance
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):

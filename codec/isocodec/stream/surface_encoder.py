@@ -18,7 +18,7 @@ from ..tin.coded_tin import SurfaceLayers
 from ..tin.points import Points, points_of
 from ..tin.tin import Tin
 from .container import ContainerEncoder
-from .options import Options
+from .options import BEST, Options
 from .surface_contents import surface_chunks
 
 
@@ -46,6 +46,7 @@ class SurfaceEncoder(ContainerEncoder):
             f"profile {options.profile!r}": options.entropy != Profile.MAIN, "order": options.order is not None,
             f"precision {precision.text!r}": precision.signs or precision.steps is not None or bool(precision.world)
             or precision.smooth,
+            "effort": options.effort == BEST,
         })
         if tin.coded is not None and not options.precision.default:
             raise OptionError("the values of the surface are already rounded to a step",
