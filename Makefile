@@ -1,7 +1,7 @@
 # Two commands do everything on a fresh machine: `make demo` and `make test`. Each makes its own virtual environment.
 
 PYTHON ?= python3
-# Processes that pytest runs tests in; 0 for none but its own.
+# Processes that run tests and decode vectors; 0 for none but their own.
 JOBS ?= 2
 # What is run once more as plain Python: arguments of pytest.
 PLAIN ?= tests/kernel/test_determinism.py
@@ -49,7 +49,7 @@ docs: .venv-docs/.installed ## Build the documentation in build/site, all links 
 test: kernels .venv-test/.installed ## Run the tests, some of them again as plain Python, and the conformance vectors.
 	$(TEST_PYTHON) -m pytest -n $(JOBS) tests
 	ISOCODEC_KERNELS=python $(TEST_PYTHON) -m pytest $(PLAIN)
-	$(TEST_PYTHON) -m isoconform run --layers --vectors $(VECTORS)
+	$(TEST_PYTHON) -m isoconform run --layers --jobs $(JOBS) --vectors $(VECTORS)
 
 test-web: ## Build the npm package and run its tests, where node and npm can be had; says so if not.
 	$(PYTHON) tools/test_web.py

@@ -7,6 +7,7 @@ import os
 import pickle
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import isocodec
@@ -34,7 +35,12 @@ def _kept(digest: str, asked: bytes) -> bytes:
     if path.is_file():
         return path.read_bytes()
     field, isovalue, options = pickle.loads(asked)
-    data = isocodec.encode(field, isovalue, **options)
+    if "tile" in options:
+        with TemporaryDirectory() as folder:
+            isocodec.save(Path(folder) / "tiled.iso", field, isovalue, **options)
+            data = (Path(folder) / "tiled.iso").read_bytes()
+    else:
+        data = isocodec.encode(field, isovalue, **options)
     KEPT.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{digest}.{os.getpid()}")
     part.write_bytes(data)
@@ -44,6 +50,6 @@ def _kept(digest: str, asked: bytes) -> bytes:
 
 
 def encoded(field: Any, isovalue: Any = None, **options: Any) -> bytes:
-    """`isocodec.encode`, or what it gave before."""
+    """`isocodec.encode`, or with ``tile`` what `isocodec.save` writes; or what either gave before."""
     asked = pickle.dumps((field, isovalue, options))
     return _kept(hashlib.sha256(sources() + asked).hexdigest(), asked)

@@ -1,11 +1,7 @@
-"""Files that ask for much time or memory, and what a decoder takes for them; a command measures mutants of others.
-
-    python tests/hurtful.py coded series isovalues --count 5000
-"""
+"""Files that ask for much time or memory, mutants of others, and what a decoder takes for them."""
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -147,26 +143,3 @@ def mutants(name: str, count: int, seed: int = 0) -> Iterator[bytes]:
     files = BASES[name]()
     for number in range(count):
         yield mutant(files[number % len(files)], Random(f"{name} {seed} {number}"))
-
-
-def main() -> None:
-    """Measure mutants, and print the longest time and the most memory."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kinds", nargs="+", choices=BASES)
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    for name in options.kinds:
-        decoded(BASES[name]()[0])
-        found = []
-        for number, data in enumerate(mutants(name, options.count, options.seed)):
-            found.append((*measured(lambda: decoded(data)), number))  # noqa: B023 - called at once
-        seconds, memory = max(found), max(found, key=lambda each: each[1])
-        print(
-            f"{name}: {len(found)} mutants, at most {seconds[0]:.2f} s (number {seconds[2]}) and "
-            f"{memory[1] / 2**20:.0f} MB (number {memory[2]})", flush=True,
-        )
-
-
-if __name__ == "__main__":
-    main()

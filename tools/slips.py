@@ -71,6 +71,17 @@ def slips_of(path: Path, package: Path) -> list[Slip]:
     return found
 
 
+def tests_of(slip: Slip, root: Path) -> list[str]:
+    """What pytest is given for a slip: each of its tests has to be there."""
+    out = []
+    for name, _, one in (each.partition("::") for each in slip.tests):
+        found = [path for path in (root / "tests").rglob(f"test_{name}.py") if f"def {one}" in path.read_text()]
+        if not found:
+            sys.exit(f"{slip.place}: no tests {name} {one}")
+        out += [f"{path}::{one}".removesuffix("::") for path in found]
+    return out
+
+
 def is_compiled(text: str, at: int) -> bool:
     """Whether the compiler sees what stands at a place of a module with kernels: its functions and its constants."""
     line = text.count("\n", 0, at) + 1
@@ -127,11 +138,7 @@ def run(words: list[str], root: Path, environment: dict[str, str], seconds: floa
 def verdict(slip: Slip, copy: Path, root: Path, seconds: float) -> str:
     """What catches a slip: ``tests`` or ``vectors``; else ``survived``, or ``time`` if it was not settled."""
     folders = [str(copy.parent), *(str(root / name) for name in ("spec", "conformance", "tests"))]
-    tests = []
-    for name, _, one in (each.partition("::") for each in slip.tests):
-        tests += [f"{path}::{one}".removesuffix("::") for path in (root / "tests").rglob(f"test_{name}.py")]
-    if len(tests) < len(slip.tests):
-        sys.exit(f"{slip.place}: no tests {', '.join(slip.tests)}")
+    tests = tests_of(slip, root)
     with planted(slip, copy) as more:
         environment = {**os.environ, "CI": "1", "PYTHONPATH": os.pathsep.join(folders),
                        "PYTHONDONTWRITEBYTECODE": "1", **more}
@@ -168,6 +175,8 @@ def main() -> None:
     given = parser.parse_args()
     slips = slips_of(given.list, ROOT / "codec" / "isocodec")
     if given.check:
+        for slip in slips:
+            tests_of(slip, given.root.resolve())
         return
     first, step = map(int, given.part.split("/"))
     slips = [one for one in slips if not given.rooms or one.room in given.rooms][first::step]

@@ -262,11 +262,11 @@ class Decode(Viewed, OutputOptions):
         self.check_names(what)
 
 
-_CODED = ("tile", "frames", "layers", "order", "stored", "mesh_error", "metadata", "profile")
+_CODED = ("tile", "frames", "layers", "order", "effort", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
 _CONVERTED = ("what", "layer", "attribute", "in_samples", "simplify")
 """Options of other formats."""
-_OF_WHOLE = ("labels", "order", "keep_topology", "layers", "frames", "interval", "periodic")
+_OF_WHOLE = ("labels", "order", "effort", "keep_topology", "layers", "frames", "interval", "periodic")
 """Options that do not apply to tiles."""
 
 
@@ -291,6 +291,10 @@ class Encode(Choice, OutputOptions):
         "ones: 4,1,0.25,exact; step=S (floats); drawn smooth: '0.2 smooth'.  [default: 0.05]", PRECISION, metavar="P",
     )
     keep_topology: bool = option("Keep the topology of the contour in every layer.", PRECISION, default=False)
+    effort: Literal["normal", "best"] = option(
+        "best: take four to ten times the time at distances from 0.1 to 0.5 cells, for files that are 1 to 5 % "
+        "smaller.", PRECISION, default="normal", metavar="E",
+    )
     layers: str | None = option(
         "One of: a level L, to start from the uniform mesh of that level instead of searching for the best mesh; a "
         "criterion that the coarsened mesh must meet (crossing, topology, curvature=K, distortion=D or level=L); a "

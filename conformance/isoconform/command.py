@@ -6,16 +6,18 @@ import argparse
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from isocodec.limits import TIERS, Limits
 
 from .decoders import TIMEOUT, Batch, Command, Decoder, Reference, serve
 from .dump_file import dump_file
-from .manifest import default_directory, read_manifest
-from .runner import asked, run
+from .manifest import Vector, default_directory, read_manifest
+from .runner import Result, asked, run
 
 COMMANDS = ("run", "dump", "explain", "fuzz", "generate")
 USAGE_ERROR = 2
@@ -55,6 +57,7 @@ def _parser() -> argparse.ArgumentParser:
         "--tier", type=int, choices=sorted(TIERS), default=max(TIERS),
         help="tier of conformance that the decoder is to have; default: %(default)s",
     )
+    runs.add_argument("--jobs", type=int, default=1, metavar="N", help="processes that decode; default: %(default)s")
     runs.add_argument("--json", action="store_true", help="print a JSON object")
     runs.set_defaults(call=_run)
 
@@ -117,15 +120,11 @@ def _run(options: argparse.Namespace) -> int:
         vectors = [v for v in vectors if v.name in options.only]
     if options.layers and options.decoder and not options.batch and "{layers}" not in options.decoder:
         raise ValueError("the command does not say where the number of {layers} goes")
-    decoder = _decoder(options)
     results = []
-    try:
-        for result in run(vectors, options.vectors, asked(decoder), layers=options.layers, tier=options.tier):
-            results.append(result)
-            if not options.json:
-                print(f"ok    {result.name}" if result.passed else f"FAIL  {result.name}: {result.reason}", flush=True)
-    finally:
-        decoder.close()
+    for result in _results(options, vectors) if options.jobs < 2 else _results_of_many(options, vectors):
+        results.append(result)
+        if not options.json:
+            print(f"ok    {result.name}" if result.passed else f"FAIL  {result.name}: {result.reason}", flush=True)
     passed = sum(result.passed for result in results)
     failed = len(results) - passed
     if options.json:
@@ -133,6 +132,28 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print(f"{passed} passed, {failed} failed")
     return 1 if failed else 0
+
+
+def _results(options: argparse.Namespace, vectors: Sequence[Vector]) -> Iterator[Result]:
+    """Run one decoder over vectors."""
+    decoder = _decoder(options)
+    try:
+        yield from run(vectors, options.vectors, asked(decoder), layers=options.layers, tier=options.tier)
+    finally:
+        decoder.close()
+
+
+def _listed(options: argparse.Namespace, vectors: Sequence[Vector]) -> list[Result]:
+    """Results in a process of its own, which can hand over a list."""
+    return list(_results(options, vectors))
+
+
+def _results_of_many(options: argparse.Namespace, vectors: Sequence[Vector]) -> list[Result]:
+    """Run decoders side by side; results in the order of the vectors."""
+    parts = [vectors[first :: 8 * options.jobs] for first in range(8 * options.jobs)]
+    with ProcessPoolExecutor(options.jobs) as pool:
+        found = {result.name: result for part in pool.map(partial(_listed, options), parts) for result in part}
+    return [found[vector.name] for vector in vectors]
 
 
 def _dump(options: argparse.Namespace) -> int:

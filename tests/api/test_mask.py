@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import examples, noise, smooth
+from brute import examples
 from commands import BALL, HILLS, fails, ok, run
 from isocodec import Decoder, Limits
 from isocodec.drawing import rows as masks
@@ -22,7 +22,6 @@ from isocodec.errors import LimitError, OptionError, TruncatedError
 from libraries import Late
 
 nibabel = Late("nibabel")
-Image = Late("PIL.Image")
 
 SHAPES = st.one_of(st.tuples(*[st.integers(2, 20)] * 2), st.tuples(*[st.integers(2, 7)] * 3))
 WAYS = (
@@ -63,14 +62,6 @@ def test_out_of_the_ends_of_crossed_edges_alone(shape, seed):
         assert np.array_equal(np.concatenate(turned), above.T)
 
 
-@pytest.mark.parametrize("field", [noise((13, 9)), noise((6, 7, 5)), smooth((40, 33), 1), smooth((9, 18, 10), 2)])
-def test_all_isovalues_of_a_file(field):
-    values = [float(v) for v in np.quantile(field, [0.5, 0.3, 0.8])]
-    data = isocodec.encode(field, values)
-    for value in values:
-        assert np.array_equal(isocodec.open(data).above(value), field > value)
-
-
 def test_prefixes_tell_it_as_soon_as_the_signs_are_there():
     data = isocodec.encode(HILLS, 100.5, precision="exact")
     signs = len(isocodec.encode(HILLS, 100.5, precision="signs"))
@@ -93,14 +84,6 @@ def test_coarse_meshes_do_not_tell():
         assert caught.value.code == "mask"
     with pytest.raises(TruncatedError):
         Decoder().grid.above()
-
-
-def test_comparison_is_exact():
-    """numpy would round the isovalue to float32, where it equals the samples."""
-    field = np.full((4, 5), 0.1, np.float32)
-    field[1, 1] = 0
-    mask = isocodec.open(isocodec.encode(field, 0.1)).above()
-    assert np.array_equal(mask, field.astype(np.float64) > 0.1) and mask.sum() == 19
 
 
 def test_damage_behind_the_isovalue_changes_nothing(tmp_path: Path) -> None:
@@ -128,15 +111,6 @@ def test_samples_are_limited():
     with pytest.raises(LimitError) as caught:
         isocodec.open(data, limits=Limits(samples=HILLS.size - 1)).above()
     assert caught.value.code == "limit-samples"
-
-
-def test_pictures_and_arrays(tmp_path: Path) -> None:
-    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
-    record = json.loads(ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.png", "--json"))
-    assert record["above"] == (HILLS > 100.5).sum() and record["shape"] == list(HILLS.shape)
-    assert np.array_equal(np.asarray(Image.open(tmp_path / "m.png")), np.where(HILLS > 100.5, 255, 0))
-    assert "samples above" in ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
-    assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 100.5)
 
 
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])

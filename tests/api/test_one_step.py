@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import sys
-import time
 import weakref
 from pathlib import Path
 from typing import Any
@@ -14,20 +11,17 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import BALL, HILLS, fails, ok, process, run
+from commands import BALL, HILLS, fails, ok, run
 from isocodec.api.export import drawn
 from isocodec.api.tracing import Traced
-from isocodec.cli import report
-from isocodec.verbs import Decode
 from isocodec.drawing.contour import Contour
 from isocodec.field.placement import Placement
 from isocodec.io.formats import FORMATS
+from isocodec.verbs import Decode
 from libraries import Late
 from tables import looped
 
 geopandas = Late("geopandas")
-pyogrio = Late("pyogrio")
-shapely = Late("shapely")
 
 ROWS, COLUMNS = np.mgrid[:33, :41]
 HOLES = np.zeros(HILLS.shape, bool)
@@ -213,24 +207,3 @@ def test_drawings_are_released_one_by_one(tmp_path: Path) -> None:
     count = len(made.drawings)
     assert count > 64 and most[0] == 1
     assert seen == [(number, count + 1) for number in range(1, count + 2)]
-
-
-def test_the_bar_is_shown_while_a_library_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Though what libraries print meanwhile is collected."""
-    terminal, end = os.openpty()
-    monkeypatch.setattr(report, "PATIENCE", 0.0)
-    made = drawn(isocodec.Field(HILLS), "a.gpkg", Decode(), "every 20")
-    with os.fdopen(end, "w") as stream:
-        monkeypatch.setattr(sys, "stderr", stream)
-        report.written_out(made, tmp_path / "a.gpkg", "in.npy")
-    assert b"writing" in os.read(terminal, 1 << 16)
-    os.close(terminal)
-
-
-def test_seconds_are_those_that_a_user_waits_for(tmp_path: Path) -> None:
-    """But for the interpreter's own beginning and end."""
-    np.save(tmp_path / "in.npy", HILLS)
-    began = time.perf_counter()
-    record = json.loads(process("encode", tmp_path / "in.npy", "-o", tmp_path / "a.gpkg", "--interval", 10, "--json")
-                        .stdout)
-    assert record["seconds"] > (time.perf_counter() - began) / 2

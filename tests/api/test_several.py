@@ -12,9 +12,7 @@ import isocodec
 from commands import HILLS, fails, ok, run
 from isocodec.errors import OptionError, TruncatedError
 from libraries import Late
-from written import rendered
 
-Image = Late("PIL.Image")
 shapely = Late("shapely")
 shape_of = Late("shapely.geometry.shape")
 
@@ -82,11 +80,6 @@ def test_others_are_named_where_only_one_is_written(several: Path, tmp_path: Pat
     assert result.exit_code == 0 and "choose another with --isovalue: 100.5 or 80.5" in result.stderr
 
 
-def test_formats_that_hold_one(data: bytes) -> None:
-    with pytest.raises(OptionError, match="several contours"):
-        rendered(isocodec.open(data).contours(), ".npz")
-
-
 def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: Path) -> None:
     several.write_bytes(data[: len(data) * 2 // 3])
     out = tmp_path / "cut.geojson"
@@ -140,10 +133,3 @@ def test_one_warning_of_all_isovalues_that_are_samples(tmp_path: Path) -> None:
     result = run("encode", tmp_path / "hills.npy", "-o", tmp_path / "out.iso", "--interval", 20)
     assert result.exit_code == 0
     assert result.stderr.count("warning:") == 1 and "one of " in result.stderr
-
-
-def test_isovalues_outside_constant_data(tmp_path: Path) -> None:
-    np.save(tmp_path / "flat.npy", np.full((9, 9), 7.5))
-    for isovalue in (7.5, 8):
-        result = run("encode", tmp_path / "flat.npy", "-o", tmp_path / "out.iso", "--isovalue", isovalue)
-        assert f"the isovalue {isovalue} lies outside the data, which are all 7.5: the curve is empty" in result.stderr

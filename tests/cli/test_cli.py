@@ -18,7 +18,6 @@ from libraries import Late
 
 Image = Late("PIL.Image")
 shapely = Late("shapely")
-tifffile = Late("tifffile")
 trimesh = Late("trimesh")
 
 # ---- encode ---------------------------------------------------------------------------------------------------------
@@ -59,64 +58,10 @@ def test_encode_options_are_those_of_the_library(
     assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS, 80.5, **keywords)
 
 
-@pytest.mark.parametrize(
-    ("options", "keywords"), [([], {}), (["--precision", "0.5"], {"precision": 0.5})]
-)
-def test_encode_one_of_several_labels(tmp_path: Path, options: list[str], keywords: dict[str, Any]) -> None:
-    labels = np.digitize(HILLS, [20, 80, 140])
-    source, out = tmp_path / "labels.npy", tmp_path / "out.iso"
-    np.save(source, labels.astype(np.float32))
-    ok("encode", source, "-o", out, "--label", 2, *options)
-    assert out.read_bytes() == isocodec.encode(isocodec.Field(labels.astype(np.float32), labels=[2]), **keywords)
-    assert "the labels are 0, 1, 2, 3" in fails(3, "encode", source, "-o", out, "--label", 7)
-    assert "cannot be combined" in fails(2, "encode", source, "-o", out, "--label", 2, "--isovalue", 1)
-    assert "give one of" in fails(2, "encode", source, "-o", out)
-    assert "cannot be combined" in fails(2, "encode", source, "-o", out, "--label", 2, "--missing", "below")
-
-
-def test_encode_floats_in_steps(tmp_path: Path) -> None:
-    np.savez(tmp_path / "f.npz", values=HILLS / np.float64(3), other=np.zeros(1))
-    ok("encode", tmp_path / "f.npz", "-o", tmp_path / "out.iso", "--isovalue", 25.1, "--precision", "step=0.01")
-    assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS / np.float64(3), 25.1, precision="step=0.01")
-
-
-def test_encode_of_a_channel_and_of_a_key(tmp_path: Path, curve_data: bytes) -> None:
-    Image.fromarray(np.dstack([HILLS // 2, HILLS, HILLS])).save(tmp_path / "c.png")
-    ok(
-        "encode", tmp_path / "c.png", "-o", tmp_path / "c.iso", "--isovalue", 80.5, "--precision", "exact",
-        "--band", 2,
-    )
-    np.savez(tmp_path / "k.npz", a=HILLS // 2, b=HILLS)
-    ok("encode", tmp_path / "k.npz", "-o", tmp_path / "k.iso", "--isovalue", 80.5, "--precision", "exact", "--key", "b")
-    tifffile.imwrite(tmp_path / "t.tif", HILLS)
-    ok("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 80.5, "--precision", "exact")
-    assert {(tmp_path / name).read_bytes() for name in ("c.iso", "k.iso", "t.iso")} == {curve_data}
-
-
 def test_negative_isovalue_is_no_option(tmp_path: Path) -> None:
     np.save(tmp_path / "n.npy", HILLS.astype(np.int16) - 100)
     ok("encode", tmp_path / "n.npy", "-o", tmp_path / "n.iso", "--isovalue", "-19.5")
     assert isocodec.open(tmp_path / "n.iso").info.isovalue == -19.5
-
-
-@pytest.mark.parametrize("isovalue", ["nan", "inf", "-inf"])
-def test_isovalue_that_is_no_number(hills: Path, tmp_path: Path, isovalue: str) -> None:
-    line = fails(3, "encode", hills, "-o", tmp_path / "out.iso", "--isovalue", isovalue)
-    assert line.startswith(f"isocodec: {hills}: ")
-    assert not (tmp_path / "out.iso").exists()
-
-
-def test_contradictory_options(hills: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.iso"
-    for options, named in (
-        (["--precision", "2,1", "--layers", "3"], "cannot be combined"),
-    ):
-        assert named in fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
-    for options in (
-        ["--precision", "-1"], ["--precision", "fine"], ["--profile", "nonsense"], ["--key", "a"], ["--band", "1"],
-    ):
-        fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
-    assert not out.exists()
 
 
 def test_usage_errors_are_one_line_too(hills: Path) -> None:
@@ -210,52 +155,12 @@ def test_decode_curves(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
     assert Image.open(tmp_path / "c.png").size[0] == 900
 
 
-def test_decode_surfaces(surface: Path, tmp_path: Path) -> None:
-    for suffix in (".ply", ".stl", ".obj"):
-        line = ok("decode", surface, "-o", tmp_path / f"s{suffix}")
-        assert "triangles" in line
-        mesh = trimesh.load_mesh(tmp_path / f"s{suffix}")
-        mesh.merge_vertices()
-        assert mesh.is_watertight
-        # A ball of radius 5.55; its triangles cut a little off, 1 % at this size.
-        assert abs(mesh.volume) == pytest.approx(4 / 3 * np.pi * 5.55**3, rel=0.03)
-    ok("decode", surface, "-o", tmp_path / "s.npz")
-    ok("decode", surface, "-o", tmp_path / "s.png")
-
-
-def test_decode_json(surface: Path, tmp_path: Path, surface_data: bytes) -> None:
-    contour = isocodec.decode(surface_data)
-    record = json.loads(ok("decode", surface, "-o", tmp_path / "s.stl", "--json"))
-    assert record.pop("seconds") >= 0
-    assert record == {
-        "output": str(tmp_path / "s.stl"),
-        "bytes": 84 + 50 * len(contour.cells),
-        "points": len(contour.points),
-        "cells": len(contour.cells),
-        "isovalues": [55.5],
-        "shape": [17, 17, 17],
-        "complete": True,
-    }
-
-
 def test_decode_of_the_wrong_dimension(curve: Path, surface: Path, tmp_path: Path) -> None:
     line = fails(2, "decode", curve, "-o", tmp_path / "c.stl")
     assert line.startswith(f"isocodec: {tmp_path / 'c.stl'}: ")
     assert ".geojson" in line and ".png" in line
     assert ".npz" in fails(2, "decode", surface, "-o", tmp_path / "s.svg")
     assert ".geojson" in fails(2, "decode", surface, "-o", tmp_path / "s.xyz")
-
-
-def test_decode_of_fewer_layers_or_bytes(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
-    out = tmp_path / "c.npz"
-    ok("decode", curve, "-o", out, "--layers", 1)
-    with np.load(out) as arrays:
-        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
-    half = len(curve_data) // 2
-    ok("decode", curve, "-o", out, "--max-bytes", half)
-    with np.load(out) as arrays:
-        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, max_bytes=half).points)
-    fails(2, "decode", curve, "-o", out, "--layers", 0)
 
 
 def test_decode_of_an_empty_curve(tmp_path: Path) -> None:
@@ -286,13 +191,6 @@ def test_metadata_goes_into_the_file(hills: Path, tmp_path: Path) -> None:
     assert "[red]source" in shown and "m=1" in shown
     for wrong in (["unit"], ["=m"], ["unit=m", "--metadata", "unit=km"]):
         assert "KEY=TEXT" in fails(2, "encode", hills, "-o", out, "--isovalue", 80.5, "--metadata", *wrong)
-
-
-def test_info_shows_metadata_without_orders_to_terminals(tmp_path: Path) -> None:
-    path = tmp_path / "m.iso"
-    path.write_bytes(isocodec.encode(HILLS, 80.5, metadata={"note": "\x1b]0;title\x07\u202ered\nline"}))
-    shown = ok("info", path)
-    assert "\x1b" not in shown and "\u202e" not in shown and "\\x1b]0;title\\x07" in shown
 
 
 def test_info_says_why_sizes_of_layers_are_missing(curve: Path, curve_data: bytes) -> None:
@@ -351,11 +249,6 @@ def test_truncate(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
     assert out.stat().st_size <= size
     assert f" of {len(curve_data):,} bytes" in line
     ok("decode", out, "-o", tmp_path / "t.npz")
-
-
-def test_truncate_needs_one_measure(curve: Path, tmp_path: Path) -> None:
-    fails(2, "edit", curve, "-o", tmp_path / "t.iso")
-    fails(2, "edit", curve, "-o", tmp_path / "t.iso", "--layers", 1, "--size", 100)
 
 
 def test_plot(curve: Path, surface: Path, tmp_path: Path, curve_data: bytes) -> None:

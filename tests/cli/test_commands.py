@@ -113,6 +113,9 @@ def test_the_limit_of_memory_holds_for_each_command(files: Path, tmp_path: Path,
     result = run(*words)
     assert result.exit_code == 6, result.output
     assert "--limits" in result.stderr and not list(tmp_path.iterdir())
+    words[words.index("memory=100")] = "memory=much,work=0"
+    result = run(*words)
+    assert result.exit_code == 2 and "'much' is not a size" in result.stderr
 
 
 ERRORS = [

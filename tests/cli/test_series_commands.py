@@ -52,12 +52,6 @@ def test_the_first_frame_is_said(series: bytes, command: list[str], verb: str) -
     assert not run(*command, "--frame", 2).stderr
 
 
-def test_a_file_of_one_frame_says_nothing(series: bytes) -> None:
-    for data in (isocodec.encode(MOVING[0], 7.5), isocodec.encode(isocodec.Frames(MOVING[:1]), 7.5)):
-        Path("one.iso").write_bytes(data)
-        assert not run("decode", "one.iso", "-o", "o.npz").stderr
-
-
 def test_what_is_cut_counts_what_begins(series: bytes) -> None:
     start = isocodec.open(series).info.frames[2].offset
     Path("s.iso").write_bytes(series[: start + 8])

@@ -16,6 +16,7 @@ import pytest
 import isocodec
 from commands import HILLS
 from isocodec.kernel.execution import SETTING
+from tables import heavy
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 
@@ -107,7 +108,7 @@ def test_while_a_library_reads(folder: Path, number: signal.Signals) -> None:
     assert (child.communicate(timeout=60)[1], child.returncode) == (f"isocodec: {word}\n", code)
 
 
-@pytest.mark.parametrize("number", ENDS)
+@pytest.mark.parametrize("number", [signal.SIGINT, *heavy(signal.SIGTERM, signal.SIGHUP)])
 def test_while_the_output_is_written(folder: Path, number: signal.Signals) -> None:
     command = encode(folder)
     command.wait_for("writing")
@@ -115,7 +116,7 @@ def test_while_the_output_is_written(folder: Path, number: signal.Signals) -> No
     assert is_as_before(folder)
 
 
-@pytest.mark.parametrize("trials", [6, pytest.param(300, marks=pytest.mark.heavy)])
+@pytest.mark.parametrize("trials", [3, pytest.param(300, marks=pytest.mark.heavy)])
 def test_at_any_moment(folder: Path, trials: int) -> None:
     """While kernels are loaded, while it works, while it writes: the output is there, or what was there before."""
     whole = isocodec.encode(HILLS, 80.5)
@@ -131,7 +132,7 @@ def test_at_any_moment(folder: Path, trials: int) -> None:
             assert ended
 
 
-@pytest.mark.parametrize("number", ENDS)
+@pytest.mark.parametrize("number", [signal.SIGTERM, *heavy(signal.SIGINT, signal.SIGHUP)])
 def test_too_late(folder: Path, number: signal.Signals) -> None:
     """What is done is not undone, nor said to have been ended, while Python shuts down."""
     command = encode(folder)

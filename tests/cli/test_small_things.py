@@ -6,7 +6,6 @@ import json
 import re
 import warnings
 from pathlib import Path
-from random import Random
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from isocodec.api.thinned import thin
 from isocodec.api.verification import Verified
 from isocodec.cli import main
 from isocodec.cli.report import own_warnings
-from isoconform.damage import damaged
 from tables import looped
 
 
@@ -43,26 +41,6 @@ def test_an_option_that_is_given_twice_is_said(tmp_path: Path) -> None:
 def test_isovalues_in_notes_are_short() -> None:
     data = isocodec.encode(thin(np.arange(64).reshape(8, 8) / 10.0, contours=[0.3, 0.7], tolerance=0.2))
     assert isocodec.open(data).metadata["promise"].endswith(" at 0.3 0.7")
-
-
-def test_bytes_bound_the_validity_of_a_surface() -> None:
-    field = np.random.default_rng(1).integers(0, 900, (40, 40))
-    data = isocodec.encode(thin(field, to=800, layers=4))
-    file = isocodec.open(data)
-    assert file.valid().all()
-    with pytest.raises(isocodec.IsoError):
-        file.valid(max_bytes=8)
-
-
-@pytest.mark.parametrize("kind", ["grid", "mesh", "surface", "cut"])
-def test_the_kit_damages_every_kind_of_file(kind: str) -> None:
-    square = np.arange(64).reshape(8, 8)
-    mesh = isocodec.Mesh([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 1, 2], [1, 3, 2]], [0, 1, 1, 2], stored="whole")
-    data = isocodec.encode(thin(square**2, to=20)) if kind == "surface" else isocodec.encode(
-        mesh if kind == "mesh" else square, 0.5 if kind == "mesh" else 30.5
-    )
-    data = data[: len(data) // 2] if kind == "cut" else data
-    assert len({damaged(data, Random(seed)) for seed in range(300)}) > 50
 
 
 def test_every_extra_is_in_the_table() -> None:

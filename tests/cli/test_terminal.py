@@ -122,6 +122,7 @@ def test_what_libraries_say_is_one_warning(capfd: pytest.CaptureFixture[str]) ->
     logger.removeHandler(mine)
 
 
+@pytest.mark.heavy  # processes, so that what is printed past Python is heard
 def test_libraries_are_heard_in_one_line(tmp_path: Path) -> None:
     """Real ones: a tag that tifffile logs, three times over, an extension that nibabel warns of, ITK's own prints."""
     tifffile.imwrite(tmp_path / "a.tif", HILLS, extratags=[(42113, "s", 0, "none", False)])
@@ -143,6 +144,7 @@ def test_libraries_are_heard_in_one_line(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (3, "", 1), done
 
 
+@pytest.mark.heavy  # a process that loads all writers
 def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
     """Real ones: pyogrio warns of files without a reference system, matplotlib of signs that a font lacks."""
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, [80.5, 120.5]))

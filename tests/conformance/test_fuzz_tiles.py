@@ -28,7 +28,7 @@ VECTORS = default_directory()
 CODES = {COMPLETE, CUT_OFF, *REFUSED}
 
 
-FILES, MANY = 300, 20_000
+FILES, MANY = 100, 20_000
 """Damaged files, and those of a long run."""
 MEMORY, SECONDS = 128 << 20, 10
 
@@ -41,7 +41,7 @@ def rows(lines: list[str]) -> list[tuple[int, bytes]]:
 
 def test_files_are_refused_or_decoded_and_explained() -> None:
     codes = set()
-    for number in range(120):
+    for number in range(40):
         data = any_tiled(Random(number))
         if tiles_of(data) > 64:
             continue
@@ -79,7 +79,7 @@ class Careless(Reference):
 
 
 def test_a_campaign() -> None:
-    fine = Campaign(Reference(), files=60, tiles=True)
+    fine = Campaign(Reference(), files=30, tiles=True)
     assert not list(fine.run()) and fine.report.files > 10
     found = list(Campaign(Careless(), files=60, tiles=True, shrinking=1.0, most=1).run())
     assert [each.sort for each in found] == ["exit code 0 instead of 4"]

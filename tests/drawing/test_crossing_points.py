@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brute import noise
-from drawings import as_set, check_manifold, check_winding, leaves_of, rows_of
+from drawings import check_manifold, check_winding, leaves_of, rows_of
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
 from tables import looped
@@ -71,35 +71,3 @@ def test_points_are_in_the_middle_where_nothing_is_known_and_never_leave_their_e
         drawn = draw(Leaves(**{**vars(leaves), "value": value}))
         reach = 0.5 if full else 1.5
         assert np.isfinite(drawn.points).all() and (np.abs(drawn.points - middle.points) <= reach).all()
-
-
-@pytest.mark.parametrize("shape", [(9, 9), (6, 6, 6)])
-def test_ties_do_no_harm(shape):
-    field = np.random.default_rng(8).integers(-1, 2, shape).astype(float)
-    for leaves in (leaves_of(field), leaves_of(field, size=2, bisections=1)):
-        contour = draw(leaves)
-        assert np.isfinite(contour.points).all()
-        assert (contour.cells == draw(Leaves(**{**vars(leaves), "value": None})).cells).all()
-    check_manifold(draw(leaves_of(field, values=False)))
-
-
-@pytest.mark.parametrize("size", [1, 2])
-@pytest.mark.parametrize("shape", [(9, 9), (6, 6, 6)])
-def test_numbering_of_vertices_changes_no_coordinate(shape, size):
-    leaves = leaves_of(noise(shape, 2), size=size)
-    order = np.random.default_rng(0).permutation(len(leaves.position))
-    shuffled = Leaves(**{
-        **vars(leaves),
-        "vertex": leaves.vertex[order],
-        "value": leaves.value[order],
-        "simplices": np.argsort(order)[leaves.simplices],
-    })
-    one, two = draw(leaves), draw(shuffled)
-
-    def corners(contour):
-        cells = contour.points[contour.cells].tolist()
-        return sorted(min(c[i:] + c[:i] for i in range(len(c))) if len(c) == 3 else c for c in cells)
-
-    # Centres are means, summed in an order that follows from the numbering.
-    assert np.allclose(corners(one), corners(two), atol=1e-12, rtol=0)
-    assert as_set(one.points, 15) >= {p for p in as_set(two.points, 15) if sum(x % 1 != 0 for x in p) == 1}

@@ -75,28 +75,6 @@ def test_drawing_takes_at_most_what_is_counted(
     assert contour.points.nbytes + contour.cells.nbytes <= found.peak
 
 
-@pytest.mark.heavy
-@pytest.mark.parametrize("gaps", [None, 3, 9])
-@pytest.mark.parametrize("precision", [1.0, 3.0])
-@pytest.mark.parametrize("n", [2, 3])
-def test_drawings_of_coarse_meshes_take_what_is_counted(
-    n: int, precision: float, gaps: int | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With missing samples, too: pieces of a coarse mesh are cut into many."""
-    values = field(n, SMOOTH).astype(np.float32)
-    if gaps:
-        values[(slice(None, None, gaps),) * n] = np.nan
-    decoder = Decoder()
-    decoder.feed(encode(values, 0.5, precision=precision))
-    tube = decoder.take().grid.tubes[0]
-    assert tube is not None and not tube.full
-    decoder.contour()
-    with accounted(decoder, monkeypatch) as found:
-        decoder.contour()
-    assert found.peak <= found.asked + SPARE
-    assert found.asked <= 4 * found.peak
-
-
 @pytest.mark.parametrize("n", [2, 3])
 def test_a_complete_file_holds_no_more_than_drawing_needs(n: int) -> None:
     data = encode(field(n, SMOOTH), 0.5)

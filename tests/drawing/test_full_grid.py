@@ -9,55 +9,15 @@ import numpy as np
 import pytest
 
 from brute import ball, noise
-from drawings import as_set, check_manifold, check_winding, euler, leaves_of, mesh, torus
+from drawings import as_set, check_manifold, check_winding, euler, leaves_of, torus
 from isocodec.drawing.drawing import draw
 from libraries import Late
 from tables import looped
 
-cKDTree = Late("scipy.spatial.cKDTree")
 measure = Late("skimage.measure")
-
-BOXES = [(5, 7), (4, 6, 9), (8, 8), (5, 5, 5), (2, 3), (2, 2, 3)]
-
-
-# --- the meshes that these tests draw on -----------------------------------------------------------------------------
-
-
-@looped("shape", BOXES)
-def test_bisection_of_coarse_cubes_ends_at_the_reflected_unit_cubes(shape):
-    def canonical(simplices):
-        return {tuple(map(tuple, s)) for s in simplices.tolist()}
-
-    assert canonical(mesh(shape, 4, 2 * len(shape))) == canonical(mesh(shape))
 
 
 # --- n = 2, full grid ------------------------------------------------------------------------------------------------
-
-
-@looped(("shape", "seed"), [((20, 31), 1), ((33, 8), 2), ((5, 7), 3), ((2, 2), 4), ((2, 9), 5)])
-def test_points_are_those_of_find_contours(shape, seed):
-    field = noise(shape, seed)
-    contour = draw(leaves_of(field, 0.1))
-    # There closed lines repeat their first point.
-    expected = np.concatenate([*measure.find_contours(field, 0.1), np.empty((0, 2))])
-    expected = expected[np.unique(np.round(expected, 10), axis=0, return_index=True)[1]]
-    ours = contour.points[np.lexsort(np.round(contour.points, 10).T[::-1])]
-    assert ours.shape == expected.shape
-    assert np.allclose(ours, expected, atol=1e-9, rtol=0)
-
-
-def test_lines_of_a_smooth_field_are_those_of_find_contours_with_high_values_on_the_left():
-    field = np.maximum(ball((30, 41), (11.3, 12.1), 8.2), ball((30, 41), (20.7, 36.4), 9.1))
-    ours = draw(leaves_of(field)).lines
-    theirs = measure.find_contours(field, 0.0, positive_orientation="high")
-    assert len(ours) == len(theirs) == 2
-
-    def steps(lines):
-        return {
-            (tuple(a), tuple(b)) for line in lines for a, b in itertools.pairwise((np.round(line, 9) + 0.0).tolist())
-        }
-
-    assert steps(ours) == steps(theirs)
 
 
 def marching_squares(field):
@@ -114,21 +74,6 @@ def test_a_single_high_sample_is_wound_counter_clockwise_in_the_plane_of_axis_0_
 
 
 # --- n = 3, full grid ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("shape", [(14, 14, 14), (4, 6, 9), (2, 2, 3)])
-def test_vertices_of_noise_are_those_of_marching_cubes(shape):
-    field = noise(shape, 3)
-    contour = draw(leaves_of(field, 0.05))
-    check_manifold(contour)
-    vertices = measure.marching_cubes(field, 0.05, method="lorensen")[0]
-    on_edge = (contour.points != np.round(contour.points)).sum(axis=1) == 1
-    # Of noise, 14 cells in 256 have a point in their middle: 120 of the 2197 cells in the largest of these volumes.
-    assert (~on_edge).sum() <= 0.08 * np.prod(np.array(shape) - 1)
-    ours = contour.points[on_edge]
-    # scikit-image computes in float32, and a few points come twice there.
-    assert cKDTree(vertices).query(ours)[0].max() < 1e-4
-    assert cKDTree(ours).query(vertices)[0].max() < 1e-4
 
 
 def all_patterns():

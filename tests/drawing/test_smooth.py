@@ -10,7 +10,6 @@ import pytest
 import grids
 import isocodec
 from brute import ball, noise, smooth
-from commands import ok
 from isocodec.drawing import smoothing
 from isocodec.drawing.smoothing import ROUNDS, SMOOTHING, rounds_of
 from isocodec.errors import OptionError
@@ -40,26 +39,6 @@ def test_points_stay_on_their_edges(shape):
     low, high = np.floor(moved.points[on_edge]).astype(int), np.ceil(moved.points[on_edge]).astype(int)
     assert ((field[tuple(low.T)] > 0.1) != (field[tuple(high.T)] > 0.1)).all()
     assert len(np.unique(moved.points[on_edge], axis=0)) == on_edge.sum()
-
-
-@pytest.mark.parametrize("shape", [(23, 30), (17, 16, 15)])
-def test_points_stay_on_edges_of_coarse_meshes(shape):
-    """Between the vertices of some crossed leaf."""
-    n = len(shape)
-    data = isocodec.encode(noise(shape) + 2 * smooth(shape, 5), 0.1, layers=[("base", n), ("refine", 1)])
-    decoder = isocodec.Decoder()
-    decoder.feed(data)
-    decoder.close()
-    position, simplices = decoder.grid.crossed()
-    ends = {tuple(sorted((int(a), int(b)))) for leaf in simplices for a in leaf for b in leaf if a < b}
-    low, high = (position[[end[i] for end in ends]].astype(float) for i in (0, 1))
-    way = high - low
-    moved = decoder.contour(smooth=True).points
-    assert (moved != decoder.contour().points).any(axis=1).mean() > 0.5
-    for point in moved:
-        ratio = ((point - low) * way).sum(axis=1) / (way**2).sum(axis=1)
-        off = np.abs(low + ratio[:, None] * way - point).max(axis=1)
-        assert ((off < 1e-9) & (ratio > 0) & (ratio < 1)).any()
 
 
 @pytest.mark.parametrize("shape", [(40, 41), (20, 21, 19)])
@@ -108,26 +87,6 @@ def test_layers_half_told():
     assert (way[half_way] > 0.5 / 11).mean() > 0.3
 
 
-@pytest.mark.parametrize(
-    ("field", "radius", "centre", "gain"),
-    [
-        (ball((40, 41), (19.3, 20.1), 14.2), 14.2, (19.3, 20.1), 0.7),
-        (ball((28, 27, 29), (13.3, 12.9, 14.1), 11.3), 11.3, (13.3, 12.9, 14.1), 0.6),
-    ],
-)
-def test_round_things_come_nearer(field, radius, centre, gain):
-    plain, moved = both(field, 0, precision="signs")
-    errors = [np.abs(np.linalg.norm(c.points - centre, axis=1) - radius) for c in (plain, moved)]
-    assert errors[1].mean() < gain * errors[0].mean()
-
-
-def test_flat_things_come_nearer():
-    z, y, x = np.mgrid[:20, :21, :22]
-    plain, moved = both(0.31 * z + 0.47 * y + 0.82 * x - 16.1, 0, precision="signs")
-    errors = [np.abs(c.points @ (0.31, 0.47, 0.82) - 16.1) for c in (plain, moved)]
-    assert errors[1].mean() < 0.5 * errors[0].mean()
-
-
 @pytest.mark.parametrize("parts", [1, 7])
 @pytest.mark.parametrize("shape", [(17, 19), (8, 9, 7)])
 def test_one_round(shape, parts):
@@ -167,15 +126,6 @@ def test_one_round(shape, parts):
         assert np.allclose(moved.points[v], expected, atol=1e-6), v
 
 
-def test_command_line(tmp_path: Path) -> None:
-    np.save(tmp_path / "b.npy", ball((20, 21, 22), (9.3, 10.2, 10.9), 7.4))
-    ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--precision", "signs")
-    ok("decode", tmp_path / "b.iso", "-o", tmp_path / "b.npz", "--smooth")
-    with np.load(tmp_path / "b.npz") as arrays:
-        expected = isocodec.decode((tmp_path / "b.iso").read_bytes(), smooth=True)
-        assert np.array_equal(arrays["points"], expected.points)
-
-
 def test_nothing_to_smooth():
     for shape in ((5, 5), (5, 5, 5)):
         plain, moved = both(np.zeros(shape), 1, precision="signs")
@@ -205,17 +155,6 @@ def test_the_promise_holds_with_and_without(n, distance):
     # between samples the distance is not linear
     for error, share in zip(errors, (0.5, 1), strict=True):
         assert error.max() <= share * (1 if distance is None else distance) + 1 / (4 * radius)
-
-
-@pytest.mark.heavy
-@looped("shape", [(40, 41), (20, 21, 19)])
-@looped("precision", ["signs", "0.2", "0.05"])
-def test_rough_fields_are_left_alone(shape, precision):
-    """The same bytes as without."""
-    field = noise(shape)
-    assert isocodec.encode(field, 0.1, precision=f"{precision} smooth") == isocodec.encode(
-        field, 0.1, precision=precision if precision == "signs" else float(precision)
-    )
 
 
 @looped("text", ["", "0", "65", "07", "x", "-1", "1.0", "\u0664", " 4", "100"])
@@ -290,14 +229,3 @@ def test_in_the_world_and_in_series():
     for asked, plain in zip(series.each_frame(), series.each_frame(smooth=False), strict=True):
         way = np.abs(asked[0].points - plain[0].points).max(axis=1)
         assert (way > 0).mean() > 0.5 and way.max() <= 0.1
-
-
-def test_of_the_command_line(tmp_path: Path) -> None:
-    np.save(tmp_path / "b.npy", ROUND[3][0])
-    ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--precision", "0.2 smooth")
-    for flag, smooth_ in (("--no-smooth", False), ("--smooth", True), (None, None)):
-        ok("decode", tmp_path / "b.iso", "-o", tmp_path / "b.npz", *([flag] if flag else []))
-        with np.load(tmp_path / "b.npz") as arrays:
-            expected = isocodec.decode((tmp_path / "b.iso").read_bytes(), smooth=smooth_)
-            assert np.array_equal(arrays["points"], expected.points)
-    ok("verify", tmp_path / "b.iso", tmp_path / "b.npy")

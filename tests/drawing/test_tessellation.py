@@ -13,16 +13,6 @@ from commands import BALL, HILLS
 from isocodec.drawing.tessellation import Tessellation, tessellated
 from isoconform.meshes import chosen
 
-# Two triangles of a square of 4 samples a side, split along the diagonal from (0, 0); one vertex lies above.
-SQUARE = Tessellation(
-    points=np.array([(0, 0), (0, 3), (3, 0), (3, 3)]),
-    cells=np.array([(0, 2, 3), (0, 3, 1)]),
-    levels=np.array([0, 1]),
-    above=np.array([False, True, False, False]),
-    isovalue=0.5,
-    shape=(4, 4),
-)
-
 
 def decoder_of(data: bytes, **options) -> isocodec.Decoder:
     decoder = isocodec.Decoder(**options)

@@ -101,7 +101,8 @@ def apart(points: Any) -> bool:
     return len(np.unique(points, axis=0)) == len(points)
 
 
-@looped("precision", PRECISIONS)
+@pytest.mark.cover(1)
+@pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", PLANE)
 def test_lines_and_areas(name: str, precision: str) -> None:
     field, saddles = PLANE[name], "saddle" in name or "random" in name or name == "chequered"
@@ -142,7 +143,8 @@ def _check_samples(sides: list[Any], above: Any) -> None:
         assert np.array_equal(shapely.intersects(side, shapely.points(columns, rows)), inside)
 
 
-@looped("precision", PRECISIONS)
+@pytest.mark.cover(1)
+@pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", SPACE)
 def test_surfaces(name: str, precision: str) -> None:
     contour = contour_of(SPACE[name], precision)

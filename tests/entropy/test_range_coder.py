@@ -24,8 +24,7 @@ from isocodec.entropy.range_coder import (
     finish,
     start,
 )
-from isocodec.grid.models.contexts import CONTEXTS, models
-from isocodec.grid.models.parabola import FREE, MOST, ONWARD, STIFFNESS, beside_the_gate, nearer, through_the_gate
+from isocodec.grid.models.parabola import FREE, MOST, ONWARD, STIFFNESS, beside_the_gate, through_the_gate
 from tables import looped
 
 HALF = ONE // 2
@@ -131,14 +130,6 @@ def test_probabilities_keep_from_certainty():
             code(cd, 0, bit)
         assert abs(int(cd.prob[0]) - end) <= len(ADAPTIVE)  # the last step's rounding: a 160th of the rest is lost
         assert FLOOR <= cd.prob[0] <= ONE - FLOOR
-
-
-def test_initial_models():
-    """Every context starts within the floor, and with a count that the rates know."""
-    prob, seen = models()
-    assert len(prob) == len(seen) == CONTEXTS
-    assert prob.min() >= FLOOR and prob.max() <= ONE - FLOOR
-    assert seen.min() >= 0 and seen.max() < len(ADAPTIVE)
 
 
 # --- against exact arithmetic ---------------------------------------------------------------------------------------
@@ -416,38 +407,3 @@ def onward(points, powers, bending):
     """
     rows = [[sum(t ** (p + q) for t, _ in points) + bending * (p == q == 2) for q in powers] for p in powers]
     return sum(solved(rows, [sum(t**p * f for t, f in points) for p in powers]))
-
-
-def by_definition(trail, g, a, b):
-    """Case and agreement of 7.3.1 from its definition, in fractions."""
-    last = trail[-MOST:]
-    if not last:
-        return 0, 0
-    stiff, free = [], []
-    for axis in (0, 1):
-        f = [(i - len(last), p[axis] - g[axis]) for i, p in enumerate(last)]
-        stiff.append(g[axis] + onward(f, (1, 2), STIFFNESS))
-        if len(last) > 1:
-            free.append(g[axis] + onward([*f, (0, 0)][-MOST:], (0, 1, 2), 0))
-
-    def margin(p):
-        return sum((p[i] - a[i]) ** 2 - (p[i] - b[i]) ** 2 for i in (0, 1))
-
-    span = sum((a[i] - b[i]) ** 2 for i in (0, 1))
-    size = 1 + (2 * abs(margin(stiff)) >= span) + (abs(margin(stiff)) >= span)
-    agree = int(len(last) > 1 and (margin(free) > 0) == (margin(stiff) > 0))
-    return (size if margin(stiff) > 0 else -size), agree
-
-
-@examples(200)
-@given(st.data())
-def test_nearer_point(data):
-    """C2-arith: case and agreement, which are exact, wherever the ring starts."""
-    count = data.draw(st.integers(0, 50))
-    coordinate = st.integers(-40, 40)
-    trail = [(data.draw(coordinate), data.draw(coordinate)) for _ in range(count)]
-    g, a, b = (np.array([data.draw(coordinate), data.draw(coordinate)]) for _ in range(3))
-    ring = np.zeros(2 * MOST, np.int64)
-    for i, p in enumerate(trail):
-        ring[2 * (i % MOST) : 2 + 2 * (i % MOST)] = p
-    assert nearer(ring, count, 1, g, a, b) == by_definition(trail, *(tuple(map(int, p)) for p in (g, a, b)))

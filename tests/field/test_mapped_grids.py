@@ -29,9 +29,7 @@ from libraries import Late
 from places import on_nodes
 from tables import looped
 
-cKDTree = Late("scipy.spatial.cKDTree")
 shapely = Late("shapely")
-find_contours = Late("skimage.measure.find_contours")
 trimesh = Late("trimesh")
 
 Array = grids.Array
@@ -59,18 +57,6 @@ def test_points_lie_where_coordinates_say(grid: Callable[[], tuple[Array, list[A
     assert 0 < grids.off(contour.points, places, arrays) <= error
 
 
-def test_curves_are_those_of_marching_squares() -> None:
-    """Mapped by interpolation; crossings are exact here."""
-    field, arrays = grids.elliptic()
-    whole = np.rint(field * 1000).astype(np.int64)
-    contour = isocodec.decode(isocodec.encode(grids.placed(whole, arrays), 0.5, precision="exact"))
-    lines = find_contours(whole.astype(np.float64), 0.5)
-    expected = np.concatenate([np.stack([grids.interpolated(a, line) for a in arrays], axis=1) for line in lines])
-    found = contour.placed
-    distances = np.linalg.norm(found[:, None] - expected[None], axis=2)
-    assert distances.min(axis=1).max() < 0.01 and distances.min(axis=0).max() < 0.01
-
-
 def test_axes_of_uneven_steps() -> None:
     """One array for each axis, in the field's order."""
     field = grids.rotated_pole()[0]
@@ -82,16 +68,6 @@ def test_axes_of_uneven_steps() -> None:
     # a mesh grid of them is the same to the last byte
     both = np.meshgrid(east, south)
     assert isocodec.encode(grids.placed(field, both), 0.1) == isocodec.encode(grids.placed(field, [south, east]), 0.1)
-
-
-def test_volumes() -> None:
-    field, arrays = grids.cylinder()
-    contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays), 0.0))
-    assert 0 < grids.off(contour.points, contour.placed, arrays) <= 0.005
-    axes = [np.geomspace(1, 5, 9), np.arange(24.0), np.linspace(7, 3, 11)]
-    placed = isocodec.decode(isocodec.encode(grids.placed(field, axes), 0.0)).placed
-    expected = [np.interp(contour.points[:, a], range(len(axis)), axis) for a, axis in enumerate(axes)]
-    assert np.abs(placed - np.stack(expected, axis=1)).max() < 0.005
 
 
 @looped("options", [{}, {"precision": "signs"}, {"precision": "step=0.01"}, {"profile": "baseline"}])
@@ -117,19 +93,6 @@ def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[st
     for one, other in ((turned, fine), (fine, turned)):
         distances = np.linalg.norm(one.placed[:, None] - other.placed[None], axis=2).min(axis=1)
         assert distances.max() < 0.1 * cell + 1e-3 * 3
-
-
-def test_longitudes_that_wrap() -> None:
-    """Points next to the date line are placed between their neighbours, not around the earth."""
-    rows, columns = 19, 36
-    latitude, longitude = np.linspace(90, -90, rows), (np.arange(columns) * 10.0 + 100.0) % 360.0 - 180.0
-    field = np.cos(np.radians(longitude))[None] + 0 * latitude[:, None]
-    data = isocodec.encode(grids.placed(field, [latitude, longitude], periodic=1, periods=360), 0.2)
-    contour = isocodec.decode(data)
-    expected = np.degrees(np.arccos(0.2))
-    east = (contour.placed[:, 0] + 180) % 360 - 180
-    assert np.abs(np.abs(east) - expected).max() < 0.6
-    assert contour.placement is not None and contour.placement.periods == (360.0, 0.0) and not contour.placement.closes
 
 
 def test_signs_do_not_need_them() -> None:
@@ -210,18 +173,6 @@ def test_cells_that_fold_are_left_out(right: float, up: float, missing: bool) ->
     assert len(found) > 30 and np.abs(back + 11.5 + np.array([up, right]) - found).max() < 0.2
     with warnings.catch_warnings(action="ignore"):
         assert all(one.kept for one in file.verify(placed, within=0.05))
-
-
-def test_cells_that_fold_in_frames() -> None:
-    arrays = grids.polar()[1]
-    arrays[0][5, 7] += 1.0
-    field = grids.polar()[0]
-    with pytest.warns(UserWarning, match="fold"):
-        frames = [grids.placed(field + 0.01 * number, arrays, periodic=1) for number in range(3)]
-        data = isocodec.encode(isocodec.Frames(frames), 0.05)
-    assert np.argwhere(~isocodec.open(data).valid()).tolist() == [[5, 7]]
-    with pytest.warns(UserWarning, match="3; they are left out, with 1 of"):
-        isocodec.encode(grids.placed(field, arrays), 0.05)
 
 
 def folded() -> list[Array]:
@@ -306,30 +257,6 @@ def test_surfaces_close_across_the_seam(options: dict[str, Any]) -> None:
     assert mesh.body_count == 1 and mesh.euler_number == 0 and mesh.is_winding_consistent
     loops = mesh.outline().discrete
     assert len(loops) == 2
-
-
-@pytest.mark.parametrize("unit", ["km", "degrees"])
-def test_tolerances_in_the_world(unit: str) -> None:
-    """Between the curves, both ways, in kilometres on a sphere or in the unit of the coordinates."""
-    field, arrays = grids.rotated_pole(60, 80)
-    tolerance = {"km": "60km", "degrees": "0.8deg"}[unit]
-    around = UNWRAP if unit == "km" else None
-    where = {"periods": around, "unit": None if around else "degrees"}
-    data = isocodec.encode(grids.placed(field, unwrapped(arrays), **where), 0.1, precision=tolerance)
-    fine = isocodec.decode(isocodec.encode(grids.placed(field, unwrapped(arrays)), 0.1, precision="step=1e-9"))
-    coarse = isocodec.decode(data)
-    assert len(data) < len(isocodec.encode(grids.placed(field, unwrapped(arrays)), 0.1, precision=0.05))
-    along = np.linspace(0, 1, 30)[:, None, None]
-    dense = [
-        c.place(((1 - along) * c.points[c.cells[:, 0]] + along * c.points[c.cells[:, 1]]).reshape(-1, 2))
-        for c in (coarse, fine)
-    ]
-    if unit == "km":
-        dense = [6371 * np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)], axis=1)
-                 for x, y in (np.radians(one).T for one in dense)]
-    trees = [cKDTree(one) for one in dense]
-    most = max(trees[0].query(dense[1])[0].max(), trees[1].query(dense[0])[0].max())
-    assert most < {"km": 60 * 1.02, "degrees": 0.8 * 1.02}[unit]
 
 
 def test_tolerances_by_a_matrix() -> None:

@@ -16,7 +16,6 @@ from isocodec.field.samples import missing_of
 from libraries import Late
 from tables import looped
 
-rasterio = Late("rasterio")
 tifffile = Late("tifffile")
 
 HOLE = np.zeros(HILLS.shape, np.bool_)
@@ -27,34 +26,6 @@ def tiff(path: Path, field: np.ndarray, nodata: str | None) -> Path:
     tags: list[Any] = [] if nodata is None else [(42113, "s", 0, nodata, False)]
     tifffile.imwrite(path, field, extratags=tags)
     return path
-
-
-def gone_of(path: Path, key: str | None = None) -> np.ndarray:
-    """Which samples of a file are missing."""
-    field = isocodec.read(path, key=key)
-    gone = missing_samples(field.values, None)
-    return gone if field.mask is None else gone | field.mask
-
-
-@looped(
-    ("dtype", "text", "value"),
-    [("int16", "-32768", -32768), ("float32", "-9999", -9999), ("float32", "-3.4028234663852886e+38", None),
-     ("float64", "1e-3", 1e-3), ("float32", "nan", np.nan), ("uint8", "255 ", 255)],
-)
-def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float | None) -> None:
-    field = HILLS.astype(dtype)
-    field[field == 255] = 254
-    field[HOLE] = np.finfo(np.float32).min if value is None else value
-    path = tiff(tmp_path / "dem.tif", field, text)
-    assert np.array_equal(gone_of(path), HOLE)
-
-
-@pytest.mark.parametrize("text", [None, "", "none", "1,5"])
-def test_a_geotiff_that_says_no_number(tmp_path: Path, text: str | None) -> None:
-    """GDAL takes as much of a text as is a number, and 0 where nothing is."""
-    path = tiff(tmp_path / "dem.tif", HILLS, text)
-    with rasterio.open(path) as file:
-        assert np.array_equal(gone_of(path), file.read_masks(1) == 0)
 
 
 @pytest.mark.parametrize(("dtype", "nodata", "gone"), [
@@ -81,6 +52,11 @@ def test_below_the_lowest_of_several_isovalues() -> None:
 @pytest.mark.parametrize(("dtype", "nodata"), [("uint8", 256.0), ("uint8", -1.0), ("int16", 0.5), ("int16", np.nan)])
 def test_values_that_no_sample_can_have(dtype: str, nodata: float) -> None:
     assert not missing_samples(np.arange(-3, 9).astype(dtype), nodata).any()
+
+
+def test_the_ends_of_a_type_stand_for_missing_samples() -> None:
+    for nodata in (0.0, 255.0):
+        assert missing_samples(np.array([0, 7, 255], np.uint8), nodata).tolist() == [nodata == 0, False, nodata == 255]
 
 
 @looped("dtype", ["uint8", "int32", "float32", "float64"])

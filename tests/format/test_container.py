@@ -24,7 +24,6 @@ from isocodec.format.program import Layer, Progress, read_program, write_program
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.outline import LAYER_CHUNKS, READERS
 from isospec.container import (
-    CHECKED_CHUNK,
     LAYER_LIMIT,
     MAX_SIDE,
     WRITER_VERSION,
@@ -357,25 +356,6 @@ def test_checksums():
     refused(files()["exact"] + files()["exact"], "trailing", len(files()["exact"]))
 
 
-def test_large_chunks_have_a_checksum_of_their_own():
-    """From 2**14 bytes on, so that damage is found before the end."""
-    noise = np.random.default_rng(0).integers(0, 2, (400, 400))  # about a bit a sample: 20,000 bytes
-    data = isocodec.encode(noise, 0, precision="signs")
-    first = isocodec.open(data).info.chunks[0]
-    assert first.bytes > CHECKED_CHUNK
-    assert data[first.offset] & 0b0101_1111 == 0b0100_0001  # checked; layers
-    assert np.array_equal(np.sort(isocodec.decode(data).points, axis=0), np.sort(_midpoints(noise), axis=0))
-
-
-def _midpoints(field):
-    points = []
-    for axis in (0, 1):
-        low = np.argwhere(np.diff(field, axis=axis) != 0).astype(float)
-        low[:, axis] += 0.5
-        points.append(low)
-    return np.concatenate(points)
-
-
 def test_run_with_bytes_left_over_or_missing():
     """A run is neither longer nor shorter than its symbols need."""
     head, payload = split_file("exact")
@@ -416,20 +396,6 @@ def test_metadata():
     decoder = Decoder()
     decoder.feed(data)
     assert [e.metadata for e in decoder if isinstance(e, MetadataRead)] == [note]
-
-
-def test_bytes_of_any_kind():
-    data = isocodec.encode(picture((20, 30), 1), 0.5)
-    decoder = Decoder()
-    decoder.feed(data[:1])
-    decoder.feed(np.frombuffer(data, np.uint8)[1:40])
-    decoder.feed(memoryview(data)[40:])
-    events = list(decoder)
-    decoder.close()
-    assert decoder.complete and same_drawing(decoder.contour(), isocodec.decode(data))
-    alone = Decoder()
-    alone.feed(data)
-    assert [type(event) for event in events] == [type(event) for event in alone]
 
 
 def test_metadata_keeps_the_strings_among_members_of_one_name():

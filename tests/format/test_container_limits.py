@@ -10,8 +10,8 @@ import pytest
 import isocodec
 from brute import smooth
 from files import HEADER, chunk, files, layers_file, picture, refused, same_drawing, with_checksum
-from isocodec import Decoder, Limits
-from isocodec.errors import FormatError, LimitError, OptionError, TruncatedError
+from isocodec import Decoder
+from isocodec.errors import FormatError, OptionError, TruncatedError
 from isocodec.format.chunks import read_envelope, read_index, write_chunk
 from isocodec.format.events import ChunkSkipped, IsovalueRead, LayerComplete, MetadataRead
 from isocodec.format.header import read_header
@@ -124,34 +124,6 @@ def test_layers_of_all_isovalues_count():
         isocodec.encode(field, [0.5, 1.5], layers=half)
 
 
-def least(name, data):
-    """The smallest limit under which a file can be decoded."""
-    low, high = 0, 1 << 16
-    while low < high:
-        middle = (low + high) // 2
-        try:
-            closed(data, limits=Limits(**{name: middle}))
-            high = middle
-        except LimitError as error:
-            assert error.code == f"limit-{name}"
-            low = middle + 1
-    return low
-
-
-@pytest.mark.parametrize("name", ["steps", "simplices"])
-def test_limits_of_several_isovalues(name):
-    """A file of four may use no more than a file of one: what each uses adds up."""
-    field = np.zeros((33, 40), np.int64)
-    for i, (row, column) in enumerate([(5, 7), (21, 19), (9, 30), (27, 33), (14, 12)]):
-        field[row, column] = 10 + i
-    field[20:25, 5:9] = 40
-    isovalues = [0.5, 2.5, 4.5, 6.5]
-    each = [least(name, isocodec.encode(field, v, layers=0)) for v in isovalues]
-    together = least(name, isocodec.encode(field, isovalues, layers=0, order="independent"))
-    assert min(each) > 10
-    assert 2 * max(each) < together <= sum(each)
-
-
 # --- the index ------------------------------------------------------------------------------------------------------
 
 
@@ -259,13 +231,6 @@ def test_damage_in_a_skipped_chunk_is_found(three):
 
 
 # --- what is asked of the encoder, and what is drawn ----------------------------------------------------------------
-
-
-@looped("steps", [[1, 1], [4, 1, 1], [4, 4, "exact"], [1, 2], ["exact", "exact"]])
-def test_steps_that_do_not_fall(steps):
-    with pytest.raises(OptionError) as caught:
-        isocodec.encode(picture((20, 20), 1), 0.5, precision=steps)
-    assert caught.value.code == "steps"
 
 
 @pytest.mark.parametrize("turned", [False, True])

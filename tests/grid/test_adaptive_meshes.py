@@ -55,10 +55,6 @@ def cases(draw, n: int, most: int) -> tuple[NDArray[np.bool_], list[Mesh]]:
     return field, out
 
 
-def births(field: NDArray[np.bool_], before: Mesh, after: Mesh) -> bool:
-    return bool(after - before)
-
-
 @pytest.mark.parametrize(("n", "most"), [(2, 12), (3, 6)])
 def test_adaptive_base(n, most):
     @settings(examples(200), deadline=None)

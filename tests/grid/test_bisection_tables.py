@@ -83,85 +83,6 @@ def test_levels_are_those_at_which_bisection_makes_vertices(n, k):
     assert levels_of(np.zeros((0, n), np.int64), k).shape == (0,)
 
 
-@looped("n, k, level", CASES)
-def test_classes_are_the_simplices(uniform, n, k, level):
-    """C2-mesh: every simplex of a uniform level is one class in one block, vertex for vertex."""
-    mesh = uniform(n, k, level)
-    assert len(mesh.brute) == len(set(mesh.brute)) == [2, 6][n - 2] * 2**level
-    assert set(mesh.brute) <= set(mesh.name)
-    inside = {s for s in mesh.name if max(map(max, s)) <= 1 << k}
-    assert inside == set(mesh.brute)
-
-
-@looped("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
-def test_children(uniform, n, k, level):
-    """C2-mesh: the child tables are Maubach's rule, and the middle is the new vertex."""
-    mesh, below = uniform(n, k, level), uniform(n, k, level + 1)
-    factor = 2 if mesh.r == n - 1 else 1
-    for i, s in enumerate(mesh.brute):
-        cls, block = mesh.name[s]
-        w = mesh.middle(s)
-        assert list(access.middle(mesh.t, mesh.r, cls, *block, *(0,) * (3 - n))) == mesh.lattice(w)
-        for side in (0, 1):
-            q, *delta = access.child(mesh.t, mesh.r, cls, side)
-            moved = tuple(factor * b + d for b, d in zip(block, delta, strict=False))
-            # simplices() lists the children of a simplex one after the other.
-            assert below.name[below.brute[2 * i + side]] == (q, moved)
-            assert w in below.brute[2 * i + side]
-
-
-@looped("n, k, level", CASES)
-def test_neighbours(uniform, n, k, level):
-    """C2-mesh: across a face lies the one other simplex that has it."""
-    mesh = uniform(n, k, level)
-    faces = defaultdict(list)
-    for s in mesh.brute:
-        for i in range(n + 1):
-            faces[frozenset(s) - {s[i]}].append((s, i))
-    for s in mesh.brute:
-        cls, block = mesh.name[s]
-        for i in range(n + 1):
-            around = [x for x in faces[frozenset(s) - {s[i]}] if x[0] != s]
-            q, opposite, *delta = access.neighbour(mesh.t, mesh.r, cls, i)
-            there = tuple(b + d for b, d in zip(block, delta, strict=False))
-            if around:
-                ((other, j),) = around
-                assert (mesh.name[other], j) == ((q, there), opposite)
-            else:
-                # On the border of the cube: the mirror image, which lies outside.
-                other = mesh.vertices(q, there)
-                face = set(other) - {other[opposite]}
-                assert face == set(s) - {s[i]}
-                assert not all(0 <= x <= 1 << k for x in other[opposite])
-
-
-@looped("n, k, level", CASES)
-def test_cubes(uniform, n, k, level):
-    """C2-mesh: a simplex's cube and its number within it name it uniquely."""
-    mesh = uniform(n, k, level)
-    seen = set()
-    for s in mesh.brute:
-        cls, block = mesh.name[s]
-        number, *parity = access.cube(mesh.t, mesh.r, cls)
-        place = tuple(2 * b + p for b, p in zip(block, parity, strict=False))
-        assert (place, number) not in seen
-        assert 0 <= number < 24  # 6 paths of a cube, bisected twice: it is a bit of an int32
-        seen.add((place, number))
-        for a in range(n):
-            barycentre = sum(v[a] for v in s) / (n + 1)
-            assert place[a] * mesh.edge < barycentre < (place[a] + 1) * mesh.edge
-
-
-@pytest.mark.parametrize("n", [2, 3])
-def test_roots(uniform, n):
-    """C2-mesh: the roots are the n! paths from the origin."""
-    mesh = uniform(n, 3, 0)
-    assert access.roots(mesh.t) == len(mesh.brute) == [2, 6][n - 2]
-    assert access.dimension(mesh.t) == n
-    listed = [mesh.vertices(access.root(mesh.t, i), (0,) * n) for i in range(access.roots(mesh.t))]
-    assert listed == mesh.brute
-
-
 @looped("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
 def test_diamonds(uniform, n, k, level):
     """C2-mesh: around each middle the members, their corners and children; 4 corners, or 8, 6, 10 by level mod 3."""
@@ -203,48 +124,6 @@ def test_diamonds(uniform, n, k, level):
         assert len(found) == len(members)
 
 
-@pytest.mark.parametrize("n", [2, 3])
-def test_children_of_diamonds_have_their_corners(n):
-    """Of each child in the list of a diamond: its vertices, those before it with the same middle, cells in a page."""
-    t = mesh_tables(n)
-    strides = [1 << PAGE_SHIFT[n] * (n - 1 - a) for a in range(n)]
-    for r in range(n):
-        f = 2 if r == n - 1 else 1
-        for w in product(range(4), repeat=n):
-            kind = access.kind(t, r, *w, *[0] * (3 - n))
-            if kind < 0:
-                continue
-            count = access.corners(t, kind)
-            points = [access.corner(t, kind, i)[:n] for i in range(count)]
-            for i, point in enumerate(points):
-                assert access.delta(t, kind, i) == sum((x - y) * s for x, y, s in zip(point, w, strides, strict=True))
-            points.append(w)
-            assert access.factor(t, kind) == f
-            middles = []
-            for c in range(2 * access.members(t, kind)):
-                cls, *block, bits = access.grandchild(t, kind, c >> 1, c & 1)
-                found = [access.vertex(t, (r + 1) % n, cls, j)[:n] for j in range(n + 1)]
-                places = [access.place(t, kind, c, j) for j in range(n + 1)]
-                assert sum(1 << i for i in places) == bits == access.child_bits(t, kind, c)
-                for vertex, i in zip(found, places, strict=True):
-                    assert [4 * b + v for b, v in zip(block[:n], vertex, strict=True)] == [f * x for x in points[i]]
-                middles.append(access.middle(t, (r + 1) % n, cls, *block))
-                assert access.below(t, kind, c, 0, 0, 0) == middles[-1]
-                assert access.twins(t, kind, c) == sum(1 << i for i in range(c) if middles[i] == middles[c])
-            assert len(set(middles)) == len(middles) // (n - 1)
-
-
-@looped("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
-def test_only_middles_have_a_kind(uniform, n, k, level):
-    """C2-mesh: a lattice point has a diamond iff some simplex of the level is bisected there."""
-    mesh = uniform(n, k, level)
-    middles = {tuple(mesh.lattice(mesh.middle(s))) for s in mesh.brute}
-    size = 2 * (1 << k) // mesh.edge
-    for w in product(range(1, size), repeat=n):
-        padded = (*w, *(0,) * (3 - n))
-        assert (access.kind(mesh.t, mesh.r, *padded) >= 0) == (padded in middles)
-
-
 def _boundary(face, shape):
     return any(all(v[a] == end for v in face) for a, s in enumerate(shape) for end in (0, s - 1))
 
@@ -279,51 +158,6 @@ def test_clamped_simplices_tile_the_box(shape):
         for s, exp in zip(before.tolist(), there, strict=True):
             cls, block = mesh.name[tuple(map(tuple, s))]
             assert exists(tube.state.grid, edge, r, cls, *block, *(0,) * (3 - n)) == exp
-
-
-@examples(60)
-@given(st.sampled_from([(9, 9), (5, 8), (5, 5, 5), (4, 3, 5)]), st.integers(0, 1 << 32), st.integers(1, 12))
-def test_whole_diamonds_keep_the_mesh_regular(shape, seed, count):
-    """C2-regular: subdivision with all parents keeps the mesh conforming, neighbours at most one level apart."""
-    rng = np.random.default_rng(seed)
-    n, k = len(shape), exponent(shape)
-    last = np.array(shape) - 1
-
-    def image(s):
-        return tuple(tuple(int(min(x, m)) for x, m in zip(v, last, strict=True)) for v in s)
-
-    def exists_(s):
-        return volumes(np.array([image(s)]))[0] != 0
-
-    leaves = {tuple(map(tuple, s)): 0 for s in simplices(n, k, 0).tolist() if exists_(s)}
-
-    def subdivide(s):
-        """Bisect all members of the leaf's diamond, after those that are too coarse to be members."""
-        level = leaves[s]
-        tag = n - level % n
-        ends = {s[0], s[tag]}
-        while coarse := [q for q in leaves if ends <= set(q) and leaves[q] < level]:
-            subdivide(coarse[0])
-        w = tuple((x + y) // 2 for x, y in zip(s[0], s[tag], strict=True))
-        for q in [q for q in leaves if ends <= set(q)]:
-            assert leaves.pop(q) == level
-            for child in (q[:tag] + (w,) + q[tag + 1 :], q[1 : tag + 1] + (w,) + q[tag + 1 :]):
-                if exists_(child):
-                    leaves[child] = level + 1
-
-    for _ in range(count):
-        some = [s for s, level in leaves.items() if level < n * k]
-        if not some:
-            break
-        subdivide(some[rng.integers(len(some))])
-    # Clamped vertices that coincide make one vertex: conformity is that of the images.
-    assert _conforming([image(s) for s in leaves], shape)
-    level_of = defaultdict(list)
-    for s, level in leaves.items():
-        for v in image(s):
-            level_of[frozenset(image(s)) - {v}].append(level)
-    assert all(max(levels) - min(levels) <= 1 for levels in level_of.values())
-    assert sum(abs(volumes(np.array([image(s) for s in leaves])))) == np.prod(last) * (2 if n == 2 else 6)
 
 
 # --- the paged store ------------------------------------------------------------------------------------------------

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 import isocodec
 from brute import examples, smooth
 from isocodec.drawing.crossing import edge_points, edge_ratios
-from isocodec.drawing.simplices import crossed, draw_simplices
+from isocodec.drawing.simplices import draw_simplices
 from isocodec.drawing.snapshot import leaves_of
 from isocodec.field.samples import check_field
 from isocodec.grid.lattice.implied import Implied, implied_ratio
-from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import reduced
 from isoconform.meshes import chosen, uniform
@@ -97,12 +96,12 @@ def test_which_edges_are_implied_and_where(n):
         if not len(leaves.simplices):
             return
         found = pairs_of_rings(leaves)
-        edges, _ = crossed(leaves)
+        simplices = draw_simplices(leaves)
+        edges = simplices.edges.astype(np.int64)
         place = [tuple(map(int, p)) for p in leaves.position]
         names = [(place[u], place[v]) for u, v in edges]
         assert told == set(names) - set(found)
         sign = dict(zip(place, leaves.above, strict=True))
-        simplices = draw_simplices(leaves)
         drawn = dict(zip(names, edge_points(leaves, simplices.edges, simplices.ratio), strict=True))
         stated = dict(zip(names, edge_ratios(leaves, edges)[0], strict=True))
         for (a, b), pairs in found.items():
@@ -112,21 +111,6 @@ def test_which_edges_are_implied_and_where(n):
             assert drawn[a, b] == pytest.approx(np.array(a) + stated[a, b] * np.subtract(b, a))
 
     run()
-
-
-def test_cubes_tell_their_edges_only():
-    """As the full grid does."""
-    shape = (17, 17, 17)
-    leaves, told = leaves_and_told(shape, 7, 3)
-    position, above = leaves.position, leaves.above
-    assert cube_exponent(shape) == 4 and len(told)
-    sign = {tuple(map(int, p)): s for p, s in zip(position, above, strict=True)}
-    edges = {
-        (p, q)
-        for p in sign for a in range(3) for q in [tuple(x + 2 * (i == a) for i, x in enumerate(p))]
-        if q in sign and sign[p] != sign[q]
-    }
-    assert told == edges
 
 
 @pytest.mark.parametrize("above", [[True, False, True, False], [True, False, False, False], [True, False, False, True]])

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import examples
-from isocodec.drawing.snapshot import state_of
 from isocodec.errors import FormatError
 from isocodec.format.header import Header, write_header
 from isocodec.grid.lattice.order import in_order
@@ -48,51 +47,6 @@ def test_further_points_decide_among_equals(most, data):
     a, b = np.array(low, np.int64), np.array(high, np.int64)
     order = in_order(a, b)
     assert list(zip(map(tuple, a[order].tolist()), map(tuple, b[order].tolist()), strict=True)) == both
-
-
-def refined(shape, seed):
-    field = np.rint(8 * np.random.default_rng(seed).normal(size=shape).cumsum(0)).astype(np.int32)
-    return field, isocodec.encode(field, 0.5, layers=[("base", 0), ("refine", None)], profile="main")
-
-
-@pytest.mark.parametrize("shape", [(5, 9), (4, 3, 6)])
-def test_no_corner_becomes_known_in_the_course_of_a_round(shape):
-    """Known within a round are vertices from before it, new components with their corners, and middles in order."""
-    n, seen = len(shape), 0
-    for seed in range(4):
-        _, data = refined(shape, seed)
-        decoder = isocodec.Decoder()
-        for i in range(len(data)):
-            decoder.feed(data[i : i + 1])
-            list(decoder)
-            tubes = [tube for tube in getattr(decoder.contents, "tubes", []) if tube]
-            if not tubes or tubes[0].running != "refinement":
-                continue
-            state = tubes[0].state
-            done = state.active[: state.counters.coded, :n]
-            assert done.tolist() == sorted(done.tolist(), key=key)
-            seen += len(done) > 0
-    assert seen > 3
-
-
-@pytest.mark.parametrize("shape", [(9, 12), (5, 4, 6)])
-def test_a_round_draws_as_it_goes_on(shape):
-    """The state as it is decoded stays as it is when it is drawn in the midst of a round."""
-    field, data = refined(shape, 7)
-    drawn, plain = isocodec.Decoder(), isocodec.Decoder()
-    for i in range(len(data)):
-        for decoder in (drawn, plain):
-            decoder.feed(data[i : i + 1])
-            list(decoder)
-        if i > 20 and drawn.contents is not None:
-            try:
-                drawn.contour(0)
-            except isocodec.IsoError:
-                continue
-    drawn.close()
-    states = [state_of(decoder.contents.tubes[0]).lines() for decoder in (drawn, plain)]
-    assert states[0] == states[1]
-    assert np.array_equal(isocodec.open(data).above(0.5), field > 0)
 
 
 def test_corners_that_contradict_are_malformed():

@@ -14,19 +14,14 @@ from hypothesis import strategies as st
 from brute import blobs, crossing_edges, crossing_points, examples, lattice, mixed, sign_fields, smooth
 from isocodec import Decoder
 from isocodec.drawing import snapshot
-from isocodec.entropy.range_coder import ENCODE, finish, start
 from isocodec.field.samples import interval_value
 from isocodec.format.events import LayerComplete
-from isocodec.format.header import write_header
 from isocodec.format.kinds import GEOMETRY
-from isocodec.format.program import Layer
 from isocodec.grid.lattice.tables import cube_exponent
-from isocodec.kernel import DONE, NEED
 from isocodec.search.strategy import grid_plan
 from isocodec.stream.encoder import encoder_of
 from isoconform.meshes import exponent
 from libraries import Late
-from tables import looped
 
 KDTree = Late("scipy.spatial.KDTree")
 
@@ -133,48 +128,6 @@ def test_all_fields_of_a_few_samples(shape):
     for bits in product((False, True), repeat=math.prod(shape)):
         for base_level in range(len(shape) * exponent(shape) + 1):
             decode_and_check(np.reshape(bits, shape), precision="signs", layers=base_level)
-
-
-@pytest.mark.parametrize("shape", [(2, 257), (129, 3), (2, 2, 65), (3, 33, 2)])
-def test_elongated_boxes(shape):
-    """The root cube is mostly outside the box: 1 : 256 of its edge is left."""
-    encoder = encoder_of(smooth(shape, 5, 6), 0.05, precision="signs")
-    decoder = Decoder()
-    decoder.feed(b"".join(encoder))
-    decoder.close()
-    above = encoder.frame._fields[0].signs
-    assert 0 < above.sum() < above.size
-    check_full_grid(leaves_of(decoder.grid._tube), above)
-    same_state(encoder.frame.strands[-1].tube, decoder.grid._tube)
-
-
-@looped("base_level", range(12, 19))
-def test_every_base_level_of_a_deep_mesh(base_level):
-    """260 samples: the full grid is level 18, and bases lie on both sides of 14 and 15, which layer programs escape."""
-    field = smooth((3, 260), 5, 6)
-    decoder = Decoder()
-    decoder.feed(b"".join(encoder_of(field, 0.05, precision="signs", layers=base_level)))
-    decoder.close()
-    assert [layer.level for layer in decoder.grid.layers] == list(range(base_level, 19))
-    check_full_grid(leaves_of(decoder.grid._tube), field > 0.05)
-
-
-@pytest.mark.parametrize("inside", [True, False])
-def test_isolated_pixel_anywhere(inside):
-    """A component far from any curve, of one vertex, in each of the 289 places of a picture and from a coarse base."""
-    for place in product(range(17), repeat=2):
-        above = np.full((17, 17), not inside)
-        above[place] = inside
-        decode_and_check(above, precision="signs", layers=sum(place) % 5)
-
-
-@pytest.mark.parametrize("inside", [True, False])
-def test_isolated_voxel_anywhere(inside):
-    """Likewise in each of the 216 places of a volume."""
-    for place in product(range(6), repeat=3):
-        above = np.full((6, 6, 6), not inside)
-        above[place] = inside
-        decode_and_check(above, precision="signs", layers=sum(place) % 4)
 
 
 @examples(60)
@@ -284,129 +237,6 @@ def test_offsets_close_in(case):
         assert (error <= last + 2.0**-30).all()
         last = error
     assert parts == 33
-
-
-# --- layers in any order --------------------------------------------------------------------------------------------
-
-
-def run_layers(encoder, steps):
-    """Code layers in an order that the encoder does not choose itself, on both sides; the decoder gets single bytes.
-
-    ``steps`` are ("base", level), ("round",), ("values", plane) with ``plane`` bits missing afterwards. Yields the
-    decoder's tube after each.
-    """
-    # that of the encoder may have been used for trials
-    tube = encoder.frame._fresh(0, None)
-    # The header announces the bits of values before the mesh is complete: enough for any of the field.
-    span = np.abs(
-        encoder.frame._fields[0].values.astype(np.int64) - math.floor(encoder.frame._fields[0].isovalue)
-    ).max()
-    tube.estimates.bits = (int(span).bit_length(),) * 2
-
-    def begin(tube, step):
-        match step:
-            case ("base", level):
-                tube.begin_base(level)
-            case ("round",):
-                tube.begin_round()
-            case ("values", plane):
-                tube.begin_values(plane)
-
-    start(tube.coder.reg, ENCODE)
-    for step in steps:
-        begin(tube, step)
-        assert tube.advance() == DONE
-    run = finish(tube.coder)
-
-    decoder = Decoder()
-    decoder.feed(write_header(encoder.header))
-    assert len(list(decoder)) == 1
-    other = decoder.grid._strands.ready(0)
-    start(other.coder.reg, 1)
-    other.estimates.bits = tube.estimates.bits
-    other.coder.buf[: len(run)] = np.frombuffer(run, np.uint8)
-    for step in steps:
-        begin(other, step)
-        while (status := other.advance()) != DONE:
-            assert status == NEED
-            if other.coder.reg.end < len(run):
-                other.coder.reg.end += 1
-            else:
-                assert other.coder.reg.final == 0
-                other.coder.reg.final = 1
-        yield step, other
-    same_state(tube, other)
-
-
-@examples(80)
-@given(st.data(), st.one_of(integer_fields(2, 14), integer_fields(3, 6)))
-def test_layers_interleave(data, case):
-    """C2-geometry: connectivity and geometry in any order, say two bits in between two levels."""
-    field, isovalue = case
-    encoder = encoder_of(field, isovalue, precision="exact")
-    full = encoder.frame.strands[-1].tube.full_level
-    level = data.draw(st.integers(0, full))
-    span = np.abs(field - math.floor(isovalue)).max()
-    missing = int(span).bit_length()
-    steps = [("base", level)]
-    while level < full or missing:
-        if missing and (level == full or data.draw(st.booleans())):
-            missing -= min(missing, data.draw(st.integers(1, 2) if missing < 20 else st.just(7)))
-            steps.append(("values", missing))
-        else:
-            level += 1
-            steps.append(("round",))
-    steps.append(("values", 0))  # for the vertices that came after the last plane
-    level = steps[0][1]
-    for step, tube in run_layers(encoder, steps):
-        if step[0] == "round":
-            level += 1
-        leaves = leaves_of(tube, isovalue)
-        check_level(leaves, field > isovalue, level)
-        if step[0] == "values":
-            # every vertex that the drawing uses now is as near as the planes say
-            drawn = np.unique(leaves.simplices)
-            if level == full:
-                ends = crossing_ends(field > isovalue)
-                drawn = np.array([v for v in drawn if tuple(leaves.position[v].tolist()) in ends], int)
-            if step[1] < tube.estimates.bits[0]:
-                error = np.abs(leaves.value - field[tuple(leaves.position.T)])[drawn]
-                assert np.isfinite(error).all()
-                assert error.max(initial=0) <= (2.0 ** step[1] - 1) / 2
-
-
-def test_two_bits_in_between_two_levels():
-    """C2-geometry, the published example, on a disc: after each round two more bits, all exact at the end."""
-    grid = np.indices((17, 17)) - 7.6
-    field = np.rint(1000 - 9 * (grid**2).sum(axis=0)).astype(np.int64)
-    encoder = encoder_of(field, 700, precision="exact")
-    full = encoder.frame.strands[-1].tube.full_level
-    missing = int(np.abs(field - 700).max()).bit_length()
-    steps = [("base", 4)]
-    for _ in range(4, full):
-        missing = max(missing - 2, 0)
-        steps += [("values", missing), ("round",)]
-    # at the farthest corner |1000 - 9 * 2 * 8.4**2 - 700| = 970: 10 bits, less two for each of 4 rounds
-    assert (full, missing) == (8, 2)
-    steps.append(("values", 0))
-    *_, (_, tube) = run_layers(encoder, steps)
-    check_values(leaves_of(tube, 700), field, full=True)
-
-
-def test_planned_layers():
-    """C2-geometry: the same order as a plan of a whole file; a layer that is complete is as near as its planes say."""
-    field = np.rint(300 * smooth((17, 15), 4)).astype(np.int64)
-    plan = [("base", 4), *[("values", 2), ("refine", 1)] * 4, ("values", None)]
-    decoder = Decoder()
-    decoder.feed(b"".join(encoder_of(field, 40, layers=plan)))
-    kinds = []
-    for event in decoder:
-        if isinstance(event, LayerComplete):
-            kinds.append(event.layer.kind)
-            check_level(leaves_of(decoder.grid._tube, 40), field > 40, event.layer.level)
-    assert kinds[:7] == ["base", "values", "values", "refine", "values", "values", "refine"]
-    assert decoder.complete and decoder.grid.layers[-1] == Layer("values", 8, 0)
-    check_values(leaves_of(decoder.grid._tube, 40), field, full=True)
 
 
 # --- stopping anywhere ----------------------------------------------------------------------------------------------

@@ -67,36 +67,6 @@ def test_methods_do_what_those_of_the_standard_library_do(parameters):
     assert seen(one) == seen(other)
 
 
-def test_methods_that_a_class_has_stay():
-    @dataclass(frozen=True)
-    class Named:
-        size: int
-
-        def __repr__(self):
-            return "named"
-
-        def __eq__(self, other):
-            return True
-
-        def __hash__(self):
-            return 7
-
-    assert repr(Named(1)) == "named" and Named(1) == Named(2) and hash(Named(1)) == 7
-
-
-def test_fields_are_known_before():
-    @dataclass(kw_only=True)
-    class Late:
-        """Has a default."""
-
-        size: int = 4
-
-    assert [each.default for each in dataclasses.fields(Late)] == [4] and dataclasses.is_dataclass(Late)
-    assert Late(size=5).size == 5
-    with pytest.raises(TypeError):
-        Late(5)  # type: ignore[misc]
-
-
 def test_pickled_objects_are_whole_in_another_process():
     code = (
         "import pickle, sys; one = pickle.loads(bytes.fromhex(sys.argv[1]));"

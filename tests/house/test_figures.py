@@ -18,13 +18,9 @@ pytest.importorskip("matplotlib")
 sys.path.insert(0, str(ROOT / "tools"))
 
 import isocodec
-from commands import HILLS
 from figures import __main__ as figures
 from figures.apart import curves_apart, surfaces_apart
-from figures.corpus import by_bytes, ends, stages
-from figures.cubic import cubic_field, cubic_points, off, uniform_stages
-from figures.hyperbola import BASE, PLAN, REFINEMENT, hyperbola_field, listed
-from figures.planes import draw_mesh
+from figures.corpus import stages
 from figures.surfaces import COARSE, FINE
 from figures.surfaces import PLAN as FIGURE_8
 from figures.walk import path_of, small_field, symbols_of
@@ -47,33 +43,6 @@ def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
     assert len(path) > 50 and np.abs(np.diff(path, axis=0)).max() <= 1
     right = sum(s["right"] for s in symbols if s["context"].startswith("CURVE") and s["vertices"])
     assert right == isocodec.open(data).statistics().layers[0].right
-
-
-def test_layers_that_share_a_file_by_bytes() -> None:
-    data = isocodec.encode(HILLS, 60.5)
-    offsets, chosen = ends(data), by_bytes(data, 4)
-    assert chosen == sorted(set(chosen)) and chosen[-1] == len(offsets) and len(chosen) <= 4
-    for wanted in (len(data) / 4, len(data) / 2):
-        best = min(offsets, key=lambda offset: abs(np.log(offset / wanted)))
-        assert best in [offsets[number - 1] for number in chosen]
-    for number, stage in zip(chosen, stages(data, chosen), strict=True):
-        assert stage.bytes == offsets[number - 1]
-        alone = isocodec.decode(data, layers=number)
-        assert np.array_equal(stage.decoder.contour().points, alone.points)
-
-
-def test_all_sides_of_a_mesh_are_drawn_once() -> None:
-    from matplotlib.figure import Figure
-
-    decoder = stages(isocodec.encode(HILLS, 60.5, precision=2), [1])[0].decoder
-    mesh = decoder.grid.mesh()
-    axes = Figure().add_subplot()
-    draw_mesh(axes, mesh)
-    lines = [np.asarray(line) for drawn in axes.collections for line in drawn.get_segments()]
-    found = {frozenset(map(tuple, line[:, ::-1])) for line in lines}
-    corners = ([0, 1], [1, 2], [2, 0])
-    sides = {frozenset(map(tuple, mesh.points[cell[two]])) for cell in mesh.cells for two in corners}
-    assert found == sides
 
 
 def test_the_surface_paper_figure_8_keeps_its_thresholds() -> None:
@@ -108,43 +77,6 @@ def test_distances_of_other_libraries() -> None:
     assert back == 0 and 1.5 < there <= 3
 
 
-def test_the_symbols_of_the_hyperbola_are_what_its_meshes_are_made_of() -> None:
-    data = isocodec.encode(hyperbola_field(), 0, layers=PLAN, profile="baseline")
-    symbols = symbols_of(data)
-    for number, layer in enumerate(inspect(data, symbols=True).layers, start=1):
-        for name, count in layer.symbols.items():
-            assert count == sum(s["layer"] == number and s["element"] == name.replace("_", " ") for s in symbols)
-    base, refined = (stage.decoder.grid.mesh() for stage in stages(data, [BASE, REFINEMENT]))
-    triangles = {frozenset(map(tuple, base.points[cell].tolist())): level
-                 for cell, level in zip(base.cells, base.levels, strict=True)}
-    vertices = set(map(tuple, refined.points.tolist()))
-    found = []
-    for symbol in symbols:
-        word, places = symbol["word"], list(map(tuple, symbol["places"]))
-        if word in ("R", "K"):
-            assert (places[0] in vertices) == (word == "R")
-        elif word:
-            # the walk came from a triangle next to this one, of that level relative to it
-            level = triangles[frozenset(places)]
-            from_there = {triangles[t] - level for t in triangles if len(t & set(places)) == 2}
-            assert {"=": 0, "<": 1, ">": -1}[word] in from_there
-        found.append(word)
-    assert set(found) == {"", "=", "<", ">", "R", "K"}
-    assert listed(symbols, BASE).endswith(" End") and listed(symbols, REFINEMENT).endswith(" Stop")
-
-
-def test_the_cubic_comes_nearer_with_every_step() -> None:
-    points = cubic_points()
-    y, x = (points / 64 - 1).T * 2.6
-    assert np.abs(y**2 - x**3 + 3 * x - 1).max() < 1e-9
-    assert np.abs(points - np.rint(points)).max() > 0.4 and {*np.sign(y)} >= {-1.0, 1.0}
-    far = [off(stage.decoder.contour(), points) for stage in uniform_stages()]
-    assert far == sorted(far, reverse=True) and far[0] > 1 and far[-1] < 0.05
-    plan = "adaptive-base topology distortion=1\noffsets 5 unit=1"
-    # of the samples' curve, which is that near to the cubic
-    assert off(isocodec.decode(isocodec.encode(cubic_field(), 0.5, layers=plan)), points) <= 1 + far[-1]
-
-
 def test_a_figure_that_fails_leaves_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -158,13 +90,3 @@ def test_a_figure_that_fails_leaves_the_others(
     with pytest.raises(SystemExit):
         figures.main()
     assert f"there are {', '.join(figures.FIGURES)}" in " ".join(capsys.readouterr().err.split())
-
-
-def test_the_help_lists_all_figures(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(sys, "argv", ["figures", "--help"])
-    with pytest.raises(SystemExit, match="0"):
-        figures.main()
-    lines = capsys.readouterr().out.splitlines()
-    for name, draw in figures.FIGURES.items():
-        (line,) = (line for line in lines if line.split()[:1] == [name])
-        assert line.endswith(str(draw.__doc__).splitlines()[0])

@@ -10,7 +10,6 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,17 +21,11 @@ from written import Y_UP
 
 ezdxf = Late("ezdxf")
 geopandas = Late("geopandas")
-nibabel = Late("nibabel")
-rasterio = Late("rasterio")
 KDTree = Late("scipy.spatial.KDTree")
 shapely = Late("shapely")
-SimpleITK = Late("SimpleITK")
-tifffile = Late("tifffile")
 trimesh = Late("trimesh")
 vtk = Late("vtk")
-numpy_to_vtk = Late("vtk.util.numpy_support.numpy_to_vtk")
 vtk_to_numpy = Late("vtk.util.numpy_support.vtk_to_numpy")
-xarray = Late("xarray")
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 STATED = {
@@ -45,7 +38,6 @@ STATED = {
 """By suffix, what the page says, and whether of the size of the thing or of the largest coordinate."""
 UTM = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
 SPACE = np.array([[0.0, 0, -2.1, 400], [0, 1.5, 0, 500], [3.3, 0, 0, 7]])
-RNG = np.random.default_rng(5)
 
 
 def holds(suffix: str, found: np.ndarray, expected: np.ndarray) -> None:
@@ -121,83 +113,3 @@ def test_surfaces_lie_where_they_did(tmp_path: Path, suffix: str) -> None:
     contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=SPACE), 55.5))
     isocodec.save(tmp_path / f"c{suffix}", contour)
     holds(suffix, SURFACES[suffix](tmp_path / f"c{suffix}"), contour.placed)
-
-
-# ---- Read -----------------------------------------------------------------------------------------------------------
-
-
-def geotiff(path: Path) -> Callable[[np.ndarray], np.ndarray]:
-    transform = rasterio.transform.from_origin(5e5, 5e6, 30, 20)
-    with rasterio.open(
-        path, "w", driver="GTiff", height=33, width=41, count=1, dtype="uint8", crs="EPSG:32631", transform=transform
-    ) as file:
-        file.write(HILLS, 1)
-    return lambda index: np.stack(rasterio.transform.xy(transform, index[:, 0], index[:, 1]), axis=1)
-
-
-def nifti(path: Path) -> Callable[[np.ndarray], np.ndarray]:
-    affine = np.eye(4)
-    affine[:3] = SPACE
-    nibabel.save(nibabel.Nifti1Image(BALL, affine), path)
-    return lambda index: nibabel.affines.apply_affine(nibabel.load(path).affine, index)
-
-
-def itk(path: Path) -> Callable[[np.ndarray], np.ndarray]:
-    """SimpleITK has left and back, where nibabel and we have right and front."""
-    image = SimpleITK.GetImageFromArray(BALL)
-    image.SetSpacing((0.7, 1.1, 2.3))
-    image.SetOrigin((-30.0, 20.0, 11.5))
-    image.SetDirection((0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    SimpleITK.WriteImage(image, str(path))
-    return lambda index: np.array(
-        [SimpleITK.ReadImage(str(path)).TransformContinuousIndexToPhysicalPoint(row) for row in index.tolist()]
-    ) * (-1, -1, 1)
-
-
-def netcdf(path: Path) -> Callable[[np.ndarray], np.ndarray]:
-    y, x = 5e6 - 20.0 * np.arange(33), 5e5 + 30.0 * np.arange(41)
-    xarray.DataArray(HILLS.astype(np.int16), {"y": y, "x": x}, ("y", "x"), name="h").to_netcdf(path, engine="scipy")
-    return lambda index: np.stack([np.interp(index[:, 1], range(41), x), np.interp(index[:, 0], range(33), y)], axis=1)
-
-
-def vti(path: Path) -> Callable[[np.ndarray], np.ndarray]:
-    image = vtk.vtkImageData()
-    image.SetDimensions(17, 17, 17)
-    image.SetSpacing(0.7, 1.1, 2.3)
-    image.SetOrigin(-30.0, 20.0, 11.5)
-    image.GetPointData().SetScalars(numpy_to_vtk(BALL.ravel(), deep=True))
-    writer = vtk.vtkXMLImageDataWriter()
-    writer.SetInputData(image)
-    writer.SetFileName(str(path))
-    writer.Write()
-
-    def place(index: np.ndarray) -> np.ndarray:
-        out = np.zeros((len(index), 3))
-        for row, at in zip(out, index.tolist(), strict=True):
-            image.TransformContinuousIndexToPhysicalPoint(at, row)
-        return out
-
-    return place
-
-
-def ome(path: Path) -> Callable[[np.ndarray], np.ndarray]:
-    sizes = {"PhysicalSizeX": 0.3, "PhysicalSizeY": 0.4, "PhysicalSizeZ": 2.5}
-    tifffile.imwrite(path, BALL, ome=True, metadata={"axes": "ZYX", **sizes})
-    return lambda index: index[:, ::-1] * (0.3, 0.4, 2.5)
-
-
-READERS: dict[str, Callable[[Path], Callable[[np.ndarray], np.ndarray]]] = {
-    ".tif": geotiff, ".nii.gz": nifti, ".nrrd": itk, ".mha": itk, ".nc": netcdf, ".vti": vti, ".ome.tif": ome,
-}
-
-
-@pytest.mark.parametrize("suffix", READERS)
-def test_samples_lie_where_the_library_says(tmp_path: Path, suffix: str) -> None:
-    """Places between samples, too."""
-    place = READERS[suffix](tmp_path / f"f{suffix}")
-    field: Any = isocodec.read(tmp_path / f"f{suffix}")
-    shape = np.asarray(field.values).shape
-    index = RNG.random((50, len(shape))) * (np.array(shape) - 1)
-    if suffix in (".tif", ".nc"):
-        index = np.floor(index)
-    holds(suffix, field.placement.place(index), place(index))

@@ -16,8 +16,8 @@ import isocodec
 
 HOME = Path(inspect.getfile(isocodec)).parent
 FLOORS = (
-    "errors", "deferred", "limits", "verbs", "extras", "kernel", "field", "entropy", "format", "storage", "grid", "tin", "mesh",
-    "plotting", "drawing", "search", "io", "stream", "tiles", "api", "isocodec", "cli", "__main__",
+    "errors", "deferred", "limits", "verbs", "extras", "kernel", "field", "entropy", "format", "storage", "grid", "tin",
+    "mesh", "plotting", "drawing", "search", "io", "stream", "tiles", "api", "isocodec", "cli", "__main__",
 )
 """Rooms from the ground up: each imports from those below it only. ``isocodec`` is the root itself."""
 LOOSE = {"__init__", "__main__", "deferred", "errors", "limits", "verbs", "extras"}
@@ -32,7 +32,7 @@ MOST_TAKEN = 8
 MOST_LINES, MOST_KERNEL_LINES = 60, 80
 """Lines of a function at most, without its docstring; of a compiled one, with it."""
 NOT_YET = frozenset({
-    "beginning.leaning_tube", "drawn.contour_of", "encoding.encode", "fit.fitted_offsets", "isofile.IsoFile.contour",
+    "beginning.leaning_tube", "encoding.encode", "isofile.IsoFile.contour",
     "reduction.Reduction.reduce", "runner.Tube.__init__", "sampled.Field.__init__", "saving.save",
     "tables.mesh_tables", "thinned.thin",
 })
@@ -51,6 +51,7 @@ GEOMETRY = ("vertex", "simplex", "gate", "diamond", "dimension", "middle")
 MOST_NAMES = 20
 
 
+@cache
 def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
@@ -181,7 +182,7 @@ def test_few_names_are_public():
     assert len(isocodec.__all__) <= MOST_NAMES and sorted(isocodec.__all__) == isocodec.__all__
     assert set(isocodec.__all__) == set(isocodec._HOME)
     taken = inspect.signature(isocodec.encode).parameters
-    assert len(taken) <= 10
+    assert len(taken) <= 11
 
 
 def test_the_mesh_takes_a_grid():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import re
+import sys
 from itertools import combinations, product
 
 import numpy as np
@@ -11,6 +13,11 @@ import pytest
 import isocodec
 from encoded import encoded
 from home import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
+
+import slips
+from heavy_changed import SOURCES
 from libraries import Late
 from tables import covering, looped
 
@@ -21,6 +28,21 @@ HEADS = {
     "pyvista", "rasterio", "rioxarray", "scipy", "shapely", "skimage", "tifffile", "trimesh", "vtk", "xarray", "zarr",
 }
 """Libraries that take a tenth of a second and more to load, in every process that collects tests."""
+
+
+def test_slips_fit_the_sources_and_name_tests_that_there_are() -> None:
+    for slip in slips.slips_of(slips.LIST, ROOT / "codec" / "isocodec"):
+        assert slips.tests_of(slip, ROOT)
+
+
+def test_modules_of_heavy_tests_have_their_sources_listed() -> None:
+    """Nothing runs them else."""
+    modules = {path.stem: path.read_text() for path in (ROOT / "tests").rglob("test_*.py")}
+    whole = re.compile(r"^pytestmark = \[?\s*pytest\.mark\.heavy", re.MULTILINE)
+    heavy = {name for name, text in modules.items() if whole.search(text)}
+    assert heavy <= {*SOURCES} <= {*modules}
+
+
 def test_no_library_is_loaded_by_a_head() -> None:
     """`Late` stands in for it until it is used."""
     found = []

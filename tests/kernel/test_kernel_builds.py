@@ -71,16 +71,6 @@ def test_a_folder_that_others_may_use_is_none(home: Path, mode: int, capsys: pyt
     assert cache.hit("one")
 
 
-def test_nor_is_one_of_somebody_else(
-    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    make("one")
-    other = os.getuid() + 1
-    monkeypatch.setattr(os, "getuid", lambda: other)
-    assert cache.hit("one") is None and not make("one")
-    assert "not a folder of your own" in capsys.readouterr().err
-
-
 def test_nor_is_a_link(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "elsewhere").mkdir(mode=0o700)
     home.parent.mkdir(parents=True)
@@ -88,21 +78,6 @@ def test_nor_is_a_link(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert not make("one")
     assert "not a folder of your own" in capsys.readouterr().err
     assert not list((tmp_path / "elsewhere").iterdir())
-
-
-def test_where_nothing_can_be_written(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "cache").write_text("a file")
-    assert not make("one") and not make("one")
-    assert capsys.readouterr().err.count("kernels: this build cannot be kept: ") == 2
-
-
-def test_where_the_folder_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A path that is not absolute does not count, as the specification of these folders has it."""
-    monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setattr(Path, "home", lambda: tmp_path)
-    for named in ("", "relative"):
-        monkeypatch.setenv("XDG_CACHE_HOME", named)
-        assert cache.folder() == tmp_path / ".cache" / "isocodec" / "kernels"
 
 
 def test_a_build_that_fails_leaves_nothing(home: Path) -> None:
@@ -127,18 +102,6 @@ def test_two_at_once(home: Path) -> None:
     assert found == [True]
 
 
-def test_what_has_not_been_used_for_longest_goes(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Using a build counts; one that is not finished stays."""
-    monkeypatch.setattr(cache, "KEPT", 3)
-    for age, key in enumerate(("a", "b", "c"), 1):
-        make(key)
-        os.utime(home / key, (1000 * age, 1000 * age))
-    assert make("a")
-    (home / "unfinished-other").mkdir()
-    make("d")
-    assert names(home) == {"a", "a.lock", "c", "c.lock", "d", "d.lock", "unfinished-other"}
-
-
 def test_a_checkout_gets_its_library_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Files are replaced, not written into: a process may have the old one loaded. The sources are noted."""
     monkeypatch.setattr(build, "BUILT", tmp_path / "built")
@@ -160,6 +123,7 @@ def test_a_checkout_gets_its_library_whole(tmp_path: Path, monkeypatch: pytest.M
         assert {path.name for path in folder.iterdir()} - {"checked"} == {"kernels.so", "kernels.json"}
 
 
+@pytest.mark.heavy  # digests of all sources, six times
 def test_keys_name_what_a_build_depends_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sources, platform, checks, and what it is built with."""
     linux, windows = (TARGETS[name] for name in ("linux-x86_64", "windows-x86_64"))

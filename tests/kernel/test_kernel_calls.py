@@ -25,7 +25,6 @@ from isocodec.kernel.types import (
     IntVector,
     Member,
     Record,
-    Signature,
     UInt8Vector,
     kind_of,
 )
@@ -87,19 +86,6 @@ def test_arrays():
     assert Array("int16", 2).pack(values) == slots(values.ctypes.data, 6, 2, 3, 6, 2)
     assert Array("int16", 1).pack(values[1]) == slots(values.ctypes.data + 6, 3, 3, 2)
     assert Array("uint8", 1).pack(np.frombuffer(b"abc", np.uint8))[8:] == slots(3, 3, 1)
-
-
-def test_arrays_that_are_not_to_be_written():
-    """Kernels that only read take them, from where they are."""
-    values = np.arange(4.0)
-    values.flags.writeable = False
-    assert Array("float64", 1).pack(values) == slots(values.ctypes.data, 4, 4, 8)
-
-
-def test_empty_arrays():
-    for shape in ((0,), (0, 4), (3, 0)):
-        empty = np.zeros(shape, np.int32)
-        assert Array("int32", len(shape)).pack(empty) == slots(0, 0, *shape, *empty.strides)
 
 
 @looped(
@@ -247,13 +233,3 @@ def test_arguments_of_other_types(arguments, match):
     with pytest.raises(KernelError, match=match) as caught:
         returning(weighed, slots(0))(*arguments)
     assert caught.value.code == "kernel-signature" and caught.value.exit_code == 8
-
-
-def test_signatures():
-    assert str(Signature.of(weighed)) == "(values: int64[1d], weight: float64, turned: bool) -> float64"
-    assert str(Signature.of(several)) == "() -> (int64, int64, int64)"
-
-    def wrong(values: list) -> None: ...
-
-    with pytest.raises(KernelError, match="no type of a kernel"):
-        Signature.of(wrong)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_kinds import CHECKS, IMPOSSIBLE
 
 import isocodec
 from commands import fails, ok, run
@@ -16,7 +15,6 @@ from tables import looped
 from written import Y_UP
 
 pv = Late("pyvista")
-
 
 
 def sphere(around: int = 24, rings: int = 16) -> tuple[np.ndarray, np.ndarray]:
@@ -37,7 +35,6 @@ POINTS = 10 * POINTS * [1, 1.2, 0.8] + [3, -2, 5]
 HEIGHT = POINTS @ [0.3, 0.2, 1.0]
 LEVELS = (4.5, 7.5)
 STORED = ("known", "coded", "whole")
-OF_CURVES = (".ply", ".obj", ".vtp", ".vtu", ".npz", ".geojson")
 OF_MESHES = (".ply", ".vtu")
 
 
@@ -49,52 +46,6 @@ def enclosed(points: np.ndarray, cells: np.ndarray) -> float:
 def opened(stored: str) -> tuple[isocodec.IsoFile, bytes]:
     data = isocodec.encode(Mesh(POINTS, CELLS, HEIGHT, stored=stored), LEVELS, order="independent")
     return isocodec.open(data, mesh=(POINTS, CELLS) if stored == "known" else None), data
-
-
-@looped("stored", STORED)
-@looped("operation", [name for name in CHECKS if (name, "mesh") not in IMPOSSIBLE])
-def test_operations(operation: str, stored: str) -> None:
-    """The table of operations has a row for meshes in space."""
-    file, data = opened(stored)
-    known = {"mesh": (POINTS, CELLS)} if stored == "known" else {}
-    if operation == "verify":
-        assert all(one.there < 1 and one.back < 1 and not one.wrong for one in file.verify(Mesh(POINTS, CELLS, HEIGHT)))
-    elif operation == "mesh":
-        whole, crossed = file.mesh(whole=True), file.mesh()
-        assert 0 < len(crossed.cells) <= len(whole.cells) and crossed.points.shape[1] == 3
-    elif operation == "above":
-        above = file.above(LEVELS[0])
-        assert above.any() and not above.all()
-    elif operation == "contour":
-        contour = file.contour(LEVELS[1])
-        assert np.abs(contour.points @ [0.3, 0.2, 1.0] - LEVELS[1]).max() < 0.5
-        assert 0 < len(file.contour(window=[(0, 20), (-20, 20), (-20, 20)]).cells) < len(file.contour().cells)
-    elif operation == "contours":
-        assert [one.isovalue for one in file.contours()] == [*LEVELS]
-    elif operation == "frames":
-        assert len(list(file.each_frame())) == 1
-    elif operation == "valid":
-        assert file.valid().all()
-    elif operation == "notebook":
-        assert "mesh" in file._repr_html_()
-    elif operation == "statistics":
-        assert file.statistics().layers
-    elif operation == "decoder":
-        decoder = isocodec.Decoder(**known)
-        for byte in data:
-            decoder.feed(bytes([byte]))
-            list(decoder)
-        decoder.close()
-        assert len(decoder.contour().cells) == len(file.contour().cells)
-    elif operation == "merge":
-        other = isocodec.encode(Mesh(POINTS, CELLS, HEIGHT, stored=stored), 5.5, order="independent")
-        if stored != "coded":
-            assert isocodec.open(isocodec.merge([data, other]), **known).isovalues == (*LEVELS, 5.5)
-    elif operation in ("layers", "size", "isovalues", "profile"):
-        change = {"layers": 1, "size": len(data) - 20, "isovalues": [LEVELS[1]], "profile": "main"}[operation]
-        assert isocodec.open(file.edited(**{operation: change}), **known).complete
-    else:
-        assert operation in ("encode", "save", "open", "info") and file.info.kind == "mesh" and file.size == len(data)
 
 
 @looped("stored", STORED)

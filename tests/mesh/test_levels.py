@@ -59,20 +59,6 @@ def test_the_same_curve_as_along_a_walk(seed: int, kind: str) -> None:
     assert components(len(got.points), got.cells) == components(len(want.points), want.cells)
 
 
-@pytest.mark.parametrize("kind", ["plane", "space", "surface"])
-def test_further_isovalues_lean(kind: str) -> None:
-    mesh = {"plane": plane(3, 300, 0.98), "space": space(3, 200), "surface": torus(40, 20)}[kind]
-    values = np.rint(20 * np.sin(mesh[0] / np.ptp(mesh[0]) * 7).sum(axis=1)).astype(int)
-    data = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=True), [0.5, 5.5, -4.5], precision="exact")
-    alone = isocodec.encode(
-        isocodec.Mesh(*mesh, values, progressive=True), [0.5, 5.5, -4.5], precision="exact", order="independent",
-    )
-    assert len(data) < len(alone)
-    for contour, isovalue in zip(isocodec.open(data, mesh=mesh).contours(), (0.5, 5.5, -4.5), strict=True):
-        want = curve(mesh, values, isovalue, "exact")
-        assert {tuple(p) for p in contour.points} == {tuple(p) for p in want.points}
-
-
 @pytest.mark.cover(2)
 @pytest.mark.parametrize("kind", MESHES)
 @pytest.mark.parametrize("seed", range(8))
@@ -107,17 +93,6 @@ def test_every_layer_shows_the_curve_of_its_mesh(kind: str, seed: int) -> None:
 def big_torus(seed: int, count: int, kept: float) -> Mesh:
     points, cells = torus(40 + seed, count // 40)
     return points, cells[: int(kept * len(cells))]
-
-
-def test_a_first_curve_comes_early() -> None:
-    """Before a twentieth of a file of some kilobytes."""
-    mesh = plane(4, 6000, 1.0)
-    values = np.sin(mesh[0] / 4).sum(axis=1)
-    data = isocodec.encode(isocodec.Mesh(*mesh, values), 0.1, precision=0.005)
-    assert len(data) > 1000
-    decoder = isocodec.Decoder(mesh=mesh)
-    decoder.feed(data[: len(data) // 20])
-    assert len(decoder.take().contour().points) > 10
 
 
 def test_a_walk_where_it_is_much_shorter() -> None:

@@ -174,21 +174,6 @@ def test_commands(tmp_path):
     )
 
 
-def test_xdmf_series(tmp_path, monkeypatch):
-    meshio = pytest.importorskip("meshio")
-    pytest.importorskip("h5py")
-    mesh = plane(4)
-    values = moving(mesh).astype(np.float64)
-    path = tmp_path / "flow.xdmf"
-    monkeypatch.chdir(tmp_path)
-    with meshio.xdmf.TimeSeriesWriter(path) as series:
-        series.write_points_cells(np.pad(mesh[0], ((0, 0), (0, 1))), [("triangle", mesh[1])])
-        for t, each in enumerate(values):
-            series.write_data(float(t), point_data={"depth": each})
-    ok("encode", path, "-o", tmp_path / "flow.iso", "--key", "TimeSeries_meshio/depth", "--isovalue", 20.5)
-    assert len(isocodec.open((tmp_path / "flow.iso").read_bytes()).info.frames) == 4
-
-
 @pytest.mark.skipif(INTERPRETED, reason="a large mesh")
 def test_frames_of_nothing_are_work():
     """Two bytes begin a frame, for which the whole mesh is looked at."""

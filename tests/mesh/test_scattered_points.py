@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import isocodec
-from brute import examples
 from commands import fails, ok
-from explicit_meshes import crossings
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
-from isocodec.io.opener import Choice, load
 from libraries import Late
 from tables import looped
 
@@ -28,37 +23,6 @@ def scattered(seed, count=80, side=1000):
 
 def sets(cells):
     return {frozenset(cell) for cell in np.asarray(cells).tolist()}
-
-
-@examples(30)
-@given(seed=st.integers(0, 999), isovalues=st.sampled_from([[20.5], [20.5, 40.5]]), signs_only=st.booleans())
-def test_the_curve_of_another_library(seed, isovalues, signs_only):
-    """On points that are kept exactly the triangles are those of Qhull, and crossings lie on their sides."""
-    points, values = scattered(seed)
-    precision = "signs" if signs_only else "exact"
-    mesh = isocodec.Mesh(points, None, values, stored="whole", error=0.71)
-    data = isocodec.encode(mesh, isovalues, precision=precision)
-    decoder = isocodec.Decoder()
-    decoder.feed(data)
-    decoder.close()
-    mesh = decoder.on_mesh.domain.mesh
-    unit = decoder.on_mesh.domain.unit
-    assert unit == 1
-    triangles = Delaunay(points)
-    if not len(triangles.coplanar):
-        origin = np.array(decoder.on_mesh.head.origin)
-        place = {tuple(p): i for i, p in enumerate(points.astype(int).tolist())}
-        number = np.array([place[tuple(p)] for p in (mesh.position + origin).tolist()])
-        assert sets(number[mesh.cell]) == sets(triangles.simplices)
-    for number, isovalue in enumerate(isovalues):
-        contour = isocodec.decode(data, isovalue=isovalue)
-        found = crossings((points, triangles.simplices), values, isovalue)
-        assert len(contour.points) == len(found)
-        if not signs_only and found:
-            wanted = np.array(list(found.values()))
-            far = np.abs(contour.points[:, None] - wanted[None]).sum(axis=2).min(axis=1)
-            assert far.max() < 2.5
-        assert np.array_equal(decoder.contour(number).points, contour.points)
 
 
 def test_grids_and_duplicates():
@@ -78,20 +42,6 @@ def test_grids_and_duplicates():
         isocodec.encode(isocodec.Mesh(again[0], None, again[1].astype(int)), 1.5)
     frames = np.array([values, values + 1])
     assert isocodec.open(isocodec.encode(isocodec.Mesh(points, None, frames), 33.3)).info.interval == 0
-
-
-def test_connectivity_costs_nothing():
-    """Of a triangulation that is Delaunay's, the file has the points, and these are cheaper than with cells.
-
-    Some bits more for each of them keep the triangles the same.
-    """
-    points, _ = scattered(1, 2000, 1 << 20)
-    values = points[:, 0] + points[:, 1]
-    cells = Delaunay(points).simplices
-    mesh = isocodec.Mesh(points, None, values, stored="whole", error=500.0)
-    alone = isocodec.encode(mesh, 1e6, precision="signs")
-    whole = isocodec.encode(isocodec.Mesh(points, cells, values, stored="whole", error=500.0), 1e6, precision="signs")
-    assert len(alone) < 0.95 * len(whole)
 
 
 @looped(
@@ -127,44 +77,6 @@ def test_hostile_points():
             isocodec.decode(bytes(bad))
         except IsoError as error:
             assert isinstance(error, FormatError) and error.clause
-
-
-def test_tables(tmp_path):
-    points, values = scattered(4)
-    rows = np.column_stack([values, points[:, 1], points[:, 0]])
-    np.savetxt(tmp_path / "named.csv", rows, delimiter=";", header="depth; Lat; lon", comments="")
-    np.savetxt(tmp_path / "bare.xyz", np.column_stack([points, values]))
-    for name, key in (("named.csv", "depth"), ("bare.xyz", "z")):
-        found = load(tmp_path / name, Choice(key))
-        assert np.array_equal(found.points, points) and np.array_equal(found.values, values)
-    (tmp_path / "short.csv").write_text("x,y\n1,2\n")
-    (tmp_path / "words.csv").write_text("x,y,z\n1,2,high\n")
-    (tmp_path / "none.csv").write_text("")
-    for name in ("short.csv", "words.csv", "none.csv"):
-        with pytest.raises(InputError):
-            load(tmp_path / name, Choice())
-    with pytest.raises(InputError, match="depth"):
-        load(tmp_path / "named.csv", Choice("z"))
-
-
-def test_clouds_and_layers(tmp_path):
-    """What other libraries wrote."""
-    points, values = scattered(5)
-    laspy, geopandas = pytest.importorskip("laspy"), pytest.importorskip("geopandas")
-    header = laspy.LasHeader(point_format=3, version="1.2")
-    header.scales = [1, 1, 1]
-    cloud = laspy.LasData(header)
-    cloud.x, cloud.y, cloud.z, cloud.intensity = points[:, 0], points[:, 1], values, values + 7
-    cloud.write(tmp_path / "cloud.las")
-    found = load(tmp_path / "cloud.las", Choice())
-    assert np.array_equal(found.points, points) and np.array_equal(found.values, values)
-    assert np.array_equal(load(tmp_path / "cloud.las", Choice("intensity")).values, values + 7)
-    table = geopandas.GeoDataFrame({"depth": values}, geometry=geopandas.points_from_xy(*points.T), crs="EPSG:32633")
-    table.to_file(tmp_path / "layer.gpkg")
-    assert np.array_equal(load(tmp_path / "layer.gpkg", Choice()).values, values)
-    table.buffer(1).to_file(tmp_path / "areas.gpkg")
-    with pytest.raises(InputError, match="Polygon"):
-        load(tmp_path / "areas.gpkg", Choice())
 
 
 def test_commands(tmp_path):

@@ -11,9 +11,9 @@ import pytest
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.api.plots import plot_map
-from isocodec.verbs import Plot
 from isocodec.field.placement import Placement
 from isocodec.plotting.map import index_lines, map_figure
+from isocodec.verbs import Plot
 
 ROWS, COLUMNS = np.mgrid[:50, :61].astype(float)
 UTM = "0 30 500000 -20 0 5000000"

@@ -16,9 +16,9 @@ import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.api import plots
 from isocodec.api.plots import plot_steps
-from isocodec.verbs import Plot
 from isocodec.errors import FormatError
 from isocodec.plotting.panels import StepPanel, colours_of, contour_picture, panels_figure
+from isocodec.verbs import Plot
 
 FEW = [20.5, 60.5, 100.5, 140.5]
 

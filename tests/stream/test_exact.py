@@ -12,10 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import crossing_edges, crossing_points, examples, mixed, smooth
+from brute import crossing_edges, crossing_points, examples, smooth
 from isocodec.drawing.snapshot import state_of
 from isocodec.errors import InputError, OptionError
-from isocodec.stream.options import SEARCHED
 from libraries import Late
 from tables import looped
 
@@ -122,73 +121,10 @@ def test_ties_by_hand():
 # --- tolerance ------------------------------------------------------------------------------------------------------
 
 
-def extracted_segments(field, isovalue):
-    """Marching squares with saddles joined along the mesh's diagonal, as segments (M, 2, 2).
-
-    Each crossed triangle of the full grid gives a segment between points on its edges; a point on a diagonal lies
-    on the straight line of the cell's other points, so diagonal points are dropped by joining the two pieces.
-    """
-    above = field > isovalue
-    level = field.ndim * max(max(field.shape) - 2, 0).bit_length()
-
-    def point(a, b):
-        fa, fb = float(field[a]), float(field[b])
-        return np.array(a) + (isovalue - fa) / (fb - fa) * (np.array(b, float) - np.array(a))
-
-    pieces, through = [], {}
-    for triangle in mixed(above, level).tolist():
-        a, b, c = map(tuple, triangle)
-        ends = []
-        for p, q in ((a, b), (b, c)):
-            if above[p] != above[q]:
-                ends.append(point(p, q))
-        if len(ends) == 2:
-            pieces.append(ends)
-        else:  # the diagonal is crossed: two triangles of the cell share it
-            through.setdefault(frozenset((a, c)), []).append(ends[0])
-    assert all(len(ends) == 2 for ends in through.values())
-    return np.array(pieces + list(through.values())).reshape(-1, 2, 2)
-
-
-def distances(points, segments):
-    """Distance of each point to the nearest segment."""
-    a, d = segments[:, 0], segments[:, 1] - segments[:, 0]
-    length = np.maximum((d**2).sum(axis=1), 1e-30)
-    best = np.full(len(points), np.inf)
-    for first in range(0, len(points), 2000):
-        p = points[first : first + 2000, None] - a
-        t = np.clip((p * d).sum(axis=2) / length, 0, 1)
-        best[first : first + 2000] = np.sqrt(((p - t[..., None] * d) ** 2).sum(axis=2)).min(axis=1)
-    return best
-
-
 def along(segments, count=9):
     """Points on each segment, its ends among them."""
     t = np.linspace(0, 1, count)[None, :, None]
     return (segments[:, :1] * (1 - t) + segments[:, 1:] * t).reshape(-1, 2)
-
-
-@pytest.mark.cover(1)
-@pytest.mark.parametrize("tolerance", [0.3, 0.05, 0.004])
-@pytest.mark.parametrize("kind", ["smooth", "noisy", "integers"])
-def test_tolerance_bounds_the_distance(kind, tolerance):
-    """Hausdorff distance to the extracted curve, both ways, no more than was asked; a smaller one costs more."""
-    rng = np.random.default_rng(7)
-    field = smooth((29, 36), 11) + (0.5 * rng.normal(size=(29, 36)) if kind == "noisy" else 0)
-    if kind == "integers":
-        field = np.rint(20 * field).astype(np.int32)
-    isovalue = 0.1 if kind != "integers" else 2.5
-    data = isocodec.encode(field, isovalue, precision=tolerance)
-    contour = isocodec.decode(data)
-    decoded = contour.points[contour.cells]
-    expected = extracted_segments(field, isovalue)
-    assert len(decoded) > 50
-    if tolerance < SEARCHED:
-        assert len(decoded) == len(expected)
-    # but for the rounding of this measurement
-    assert distances(along(decoded), expected).max() <= tolerance + 1e-12
-    assert distances(along(expected), decoded).max() <= tolerance + 1e-12
-    assert len(isocodec.encode(field, isovalue, precision=tolerance / 8)) > len(data)
 
 
 @pytest.mark.parametrize("tolerance", [0.3, 0.05, 0.004])
@@ -296,20 +232,6 @@ def test_options_of_the_wrong_kind(options):
         isocodec.encode(GOOD, 5.5, **options)
 
 
-def test_ragged_fields_refused():
-    """Nested lists of unequal length: numpy's own error, which is a ValueError too."""
-    with pytest.raises(ValueError, match="inhomogeneous"):
-        isocodec.encode([[1, 2], [3]], 0.5)
-
-
-@looped("isovalue", [math.inf, -math.inf, math.nan, [[1, 2]], 1j, 10**400])
-def test_isovalues_refused(isovalue):
-    """An isovalue is one finite number."""
-    with pytest.raises(InputError) as caught:
-        isocodec.encode(GOOD, isovalue)
-    assert caught.value.code == "isovalue"
-
-
 def test_texts_that_are_no_isovalues():
     with pytest.raises(OptionError, match='every 20 from 5') as caught:
         isocodec.encode(GOOD, "high")
@@ -343,13 +265,6 @@ def test_options_refused(field, options, code):
     with pytest.raises(OptionError) as caught:
         isocodec.encode(field, 0.5, **options)
     assert caught.value.code == code
-
-
-@pytest.mark.parametrize("options", [{"layers": 0}, {"layers": -1}, {"max_bytes": 0}])
-def test_decode_options_refused(options):
-    """No layers, no bytes."""
-    with pytest.raises(OptionError):
-        isocodec.decode(isocodec.encode(GOOD, 0.5), **options)
 
 
 # --- what goes in ---------------------------------------------------------------------------------------------------
@@ -453,19 +368,6 @@ def test_values_too_far_from_the_isovalue():
     assert len(isocodec.decode(isocodec.encode(field, 5)).points) == 2
 
 
-def test_infinite_samples():
-    """Infinite samples have signs; next to the curve they have no number of steps."""
-    field = smooth((12, 12), 2)
-    field[0, :4] = math.inf
-    field[5, 5] = -math.inf
-    contour = round_trip(field, 0.0)
-    assert np.isfinite(contour.points).all()
-    assert len(contour.points) == len(crossing_edges(field > 0)[0])
-    with pytest.raises(InputError) as caught:
-        isocodec.encode(field, 0.0, precision="step=0.1")
-    assert caught.value.code == "infinite"
-
-
 def test_float_isovalue_is_not_rounded_to_the_samples_type():
     """float16 and float32 samples are compared with the isovalue as it is: 0.1 is below float32(0.1)."""
     field = np.full((4, 4), np.float32(0.1))
@@ -482,11 +384,3 @@ def test_extreme_isovalues(isovalue):
     contour = isocodec.decode(isocodec.encode(field, isovalue, precision=0.01))
     assert contour.isovalue == isovalue
     assert len(contour.points) == 2
-
-
-@pytest.mark.parametrize("isovalue", [2**53 + 9, np.int64(2**60 + 100), -(2**53) - 1])
-def test_whole_isovalues_that_double_precision_lacks(isovalue):
-    field = 2**53 + np.add(*np.mgrid[:30, :30])
-    with pytest.raises(isocodec.errors.InputError, match="nearest one is"):
-        isocodec.encode(field, isovalue, precision="exact")
-    assert isocodec.open(isocodec.encode(field, 2**53 + 8, precision="exact")).info.isovalue == 2**53 + 8

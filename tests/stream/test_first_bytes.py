@@ -21,7 +21,6 @@ from isocodec.field.meshed import StoredName
 from isocodec.stream.options import ProfileName
 from isoconform.raster import letters
 from libraries import Late
-from tables import heavy
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 map_coordinates = Late("scipy.ndimage.map_coordinates")
@@ -143,16 +142,6 @@ def test_grids(kind: str, n: int, data: st.DataObject) -> None:
     check(ENCODERS[kind](field, profile=profile, **options))
 
 
-@pytest.mark.parametrize("precision", [1.0, *heavy(0.25, (4, 1, 0.25))])
-@pytest.mark.parametrize(("shape", "width"), [
-    ((150, 130), 1.0), pytest.param((44, 40, 36), 1.3, marks=pytest.mark.heavy),
-])
-def test_distances(shape: tuple[int, ...], width: float, precision: Any) -> None:
-    data = isocodec.encode(smooth(shape, width, 0), LEVELS[0], precision=precision)
-    assert len(data) >= LEAST_BYTES
-    check(data)
-
-
 @pytest.mark.cover(1)
 @pytest.mark.parametrize("precision", [None, "exact"])
 @pytest.mark.parametrize("profile", get_args(ProfileName))
@@ -163,20 +152,6 @@ def test_tiles(tmp_path: Path, shape: tuple[int, ...], tile: int, profile: Profi
     data = path.read_bytes()
     assert len(data) >= LEAST_BYTES * math.prod(isocodec.open(data).info.tiles or ())
     check(data)
-
-
-@pytest.mark.parametrize("precision", [None, "step=1"])
-def test_known_meshes(precision: Any) -> None:
-    """On meshes smooth enough for coarse ones to show the curve; with a distance, only in files of some kB."""
-    mesh = on_mesh(smooth((120, 150), 1.5, 0), "known")
-    data = isocodec.encode(mesh, LEVELS[0], precision=precision)
-    assert len(data) > LEAST_BYTES
-    check(data, mesh)
-
-
-def test_surfaces() -> None:
-    """In layers, of which the first one has to be there."""
-    check(isocodec.encode(isocodec.thin(smooth((90, 110), 4.0, 0).astype(float), to=1500, layers=8)))
 
 
 @pytest.mark.parametrize("stored", [name for name in get_args(StoredName) if name != "known"])

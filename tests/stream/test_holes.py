@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import isocodec
-from commands import HILLS, fails, ok
+from commands import HILLS
 from isocodec.errors import FormatError, InputError
 from isocodec.format.chunks import write_chunk
 from isocodec.stream.inspect import inspect
@@ -62,16 +61,6 @@ def blobs(shape: tuple[int, ...], seed: int, share: float) -> tuple[np.ndarray, 
     waves = [np.sin(rng.uniform(0.2, 1.5) * g + rng.uniform(0, 6)) for g in np.indices(shape)]
     field = sum(waves) + rng.normal(0, 0.3, shape)
     return field, rng.random(shape) < share
-
-
-@pytest.mark.parametrize("profile", ["baseline", "main"])
-@pytest.mark.parametrize("isovalue", [80.5, 120.25])
-def test_curves_are_those_of_find_contours(profile: str, isovalue: float) -> None:
-    field = np.where(HOLE, np.nan, FLOATS)
-    contour = isocodec.decode(isocodec.encode(field, isovalue, precision="step=1e-6", profile=profile))
-    assert close(contour.points, np.concatenate(find_contours(field, isovalue)), 1e-5)
-    contour = isocodec.decode(isocodec.encode(field, isovalue, profile=profile))
-    assert close(contour.points, np.concatenate(find_contours(field, isovalue)), 0.05)
 
 
 @settings(max_examples=25, deadline=None)
@@ -170,19 +159,6 @@ def test_what_areas_along_holes_take() -> None:
     data = isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5)
     with pytest.raises(isocodec.errors.OptionError, match="valid has shape"):
         isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
-
-
-def test_nothing_is_left() -> None:
-    with pytest.raises(InputError, match="all samples are missing"):
-        isocodec.encode(np.full((4, 4), np.nan), 1)
-
-
-@looped("dtype", ["bool", "uint8", "int16", "int64", "uint64", "float16", "float32"])
-def test_types_of_samples(dtype: str) -> None:
-    field = (HILLS > 90) if dtype == "bool" else HILLS.astype(dtype)
-    isovalue = 0.5 if dtype == "bool" else 90.5
-    data = isocodec.encode(isocodec.Field(field, mask=HOLE), isovalue, precision="signs")
-    assert np.array_equal(isocodec.open(data).above()[~HOLE], (field > isovalue)[~HOLE])
 
 
 @looped("options", [
@@ -297,37 +273,6 @@ def test_truncated_files_keep_their_mask() -> None:
     for kept in (isocodec.open(data).edited(layers=9), isocodec.open(data).edited(size=len(data) - 40)):
         assert isocodec.open(kept).info.mask_bytes == isocodec.open(data).info.mask_bytes
         assert np.array_equal(isocodec.open(kept).valid(), ~HOLE)
-
-
-def test_holes_cost_less_than_what_they_replace() -> None:
-    """Than the curve through the nearest samples, and the mask in a file of its own."""
-    y, x = np.mgrid[:200, :200]
-    field = np.sin(x / 9) + np.cos(y / 7 + x / 30)
-    gone = np.hypot(x - 90, y - 110) < 60
-    filled = np.where(gone, 0.0, field)
-    from isocodec.field.missing import filled as replaced
-
-    nearest = isocodec.encode(replaced(filled, gone, "nearest", [0.2]), 0.2)
-    mask = isocodec.encode(~gone, 0.5, precision="signs")
-    assert len(isocodec.encode(isocodec.Field(field, mask=gone), 0.2)) <= 0.85 * (len(nearest) + len(mask))
-
-
-def test_on_the_command_line(tmp_path: Path) -> None:
-    field = np.where(HOLE, np.nan, FLOATS)
-    np.save(tmp_path / "a.npy", field)
-    ok("encode", tmp_path / "a.npy", "-o", tmp_path / "a.iso", "--isovalue", 80.5)
-    assert (tmp_path / "a.iso").read_bytes() == isocodec.encode(field, 80.5)
-    np.save(tmp_path / "b.npy", np.where(HOLE, -9999, FLOATS))
-    for more in ((), ("--missing", "hole")):
-        ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 80.5, "--nodata", -9999, *more)
-        assert (tmp_path / "b.iso").read_bytes() == isocodec.encode(field, 80.5)
-    assert "mask" in ok("info", tmp_path / "a.iso")
-    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--what", "areas")
-    ok("decode", "--what", "above", tmp_path / "a.iso", "-o", tmp_path / "valid.npy", "--what", "valid")
-    assert np.array_equal(np.load(tmp_path / "valid.npy"), ~HOLE)
-    np.save(tmp_path / "c.npy", np.full((5, 5), np.nan))
-    empty = fails(3, "encode", tmp_path / "c.npy", "-o", tmp_path / "c.iso", "--isovalue", 1)
-    assert "all samples are missing" in empty
 
 
 @pytest.mark.parametrize("seed", [0, 4, 20, 22])

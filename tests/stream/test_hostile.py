@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import hurtful
 import isocodec
-from brute import INTERPRETED, examples
-from files import HEADER, NAMES, files, layers_file, picture, same_drawing, with_checksum
+from brute import HEAVY, INTERPRETED, examples
+from files import HEADER, NAMES, files, layers_file, picture, with_checksum
 from hurtful import BASES, GRID, decoded, empty_series, isovalues, measured, mutants, stated_mesh
 from isocodec import Decoder, IsoError, Limits
 from isocodec.drawing.snapshot import state_of
@@ -62,13 +62,6 @@ def test_limits(monkeypatch):
     speck[21, 19] = 1
     _, code = limited(isocodec.encode(speck, 0, layers=0), steps=0)
     assert code == "limit-steps"
-
-
-def test_limits_of_whole_files():
-    data = files()["exact"]
-    with pytest.raises(LimitError):
-        isocodec.decode(data, limits=Limits(vertices=10))
-    assert same_drawing(isocodec.decode(data, limits=Limits(vertices=1 << 17)), isocodec.decode(data))
 
 
 def test_limits_hold_for_all_isovalues_together():
@@ -173,8 +166,8 @@ def test_events_have_the_notes_of_their_chunks():
 def test_turns_of_thousands_of_isovalues():
     """Each takes next to no time, however many isovalues it names."""
     turn = Chunk(ChunkType.TURN, write_varint(0) + write_varint(4096))
-    seconds, _ = measured(lambda: decoded(bytes(File(GRID, (*isovalues(4095), *[turn] * 20_000)))))
-    assert INTERPRETED or seconds < SECONDS / 2
+    seconds, _ = measured(lambda: decoded(bytes(File(GRID, (*isovalues(4095), *[turn] * 2_000)))))
+    assert INTERPRETED or seconds < SECONDS / 4
 
 
 @pytest.mark.heavy
@@ -235,7 +228,7 @@ def survive(data, limits=None):
 def test_every_flipped_bit_is_found(name):
     """No single wrong bit goes unnoticed: the file's checksum covers every byte before it, and one bit says mesh."""
     data = files()[name]
-    for place in range(8 * len(data)):
+    for place in range(0, 8 * len(data), 1 if HEAVY else 5):
         wrong = bytearray(data)
         wrong[place // 8] ^= 128 >> place % 8
         with pytest.raises((FormatError, LimitError, OptionError)):

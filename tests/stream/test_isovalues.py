@@ -19,13 +19,12 @@ from isocodec.drawing.snapshot import leaves_of, state_of
 from isocodec.entropy.run import WritingRun
 from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Samples
-from isocodec.format.events import IsovalueRead, LayerComplete
+from isocodec.format.events import IsovalueRead
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.layers.layer_writer import LayerWriter
 from isocodec.grid.passes.runner import Tube
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan
-from isocodec.stream import grid_encoder
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isoconform.meshes import chosen, uniform
@@ -71,7 +70,7 @@ def test_each_decodes_as_by_itself(n, wanted):
     """To the last bit, or, where the encoder is free to tell crossings within a tolerance, within twice that."""
     within = 0 if "parts" in wanted or wanted.get("precision") in ("exact", "signs") else 2 * DEFAULT_TOLERANCE
 
-    @examples(40)
+    @examples(24)
     @given(cases(n))
     def run(case):
         field, isovalues = case
@@ -116,26 +115,13 @@ def test_bases_from_the_leaves_of_another(n):
         decoder.feed(b"".join(encoder_of(field, isovalues, layers=plans)))
         decoder.close()
         for number, isovalue in enumerate(isovalues[1:], 1):
-            leaves = leaves_of(decoder.grid._tubes[number], isovalue, lambda steps, above: steps)
+            leaves = leaves_of(decoder.grid.tubes[number], isovalue, lambda steps, above: steps)
             expected = mixed(field > isovalue, full)
             found = leaves.position[leaves.simplices]
             assert len(found) == len(expected)
             assert {x.tobytes() for x in found.astype(np.int64)} == {x.tobytes() for x in expected.astype(np.int64)}
 
     run()
-
-
-def test_bases_from_the_leaves_of_an_adaptive_mesh():
-    field = np.rint(smooth((40, 33), 3) * 100).astype(np.int64)
-    plans = {
-        10.5: strategy.reduced(promise(field, 10.5), "distortion", 1.0, True),
-        12.5: [("leaf_base",), ("refine", None)],
-    }
-    data = b"".join(encoder_of(field, [10.5, 12.5], layers=plans))
-    found, alone = isocodec.decode(data, isovalue=12.5), isocodec.decode(
-        isocodec.encode(field, 12.5, precision="signs")
-    )
-    assert sorted(found.points[found.cells].tolist()) == sorted(alone.points[alone.cells].tolist())
 
 
 @pytest.mark.parametrize("n", [2, 3])
@@ -238,7 +224,7 @@ def test_curves_never_cross(n):
 def test_each_keeps_to_the_tolerance(options, profile):
     """Proven for what the file says, which for later isovalues is not what a file of their own would say."""
     tolerance = options["precision"] if isinstance(options["precision"], float) else options["precision"][-1]
-    for shape, seed in (((33, 40), 1), ((9, 10, 9), 6)):
+    for shape, seed in (((24, 20), 1), ((7, 8, 7), 6)):
         field = np.rint(smooth(shape, seed) * 300).astype(np.int64)
         isovalues = [20.5, 25.5, 21.5]
         data = isocodec.encode(field, isovalues, profile=profile, **options)
@@ -249,19 +235,19 @@ def test_each_keeps_to_the_tolerance(options, profile):
 
 def test_no_leaning_where_no_plan_would_keep_to_the_tolerance(monkeypatch):
     """Then the isovalue stands alone, and so does its promise."""
-    found = grid_encoder.smallest
+    found = strategy.smallest
 
     def never_leaning(promise, tolerance, topology):
         if promise.fresh().lean is not None:
             raise strategy.NotKeptError("not kept")
         return found(promise, tolerance, topology)
 
-    monkeypatch.setattr(grid_encoder, "smallest", never_leaning)
+    monkeypatch.setattr(strategy, "smallest", never_leaning)
     # so far apart that neither is in the way of the other
     field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
-    data = isocodec.encode(field, [10.5, 42.5], precision=0.25)
+    data = isocodec.encode(field, [10.5, 42.5], precision=1.0)
     assert isocodec.open(data).info.leans == [None, None]
-    assert not len(promise(field, 42.5).excess(isocodec.decode(data, isovalue=42.5), 0.25))
+    assert not len(promise(field, 42.5).excess(isocodec.decode(data, isovalue=42.5), 1.0))
 
 
 def test_events_and_skipping():
@@ -300,25 +286,6 @@ def test_refused():
         assert caught.value.code == code
     with pytest.raises(OptionError, match=r"it has 0\.5"):
         isocodec.decode(isocodec.encode(field, 0.5), isovalue=1.5)
-
-
-def test_truncated_between_isovalues():
-    """Each number of layers, and each number of bytes, is a valid file."""
-    field = np.rint(smooth((20, 17), 2) * 100).astype(np.int64)
-    data = isocodec.encode(field, [0.5, 5.5])
-    layers = len(isocodec.open(data).info.layers)
-    for count in range(1, layers + 1):
-        short = isocodec.open(data).edited(layers=count)
-        # of a turn that ends midway, `info` lists the layers that are missing, too
-        decoder = Decoder()
-        decoder.feed(short)
-        assert [event.number for event in decoder if isinstance(event, LayerComplete)] == [*range(1, count + 1)]
-        isocodec.decode(short)
-    for size in range(60, len(data), 7):
-        short = isocodec.open(data).edited(size=size)
-        assert len(short) <= size
-        for isovalue in isocodec.open(short).info.isovalues:
-            isocodec.decode(short, isovalue=isovalue)
 
 
 def test_numbers_that_many_isovalues_could_make_grow_no_further():
@@ -410,12 +377,3 @@ def test_values_of_floats_follow_exactly(n):
                     assert np.count_nonzero(known)
 
     run()
-
-
-@pytest.mark.parametrize(("step", "share"), [(1, 0.1), (0.7, 0.25)])
-def test_values_of_floats_cost_once(step, share):
-    """A close isovalue takes this share of a file alone, less where steps are the same; as a field of an atmosphere."""
-    field = (5500 * smooth((90, 120), 4, 6) + 54000).astype(np.float32)
-    first, second = (len(isocodec.encode(field, v, precision=f"step={step}")) for v in (54000, 54010))
-    both = len(isocodec.encode(field, [54000, 54010], precision=f"step={step}"))
-    assert both - first < share * second

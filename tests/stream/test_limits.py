@@ -6,7 +6,6 @@ import gc
 import tracemalloc
 import warnings
 import weakref
-from dataclasses import replace
 from unittest import mock
 
 import numpy as np
@@ -19,7 +18,7 @@ from files import picture
 from isocodec import Decoder, IsoError, Limits
 from isocodec import limits as module
 from isocodec.entropy import run
-from isocodec.errors import InputError, LimitError, OptionError
+from isocodec.errors import LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
 from isocodec.io.cost import COST
 from isocodec.io.formats import Areas
@@ -96,6 +95,7 @@ WAYS = {
 
 
 @pytest.mark.skipif(INTERPRETED, reason="memory of kernels that are not compiled is another")
+@pytest.mark.cover(1)
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("n, size, rough", [
     (2, 150, 1), pytest.param(2, 300, 0, marks=pytest.mark.heavy), (3, 24, 1),
@@ -152,13 +152,13 @@ def test_the_encoder_warns_of_files_that_default_limits_refuse(monkeypatch):
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
 @pytest.mark.parametrize("n, suffix", [
-    *((2, suffix) for suffix in (".npz", ".geojson", ".svg", "areas")), *((3, suffix) for suffix in (".npz", ".ply")),
-    *(pytest.param(n, suffix, marks=pytest.mark.heavy)
-      for n, suffix in ((2, ".pmtiles"), (2, ".png"), (3, ".obj"), (3, ".stl"), (3, ".png"))),
+    (2, ".geojson"), (2, "areas"), (3, ".ply"),
+    *(pytest.param(n, suffix, marks=pytest.mark.heavy) for n, suffix in (
+        (2, ".npz"), (2, ".svg"), (2, ".pmtiles"), (2, ".png"), (3, ".npz"), (3, ".obj"), (3, ".stl"), (3, ".png"))),
 ])
 @pytest.mark.parametrize("rough", [1, pytest.param(0, marks=pytest.mark.heavy)])
 def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
-    size = (400 if n == 2 else 60) >> rough
+    size = (300 if n == 2 else 48) >> rough
     # coordinates with many digits
     placement = np.column_stack([np.eye(n) * 12.345, np.full(n, 1e6 / 3)])
     crs = {"crs": "EPSG:3857"} if suffix == ".pmtiles" else None
@@ -184,7 +184,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
     """Before their memory is taken; the decoder holds nothing after that, and says why."""
     ends = []
     lone = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
-    for step in (len(lone), 1, 5):
+    for step in (len(lone), 1):
         decoder = Decoder(Limits(memory=40 * MIB))
         gc.collect()
         tracemalloc.start()
@@ -199,7 +199,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
         ends.append((caught.value.offset, decoder.symbols))
         with pytest.raises(LimitError):
             decoder.contour()
-    assert ends[0] == ends[1] == ends[2] and sum(ends[0][1].values()) > 1000
+    assert ends[0] == ends[1] and sum(ends[0][1].values()) > 1000
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
@@ -218,14 +218,6 @@ def test_drawing_has_a_limit_of_its_own():
     assert caught.value.code == "limit-memory"
     assert np.array_equal(tight.grid.state().position, decoder.grid.state().position)
     assert tight.grid.above().shape == (40, 40, 40)
-
-
-def test_isovalues_are_limited():
-    data = isocodec.encode(picture((20, 20), 1), [-20.5, 0.5, 20.5])
-    isocodec.open(data, limits=Limits(isovalues=3)).contours()
-    with pytest.raises(LimitError) as caught:
-        isocodec.open(data, limits=Limits(isovalues=2)).contours()
-    assert caught.value.code == "limit-isovalues"
 
 
 def test_earlier_isovalues_keep_only_what_is_needed_of_them():
@@ -269,15 +261,6 @@ def test_work_is_limited_by_what_has_been_read():
         assert code == "limit-work" and symbols // 8 < done <= symbols // 4
         # 512 symbols a byte are more than it takes
         isocodec.decode(data, limits=Limits(work=1))
-
-
-def test_symbols_are_limited():
-    data = isocodec.encode(picture((60, 60), 2), 0, precision="signs")
-    total = sum(s for layer in inspect(data, symbols=True).layers for s in layer.symbols.values())
-    isocodec.decode(data, limits=Limits(symbols=total + 1))
-    with pytest.raises(LimitError) as caught:
-        isocodec.decode(data, limits=Limits(symbols=total // 2))
-    assert caught.value.code == "limit-symbols"
 
 
 @pytest.mark.parametrize("symbols", [1, 63, 64, 65, 200])
@@ -326,7 +309,9 @@ def test_an_error_is_raised_again_without_what_led_to_it():
         list(decoder)
 
 
-@pytest.mark.parametrize("where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.drawn.leaves_of"])
+@pytest.mark.parametrize(
+    "where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.grid_contents.leaves_of"]
+)
 def test_memory_that_ends_is_an_error_of_ours(where):
     """Whatever the limits say: the machine may have less."""
     data = isocodec.encode(field(2, 150, 1), 0.5)
@@ -349,22 +334,6 @@ def test_memory_that_ends_for_a_mask():
 
 
 # --- the command line -------------------------------------------------------------------------------------------------
-
-
-def test_every_command_that_decodes_has_the_limits(tmp_path):
-    source = tmp_path / "in.iso"
-    source.write_bytes(isocodec.encode(field(2, 150, 1), 0.5))
-    commands = (
-        ("decode", source, "-o", tmp_path / "a.npz"), ("decode", "--what", "above", source, "-o", tmp_path / "a.npy"),
-        ("plot", source, "-o", tmp_path / "a.png"), ("edit", source, "-o", tmp_path / "b.iso", "--size", 9000),
-        ("info", source, "--statistics"),
-    )
-    for command in commands:
-        ok(*command, "--limits", f"memory=1.5G,work={1 << 24}")
-        assert "more than 2 MiB of memory" in fails(6, *command, "--limits", "memory=2M")
-        assert "'much' is not a size" in fails(2, *command, "--limits", "memory=much")
-    ok(*commands[0], "--limits", "work=1")
-    assert "0 is less than 1" in fails(2, *commands[0], "--limits", "work=0")
 
 
 def test_large_masks_are_written_when_asked_for(tmp_path):
@@ -390,28 +359,3 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     assert above == samples * 24 // 64 and peak < samples / 2
     ok("decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limits", f"samples={samples}")
     assert np.array_equal(np.load(tmp_path / "m.npy")[:, ::64], np.repeat(step, 64, 0) > 4)
-
-
-def test_contours_of_a_file_are_drawn_one_after_the_other(tmp_path, monkeypatch):
-    """Each goes before the next one comes, and what it was drawn from with it."""
-    source = tmp_path / "in.iso"
-    source.write_bytes(isocodec.encode(field(2, 100, 0), [0.5, 300.5, 600.5]))
-    alive = []
-    drawn = Decoder.contour
-
-    def noted(decoder, *arguments, **options):
-        assert all(ref() is None for ref in alive)
-        contour = drawn(decoder, *arguments, **options)
-        alive.append(weakref.ref(contour))
-        return contour
-
-    monkeypatch.setattr(Decoder, "contour", noted)
-    ok("decode", source, "-o", tmp_path / "a.geojson")
-    assert len(alive) == 3
-
-
-def test_an_input_error_is_no_limit():
-    """Errors of input stay what they are."""
-    with pytest.raises(InputError):
-        isocodec.encode(np.zeros((3, 3, 3, 3)), 0)
-    assert replace(Limits(), memory=5).memory == 5

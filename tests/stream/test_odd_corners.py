@@ -22,7 +22,6 @@ from isocodec.drawing import rows as masks
 from isocodec.errors import FormatError, InputError, LimitError
 from isocodec.field.cropping import cropped
 from isocodec.field.placement import Placement, matrix_of, write_placement
-from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
 from isocodec.format.events import LayerComplete
 from isocodec.grid.tube.capacity import at_rest, wider_state
@@ -47,15 +46,6 @@ def test_samples_too_far_from_the_isovalue_are_refused():
     field[3:6, 3:6] = 2**64 - 1
     with pytest.raises(InputError):
         isocodec.encode(field, 100, precision="exact")
-
-
-def test_crossings_between_infinite_samples_lie_half_way():
-    field = np.full((4, 4), -np.inf)
-    field[1:3, 1:3] = np.inf
-    ends = np.array([[0, 1]]), np.array([[1, 1]])
-    assert check_field(field, 0.0, None).crossings(*ends).tolist() == [1 << 29]
-    points = isocodec.decode(isocodec.encode(field, 0.0)).points
-    assert np.isin(points * 2 % 2, [0, 1]).all() and len(points) == 8
 
 
 def test_zero_has_no_sign_in_a_placement():

@@ -97,19 +97,6 @@ def test_cut_at_every_byte_and_fed_byte_by_byte(precision: Any) -> None:
         assert drawn(short) == [{*map(tuple, c.points.tolist())} for c in isocodec.open(short).contours()]
 
 
-def test_every_number_of_layers() -> None:
-    data, _ = both(HILLS, LEVELS[:3], precision="exact")
-    layers = len(isocodec.open(data).info.layers)
-    before: list[int] = [0]
-    for count in range(1, layers + 1):
-        short = isocodec.open(data).edited(layers=count)
-        assert isocodec.open(short).complete
-        points = [len(one) for one in drawn(short)]
-        assert sum(map(bool, points)) >= min(count, 2)
-        before = points
-    assert before == [len(one) for one in drawn(data)]
-
-
 def test_edits(tmp_path: Path) -> None:
     data, plain = both(HILLS, LEVELS, precision="exact")
     file = isocodec.open(data)

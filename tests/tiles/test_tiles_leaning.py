@@ -20,6 +20,8 @@ KDTree = Late("scipy.spatial.KDTree")
 
 ISOVALUES = [30.5, 32.5, 1e6, 28.5, 60.5, -20.5, 31.5, 33.5, 34.5, 36.5]
 """In no order, one without a curve, and more than a group has."""
+HEAVIER = [pytest.param("signs", True, None, marks=pytest.mark.heavy),
+           pytest.param("exact", True, "independent", marks=pytest.mark.heavy)]
 
 
 def same(ours: isocodec.Contour, theirs: isocodec.Contour) -> None:
@@ -30,7 +32,7 @@ def same(ours: isocodec.Contour, theirs: isocodec.Contour) -> None:
 
 @pytest.mark.parametrize(
     ("precision", "masked", "order"),
-    [("exact", False, None), ("signs", True, None), ("step=0.3", True, None), ("exact", True, "independent")],
+    [("exact", False, None), ("step=0.3", True, None), *HEAVIER],
 )
 def test_each_is_that_of_the_whole_field(tmp_path: Path, precision: str, masked: bool, order: str | None) -> None:
     """Of each isovalue, alone and among others, in windows, at every stage, and of the first stages alone."""
@@ -63,7 +65,7 @@ def test_a_close_isovalue_costs_little(tmp_path: Path) -> None:
 
 def test_slack_needs_an_order(tmp_path: Path) -> None:
     """Crossings that may move a little must not pass those of the isovalue leaned on: only in order they lean."""
-    field = hilly()
+    field = hilly((70, 100))
     together = [tiled_of(encoded(tmp_path, field, some)).head.together for some in ([1, 2, 3], [3, 2, 1], [1, 3, 2])]
     assert together == [3, 3, 1]
     file = tiled_of(encoded(tmp_path, field, [30.5, 31.5, 34.5]))
@@ -93,7 +95,7 @@ def test_one_tile_as_it_is_and_a_part(tmp_path: Path) -> None:
 
 def test_cut_anywhere(tmp_path: Path) -> None:
     """A download that ends early has of each isovalue what has come, and what is missing is said so."""
-    data = encoded(tmp_path, hilly(), [30.5, 32.5], precision="exact")
+    data = encoded(tmp_path, hilly((70, 100)), [30.5, 32.5], precision="exact")
     file = tiled_of(data)
     begin = int(file.root.leaves[-1])
     areas = [begin + int(n) for n in np.cumsum(file.root.sizes.sum(axis=0))]

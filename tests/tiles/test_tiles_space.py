@@ -10,22 +10,22 @@ from test_tiles import check_faces
 from test_tiles_mixed import check_closed, mixed
 
 import isocodec
-from brute import INTERPRETED
+from brute import HEAVY, INTERPRETED
 from isocodec.errors import InputError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
 from isocodec.search.tile_faces import Faces, ancestry, parents, unit_of
-from isocodec.search.tile_volume import pitch_of
 from isocodec.tiles.tiled import TiledFile
 from isoconform import meshes
 from libraries import Late
+from tables import heavy
 from tiled import encoded, tiled_of
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
-COUNT, MANY = 4, 40
+COUNT, MANY = 2, 40
 
 
 def waves(shape: tuple[int, ...], seed: int = 0) -> np.ndarray:
@@ -49,9 +49,9 @@ def check_kept(file: TiledFile, field: np.ndarray, isovalue: float, tolerance: f
         check_closed(mixed(file, seed))
 
 
-@pytest.mark.parametrize("tolerance", [0.5, 1.0, 2.3])
+@pytest.mark.parametrize("tolerance", [1.0, *heavy(1.5, 2.3)])
 def test_the_surface_keeps_to_it(tmp_path: Path, tolerance: float) -> None:
-    field = waves((70, 81, 52))
+    field = waves((52, 70, 36))
     data = encoded(tmp_path, field, 0.4, precision=tolerance)
     file = tiled_of(data)
     assert is_searched(file)
@@ -59,12 +59,6 @@ def test_the_surface_keeps_to_it(tmp_path: Path, tolerance: float) -> None:
     check_kept(file, field, 0.4, tolerance)
     grid = encoded(tmp_path, field, 0.4, precision=0.49)
     assert len(data) < len(grid)
-
-
-def test_about_as_small_as_in_one_piece(tmp_path: Path) -> None:
-    field = waves((65, 129, 65))
-    tiled = len(encoded(tmp_path, field, 0.4, tile=64, precision=1.0))
-    assert tiled <= 1.35 * len(isocodec.encode(field, 0.4, precision=1.0))
 
 
 def test_random_fields(tmp_path: Path) -> None:
@@ -80,26 +74,27 @@ def check_random(tmp_path: Path, seeds: range) -> None:
     """Smooth ones and rough ones: what is not kept on coarse meshes is on the full grid."""
     for seed in seeds:
         dice = np.random.default_rng(seed)
-        field = gaussian_filter(dice.normal(size=dice.integers(20, 80, 3)), dice.choice([1.5, 3.0, 5.0, 8.0]))
+        shape = dice.integers(20, 80 if HEAVY else 50, 3)
+        field = gaussian_filter(dice.normal(size=shape), dice.choice([1.5, 3.0, 5.0, 8.0]))
         field *= 20 / field.std()
         if seed % 2:
             field = np.rint(field).astype(np.int16)
-        tolerance = float(dice.choice([0.5, 0.7, 1.0, 1.6, 2.5]))
+        tolerance = float(dice.choice([0.8, 1.0, 1.6, 2.5]))
         data = encoded(tmp_path, field, 0.5, tile=[32, 64][seed % 2], precision=tolerance)
         check_faces(data, False)
         check_kept(tiled_of(data), field, 0.5, tolerance)
 
 
-@pytest.mark.parametrize("radius", [0.8, 1.3, 2.2, 3.1])
+@pytest.mark.parametrize("radius", [1.3, *heavy(0.8, 2.2, 3.1)])
 def test_small_things_on_faces(tmp_path: Path, radius: float) -> None:
     """Meshes as fine as the samples on one side, and large things on the other: still closed."""
     x, y, z = np.meshgrid(*map(np.arange, (66, 40, 40)), indexing="ij")
     small = np.sqrt((x - 32.2) ** 2 + (y - 17.4) ** 2 + (z - 18.3) ** 2) - radius
     large = np.sqrt((x - 49) ** 2 + (y - 20) ** 2 + (z - 20) ** 2) - 13
     field = np.minimum(small, large)
-    data = encoded(tmp_path, field, 0, precision=0.6)
+    data = encoded(tmp_path, field, 0, precision=0.9)
     check_faces(data, False)
-    check_kept(tiled_of(data), field, 0, 0.6)
+    check_kept(tiled_of(data), field, 0, 0.9)
 
 
 def test_several_isovalues_and_the_baseline_profile(tmp_path: Path) -> None:
@@ -115,13 +110,14 @@ def test_several_isovalues_and_the_baseline_profile(tmp_path: Path) -> None:
 
 
 def test_what_is_on_the_full_grid(tmp_path: Path) -> None:
-    """Noise, missing samples, and what is finer than half a sample; the folder of the first attempt is gone."""
+    """Noise, missing samples, and what is finer than a search is worth; the folder of the first attempt is gone."""
     noise = np.random.default_rng(0).normal(size=(40, 40, 70))
     gone = waves((40, 40, 70))
     gone[3:9, 3:9, 3:9] = np.nan
     for field, tolerance in ((noise, 1.0), (gone, 1.0), (waves((40, 40, 70)), 0.4)):
-        data = encoded(tmp_path, field, 0.4, precision=tolerance)
-        assert not is_searched(tiled_of(data)) and [path.name for path in tmp_path.iterdir()] == ["tiled.iso"]
+        isocodec.save(tmp_path / "tiled.iso", field, 0.4, tile=32, precision=tolerance)
+        assert not is_searched(tiled_of((tmp_path / "tiled.iso").read_bytes()))
+        assert [path.name for path in tmp_path.iterdir()] == ["tiled.iso"]
 
 
 class Breaks:
@@ -137,22 +133,22 @@ class Breaks:
         return np.asarray(self.field[key])
 
 
-def test_resumed_where_it_was(tmp_path: Path) -> None:
+@pytest.mark.parametrize("rough", [False, *heavy(True)])
+def test_resumed_where_it_was(tmp_path: Path, rough: bool) -> None:
     """Also if it stopped on the full grid, after coarse meshes had been given up; the bytes are the same."""
-    rough = waves((40, 40, 70))
-    rough[:, :, 40:] += np.random.default_rng(0).normal(size=(40, 40, 30))
-    for field, searched in ((waves((40, 40, 70)), True), (rough, False)):
-        whole = encoded(tmp_path, field, 0.4, precision=1.0)
-        assert is_searched(tiled_of(whole)) == searched
-        again, reads, path = None, 0, tmp_path / "again.iso"
-        while again is None:
-            assert (reads := reads + 1) < 40
-            try:
-                isocodec.save(path, Breaks(field, 1), 0.4, tile=32, precision=1.0)
-            except InputError:
-                continue
-            again = path.read_bytes()
-        assert again == whole and reads > 1
+    field = waves((24, 24, 52))
+    field[:, :, 30:] += rough * np.random.default_rng(0).normal(size=(24, 24, 22))
+    whole = encoded(tmp_path, field, 0.4, precision=1.0)
+    assert is_searched(tiled_of(whole)) != rough
+    again, reads, path = None, 0, tmp_path / "again.iso"
+    while again is None:
+        assert (reads := reads + 1) < 40
+        try:
+            isocodec.save(path, Breaks(field, 1), 0.4, tile=32, precision=1.0)
+        except InputError:
+            continue
+        again = path.read_bytes()
+    assert again == whole and reads > 1
 
 
 def test_a_face_is_the_same_from_both_sides() -> None:
@@ -165,7 +161,7 @@ def test_a_face_is_the_same_from_both_sides() -> None:
         field[:, place] = face
         faces = Faces(field > 0.4, shared, 2)
         for axis, at in faces.planes[::-1] if seed else faces.planes:
-            faces.search((axis, at), check_field(field.take(at, axis), 0.4), 1.0, pitch_of(2))
+            faces.search((axis, at), check_field(field.take(at, axis), 0.4), 1.0)
         found.append(sorted((x, z) for x, _, z in faces.wanted[1, place]))
     assert found[0] == found[1] == found[2] and found[0]
 

@@ -132,17 +132,6 @@ def test_ranks_are_those_of_the_specification():
     assert ranks(*places[:1].T)[0] == 0
 
 
-def test_a_grid_has_no_pattern():
-    """Squares are cut either way about equally often: rows of a file would give one way only."""
-    cells = triangulate(np.argwhere(np.ones((65, 65))))
-    corners = np.argwhere(np.ones((65, 65)))[cells]
-    longest = np.abs(corners - np.roll(corners, -1, axis=1))
-    along = (corners - np.roll(corners, -1, axis=1))[longest.min(axis=2) == 1]
-    falling = np.mean(along[:, 0] != along[:, 1])
-    assert len(along) == 2 * 64 * 64
-    assert 0.45 < falling < 0.55
-
-
 @looped(
     ("points", "code"),
     [

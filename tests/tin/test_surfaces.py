@@ -10,7 +10,6 @@ import pytest
 
 import isocodec
 from commands import fails, ok, run
-from home import ROOT
 from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isocodec.format.header import Header, write_header
@@ -18,7 +17,6 @@ from isocodec.format.surface import TinHead, read_tin, write_tin
 from isospec.container import ChunkType, Profile
 from tables import heavy, looped
 
-DEMO = ROOT / "demo" / "data"
 Y, X = np.mgrid[:40, :52]
 HILL = np.rint(100 * np.exp(-((Y - 20.0) ** 2 + (X - 30.0) ** 2) / 200)) + (X > 12) * 20
 """A hill beside a cliff."""
@@ -73,14 +71,6 @@ def test_size_is_kept(size: int):
     assert 0.8 * size < len(data) <= size
 
 
-def test_more_bytes_give_smaller_errors():
-    errors = []
-    for size in (80, 120, 200, 400):
-        missed = isocodec.open(isocodec.encode(isocodec.thin(HILL, size=size))).surface().raster() - HILL
-        errors.append((missed**2).mean())
-    assert errors == sorted(errors, reverse=True)
-
-
 def test_any_prefix_of_a_progressive_file():
     data = isocodec.encode(isocodec.thin(HILL, error=1.0, layers=4))
     found = []
@@ -103,15 +93,6 @@ def test_layers_hold_the_same_points():
     one, several = (isocodec.open(isocodec.encode(isocodec.thin(HILL, error=2.0, layers=n))).surface() for n in (1, 5))
     assert np.array_equal(one.points, several.points)
     assert np.array_equal(one.values, several.values)
-
-
-def test_order_of_points_does_not_matter():
-    points, values = scattered()
-    mixed = np.random.default_rng(3).permutation(len(points))
-    for options in ({"error": 2.0}, {"to": 60}, {"size": 200}):
-        assert isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, values), **options)) == isocodec.encode(
-            isocodec.thin(isocodec.Mesh(points[mixed], None, values[mixed]), **options)
-        )
 
 
 def test_coordinates_come_back():
@@ -195,12 +176,6 @@ def test_other_files():
     assert "surface" in str(caught.value)
 
 
-def test_notes():
-    assert isocodec.open(
-        isocodec.encode(isocodec.thin(HILL, to=10, metadata={"unit": "m"}))
-    ).surface().metadata == {"unit": "m"}
-
-
 @looped(
     "options",
     [{}, {"error": 1.0, "to": 9}, {"error": -1.0}, {"error": np.nan}, {"to": 2}, {"size": 0}, {"size": 20},
@@ -258,16 +233,6 @@ def test_samples_that_are_missing_and_points_that_coincide(tmp_path):
     assert (record["merged"], record["removed"], record["criterion"]) == (1, 0, "AT1")
 
 
-@pytest.mark.parametrize("values", [(0, 255), (0.0, 0.1, 0.30000001), (-5, 7, 1000)])
-def test_pictures_of_few_values(values: tuple[float, ...]):
-    """A palette: corners of shapes keep their values, and no value lies between."""
-    picture = np.array(values)[(X > 20).astype(int) + ((X - 30) ** 2 + (Y - 20) ** 2 < 90) * (len(values) - 2)]
-    tin = isocodec.open(isocodec.encode(isocodec.thin(picture, size=220))).surface()
-    assert np.abs(tin.values[:, None] - np.array(values)).min(axis=1).max() <= np.ptp(values) / 2**20
-    missed = tin.raster() - picture
-    assert (missed**2).mean() < 0.02 * np.ptp(values) ** 2
-
-
 def test_work_is_bounded():
     """A few hundred bytes that ask for ever more points in a box of 2**28 a side."""
     head = TinHead((1 << 28, 1 << 28), True, 0, (0, 0), 0.0, 1.0, (), 255, (1 << 28,))
@@ -276,23 +241,6 @@ def test_work_is_bounded():
     with pytest.raises(LimitError) as caught:
         isocodec.open(end(data), limits=isocodec.Limits(work=1 << 16)).surface()
     assert caught.value.code == "limit-work"
-
-
-def psnr(field: np.ndarray, found: np.ndarray) -> float:
-    return float(10 * np.log10(np.ptp(field) ** 2 / ((found - field) ** 2).mean()))
-
-
-@looped("name", ["camera.npz", *heavy("jacksboro_fault_dem.npz")])
-def test_beginnings_of_layers_are_good_surfaces(name: str):
-    """Three tenths, six and nine of a file, against files made for these sizes; and what the whole pays for it."""
-    with np.load(DEMO / name) as read:
-        field = read["values"][40:168, 120:248].astype(float)
-    data = isocodec.encode(isocodec.thin(field, size=1500, layers=8))
-    for share, most in ((0.3, 2.6), (0.6, 2.1), (0.9, 1.7), (1, 1.6)):
-        size = int(share * len(data))
-        alone = isocodec.open(isocodec.encode(isocodec.thin(field, size=size))).surface().raster()
-        begun = isocodec.open(data).surface(max_bytes=size).raster()
-        assert psnr(field, alone) - psnr(field, begun) <= most
 
 
 @looped("layers", [2, 12, *heavy(3, 5, 64)])

@@ -10,10 +10,7 @@ import pytest
 import isocodec
 from commands import fails, ok, run
 from isocodec.errors import InputError, OptionError
-from libraries import Late
 from tables import looped
-
-shapely = Late("shapely")
 
 LINE = np.array([(i, 0) for i in range(1, 8)] + [(1, 1)])
 VALUES = np.array([5, -1, 0, -3, 0, -1.1, 2.5, 0])
@@ -126,17 +123,6 @@ def test_a_plane_needs_its_corners_only():
     assert found.kept.tolist() == [0, 19, 380, 399]
 
 
-def test_ranking_of_the_criteria():
-    """As published: AT1 before AT3 and AT2, NAT far behind."""
-    points, values = terrain(3000, 4)
-    last = {
-        name: isocodec.thin(isocodec.Mesh(points, None, values), criterion=name, to=150).errors[-1] for name in CRITERIA
-    }
-    assert last["AT1"] < 0.8 * last["AT2"]
-    assert last["AT1"] < last["AT3"]
-    assert last["NAT"] > 2 * last["AT1"]
-
-
 def test_points_that_coincide():
     points = np.array([(0, 0), (9, 0), (0, 9), (9, 9), (4, 4), (4, 4), (4, 4)])
     found = isocodec.thin(isocodec.Mesh(points, None, np.array([0, 0, 0, 0, 1.0, 2.0, 6.0])), criterion="AT1", to=5)
@@ -219,18 +205,6 @@ def test_command(tmp_path):
     assert len(json.loads((tmp_path / "out.geojson").read_text())["features"]) == told["triangles"]
 
 
-def test_command_with_a_table(tmp_path):
-    points, values = terrain()
-    table = np.column_stack([points, values])
-    source, out = tmp_path / "table.xyz", tmp_path / "out.ply"
-    np.savetxt(source, np.concatenate([table, table[:5]]))
-    done = run("thin", source, "-o", out, "--points", 50, "--criterion", "AT3")
-    assert done.exit_code == 0, done.output
-    assert "5 points coincide" in done.stderr
-    assert "50 of" in done.stdout
-    fails(2, "thin", source, "-o", out)
-
-
 def test_command_with_missing_samples(tmp_path):
     field = np.add.outer(np.arange(9.0), np.arange(9.0))
     field[3:5, 3:5] = np.nan
@@ -261,30 +235,6 @@ def test_numbers_of_points_are_those_of_samples(criterion: str, told: str):
     assert np.array_equal(np.sort(np.ravel_multi_index(found.points.astype(int).T, field.shape)), found.kept)
     alone = isocodec.thin(isocodec.Mesh(np.argwhere(~gone), None, field[~gone]), criterion=criterion, to=20)
     assert np.array_equal(found.order, there[alone.order]) and np.array_equal(found.errors, alone.errors)
-
-
-@pytest.mark.parametrize("command", ["thin", "decode"])
-def test_archives_of_arrays_are_read_as_they_are_written(tmp_path, command: str):
-    """An .npz file of a surface is a mesh with its values and its place, and has the contour that VTU leads to."""
-    y, x = np.mgrid[:30, :36]
-    np.savez(tmp_path / "dem.npz", values=np.rint(90 * np.exp(-((y - 14.0) ** 2 + (x - 17.0) ** 2) / 90)),
-             placement=np.array([[0.0, 10.0, 500.0], [-10.0, 0.0, 900.0]]), crs=np.asarray("EPSG:32631"))
-    source, found = tmp_path / "dem.npz", {}
-    if command == "decode":
-        source = tmp_path / "dem.iso"
-        ok("thin", tmp_path / "dem.npz", "-o", source, "--points", 80)
-    for suffix, name in ((".npz", "values"), (".vtu", "z")):
-        out = tmp_path / f"tin{suffix}"
-        ok(command, source, "-o", out, *(("--points", 80) if command == "thin" else ()))
-        ok("encode", out, "-o", tmp_path / "a.iso", "--key", name, "--isovalue", 40.5, "--stored", "whole",
-           "--mesh-error", 0.001, "--precision", 0.01)
-        curve = isocodec.decode(tmp_path / "a.iso")
-        found[suffix] = shapely.MultiLineString([*curve.points[curve.cells][:, :, :2]])
-    assert found[".npz"].length > 300 and shapely.hausdorff_distance(*found.values(), densify=0.1) < 0.02
-    assert shapely.box(500, 600, 850, 900).contains(found[".npz"])
-    assert isocodec.open(isocodec.encode(isocodec.read(tmp_path / "tin.npz", key="values"), 40.5)).metadata["crs"] == (
-        "EPSG:32631"
-    )
 
 
 @pytest.mark.parametrize("distance", ["1", "10m", "abc"])
@@ -329,35 +279,6 @@ def test_points_of_any_criterion_can_be_coded(tmp_path, criterion: str, layers: 
     have = np.c_[found, heights]
     assert np.array_equal(have[np.lexsort(have.T)], wanted[np.lexsort(wanted.T)])
     assert {tuple(sorted(cell)) for cell in cells.tolist()} == triangulated(found)
-
-
-@looped("criterion", CRITERIA)
-def test_points_of_any_criterion_in_the_terrain(tmp_path, criterion: str):
-    """Samples of a grid, where many points lie on circles: each of the file's triangles has an empty one."""
-    y, x = np.mgrid[:20, :26]
-    field = np.rint(50 * np.exp(-((y - 9.0) ** 2 + (x - 14.0) ** 2) / 40)) + (x > 8) * 20
-    np.save(tmp_path / "dem.npy", field)
-    ok("thin", tmp_path / "dem.npy", "-o", tmp_path / "dem.iso", "--criterion", criterion, "--error", 4, "--layers", 3)
-    tin = isocodec.open(tmp_path / "dem.iso").surface()
-    wanted = isocodec.thin(field, criterion=criterion, error=4)
-    at = np.ravel_multi_index(tin.points.astype(int).T, field.shape)
-    assert np.array_equal(np.sort(at), wanted.kept) and np.array_equal(tin.values, field.ravel()[at])
-    assert np.abs(tin.raster() - field).max() <= 4 + 1e-9
-    p = tin.points.astype(int)
-    area = 0
-    for a, b, c in tin.triangles.tolist():
-        (ax, ay), (bx, by), (cx, cy) = (p[i] for i in (a, b, c))
-        turn = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        assert turn > 0
-        area += turn
-        u, v, w = ((p[i] - p).astype(object) for i in (a, b, c))
-        lifted = [(q * q).sum(axis=1) for q in (u, v, w)]
-        within = (
-            lifted[0] * (v[:, 0] * w[:, 1] - v[:, 1] * w[:, 0]) + lifted[1] * (w[:, 0] * u[:, 1] - w[:, 1] * u[:, 0])
-            + lifted[2] * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-        )
-        assert (within <= 0).all()
-    assert area == 2 * 19 * 25
 
 
 def test_values_in_steps_of_points_of_a_criterion(tmp_path):

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 
 import isocodec
 from commands import fails, ok
-from home import ROOT
 from isocodec.errors import OptionError
-from isocodec.field.samples import check_field
-from isocodec.search.original import original
-from libraries import Late
-from tables import looped
-
-shapely = Late("shapely")
-
-DEMO = ROOT / "demo" / "data"
+from tables import heavy, looped
 
 
 def test_contours_of_surfaces(tmp_path):
@@ -50,7 +42,7 @@ def test_contours_of_surfaces(tmp_path):
     assert ".svg" in fails(2, "decode", tmp_path / "b.iso", "-o", tmp_path / "b.svg", "--isovalue", 6.25)
 
 
-@pytest.mark.parametrize("tolerance", [0.5, 1.5])
+@pytest.mark.parametrize("tolerance", [1.5, *heavy(0.5)])
 def test_surfaces_that_keep_contours(tmp_path, tolerance):
     """The criterion ``contour``: contours of the surface lie where those of the field do, by another measure."""
     scipy = pytest.importorskip("scipy.spatial")
@@ -113,8 +105,14 @@ SMALL = {
 }
 
 
-@looped("tolerance", [0.1, 0.2, 0.5, 2.0])
-@looped("name", SMALL)
+QUICK = {("ramp", 0.5), ("cone", 2.0), ("steps", 0.2), ("strip", 2.0)}
+"""Those that are found within two seconds."""
+
+
+@looped("name, tolerance", [
+    pytest.param(*one, marks=[] if one in QUICK else [pytest.mark.heavy])
+    for one in product(SMALL, (0.1, 0.2, 0.5, 2.0))
+])
 def test_small_fields_are_not_refused(name, tolerance):
     """Where the search finds nothing, the surface of all samples has the contours, if any surface of samples has."""
     field, isovalues = SMALL[name], [22.5, 37.0]
@@ -126,21 +124,3 @@ def test_small_fields_are_not_refused(name, tolerance):
         return
     opened = isocodec.open(isocodec.encode(thinned))
     assert all(one.kept and one.promised == tolerance for one in opened.verify(field))
-
-
-@pytest.mark.parametrize("tolerance", [0.5, 2.0])
-def test_contours_of_real_terrain_are_kept(tolerance):
-    """With saddles and islands; measured both ways by shapely, in a file with few of the samples."""
-    field = np.load(DEMO / "jacksboro_fault_dem.npz")["values"][:70, :90]
-    data = isocodec.encode(isocodec.thin(field, contours=[500.5], tolerance=tolerance))
-    (one,) = isocodec.open(data).verify(field)
-    assert one.kept and one.promised == tolerance
-    curves = [
-        shapely.MultiLineString([*each.points[each.cells]])
-        for each in (isocodec.decode(data, isovalue=500.5), original(check_field(field, 500.5)))
-    ]
-    for first, second in (curves, curves[::-1]):
-        places = shapely.points(shapely.get_coordinates(first.segmentize(0.05)))
-        assert shapely.distance(places, second).max() <= tolerance + 1e-6
-    grid = isocodec.encode(field, 500.5, precision=tolerance)
-    assert len(isocodec.open(data).surface().points) < field.size / 15 and len(data) < 4 * len(grid)

@@ -31,7 +31,7 @@ from ..verbs import Decode, Encode, OutputOptions, Viewed
 from .drawings import Counts, Drawings, Fewer, OneByOne
 
 if TYPE_CHECKING:
-    from ..stream.inspect import FileInfo
+    from ..stream.file_info import FileInfo
     from .isofile import IsoFile
 
 Target = str | os.PathLike[str] | BinaryIO

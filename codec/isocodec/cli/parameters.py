@@ -239,7 +239,9 @@ def command(
     return made
 
 
-def _parameters(record: type[verbs.OptionRecord], hidden: type[verbs.OptionRecord] | None = None) -> list[click.Parameter]:
+def _parameters(
+    record: type[verbs.OptionRecord], hidden: type[verbs.OptionRecord] | None = None
+) -> list[click.Parameter]:
     """Make the options of a record, its own before those of the records that it extends."""
     known = {each.name: each for each in fields(record)}  # type: ignore[arg-type]
     types, apart = get_type_hints(record), vars(hidden)["__annotations__"] if hidden else {}
