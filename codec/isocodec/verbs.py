@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import Field, field, fields
 from numbers import Integral
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias, get_args
 
 from .deferred import dataclass
 from .errors import OptionError
@@ -22,6 +22,8 @@ SURFACE, MESH, TILES, DRAWING, OUTPUT = "Surfaces", "Meshes", "Tiles", "Drawing"
 HEADINGS = (ISOVALUE, PRECISION, LAYERS, PART, INPUT, SURFACE, MESH, TILES, DRAWING, OUTPUT)
 """Headings of help, in order."""
 Progress = Callable[[int, int], object]
+ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
+"""Name of a criterion for which point of a triangulation is least significant."""
 Number = int | float
 """Integers stay integers, so that an encoder notices those that would be rounded."""
 
@@ -188,7 +190,7 @@ class Viewed(OptionRecord):
         "Decode a window of samples, from:to for each axis; from a tiled file only this part is read.", PART,
         metavar="A:B,C:D", read=window_of,
     )
-    within: float | Callable[..., float] | None = option(
+    within: Any = option(
         "Stop refining as soon as mesh cells are at most N samples wide.", PART, metavar="N", read=number_of,
     )
     partial: bool = option("Decode as much as there is of a truncated file.", PART, default=False)
@@ -486,7 +488,7 @@ class Thin(Choice):
     )
     layers: int = option("If OUT is .iso: store the points in N layers at most, so that any beginning of the file "
                          "gives a good surface.", SURFACE, default=1, metavar="N", least=1)
-    criterion: Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"] | None = option(
+    criterion: ThinningName | None = option(
         "How points are ranked; the point whose removal does least harm goes first. AT1: largest error in the "
         "triangles around the point; AT2: error at the point itself; AT3: the same, estimated faster from triangles in "
         "each direction; inf: largest error over all points; l2: sum of squared errors; NAT: distance to the nearest "
@@ -512,9 +514,14 @@ class Thin(Choice):
         if self.criterion is not None and apart:
             raise OptionError(f"a criterion and {apart[0]} cannot be combined", code="criterion",
                               remedy="leave the criterion out")
+        if self.criterion not in (None, *(names := get_args(ThinningName))):
+            raise OptionError(f"unknown criterion {self.criterion!r}", code="criterion",
+                              remedy=f"one of {', '.join(names)}")
         if sum(each is not None for each in (self.error, self.to, self.size, self.contours)) != 1:
             raise OptionError("give exactly one of error, to (--points), size or contours (--isovalue)", code="tin",
                               remedy="error=5.0, or size=2000")
+        if self.contours is not None and not (self.contours and all(map(math.isfinite, self.contours))):
+            raise OptionError("contours must be finite numbers, one or more", code="isovalue", remedy="contours=[500]")
         check_count(self.to, "to", 3)
         check_count(self.size, "size")
         check_count(self.layers, "layers")

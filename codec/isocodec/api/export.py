@@ -31,6 +31,7 @@ from ..verbs import Decode, Encode, OutputOptions, Viewed
 from .drawings import Counts, Drawings, Fewer, OneByOne
 
 if TYPE_CHECKING:
+    from ..stream.decoder import Decoder
     from ..stream.file_info import FileInfo
     from .isofile import IsoFile
 
@@ -195,23 +196,20 @@ def drawn(
 
 
 def _curves(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
-    contours = _contours(file, suffix, wanted, progress)
+    contours, side, remarks = _contours(file, suffix, wanted, progress), _SIDES.get(wanted.what or ""), list[str]()
     if wanted.capped:
         contours = [contour.capped(above=wanted.capped == "above") for contour in contours]
+    thing: Any = contours
+    if side is not None:
+        valid = file.valid() if file.shape and file.info.mask_bytes is not None else None
+        thing = Areas(contours, side, valid)
     if isinstance(contours, OneByOne):
-        return Exported(contours, {}, "", drawings=contours)
-    alone = wanted.isovalue is None and len(contours) == 1
-    remarks = _others_in(file, contours[0].isovalue) if alone else []
-    return _counted(contours if len(contours) > 1 else contours[0], contours, remarks)
-
-
-def _areas(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
-    contours = _contours(file, suffix, wanted, progress)
-    valid = file.valid() if file.shape and file.info.mask_bytes is not None else None
-    what = Areas(contours, _SIDES[str(wanted.what)], valid)
-    if isinstance(contours, OneByOne):
-        return Exported(what, {}, "", drawings=contours)
-    return _counted(what, contours, [])
+        return Exported(thing, {}, "", drawings=contours)
+    if side is None and len(contours) == 1:
+        thing, remarks = contours[0], _others(file, contours[0].isovalue, wanted)
+    made = Exported(thing, {}, "", remarks)
+    made.count([Counts.of(one) for one in contours], contours[0].shape, contours[0].n)
+    return made
 
 
 def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneByOne | list[Contour]:
@@ -247,24 +245,13 @@ def _check_memory(file: IsoFile, held: int) -> None:
     Budget((file.limits or Limits()).memory).check(held)
 
 
-def _counted(thing: Any, contours: Sequence[Contour], remarks: list[str]) -> Exported:
-    made = Exported(thing, {}, "", remarks)
-    made.count([Counts.of(one) for one in contours], contours[0].shape, contours[0].n)
-    return made
-
-
-def _others(isovalues: Sequence[float], isovalue: float, notes: Mapping[str, str]) -> list[str]:
-    """Remark that a file has further isovalues, if none was asked for."""
-    others = [repr(value).removesuffix(".0") for value in isovalues if value != isovalue]
-    listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
-    written = f"only {caption(isovalue, notes)} is written"
-    return [f"{written}; choose another with --isovalue: {listed}"] if others else []
-
-
-def _others_in(file: IsoFile, isovalue: float) -> list[str]:
-    """Remark on further isovalues, unless the file is damaged after this isovalue."""
+def _others(source: IsoFile | Decoder, isovalue: float, wanted: Decode) -> list[str]:
+    """Remark that there are further isovalues if none was asked for, unless the file is damaged after this one."""
     with suppress(FormatError):
-        return _others(file.isovalues, isovalue, file.metadata)
+        others = [repr(value).removesuffix(".0") for value in source.isovalues if value != isovalue]
+        listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
+        if others and wanted.isovalue is None:
+            return [f"only {caption(isovalue, source.metadata)} is written; choose another with --isovalue: {listed}"]
     return []
 
 
@@ -277,13 +264,13 @@ def _samples(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Expor
         # bytes after the layers of the isovalue may be damaged
         decoder, number = file.decoded(isovalue, Viewed(**view))
         values, placement, complete = decoder.grid.above(number), decoder.grid.placement, decoder.frames > decoder.frame
-        remarks = _others(decoder.isovalues, decoder.isovalues[number], decoder.metadata) if isovalue is None else []
         isovalue = decoder.isovalues[number]
+        remarks = _others(decoder, isovalue, wanted)
     else:
         values = file.valid() if name == "valid" else file.above(isovalue, **view)
         if name == "above" and isovalue is None and file.isovalues:
             isovalue = file.isovalues[0]
-            remarks = _others_in(file, isovalue)
+            remarks = _others(file, isovalue, wanted)
         placement, complete = file.placement, file.complete
     count = int(np.count_nonzero(values))
     facts = {"samples": values.size, name: count, "isovalue": isovalue, "shape": list(values.shape),
@@ -312,7 +299,7 @@ def _mesh(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported
         {"vertices": len(mesh.points), pieces: len(mesh.cells), "isovalue": isovalue, "shape": list(mesh.shape),
          "complete": mesh.complete},
         f"{len(mesh.points):,} vertices, {len(mesh.cells):,} {pieces}",
-        _others_in(file, mesh.isovalue) if wanted.isovalue is None else [],
+        _others(file, mesh.isovalue, wanted),
     )
 
 
@@ -324,7 +311,7 @@ def _surface(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Expor
 
 
 _MAKERS: Mapping[str, Callable[[IsoFile, str, Decode, Any], Exported]] = {
-    "curve": _curves, **dict.fromkeys(_SIDES, _areas), "above": _samples, "valid": _samples, "labels": _labels,
+    **dict.fromkeys(("curve", *_SIDES), _curves), "above": _samples, "valid": _samples, "labels": _labels,
     "mesh": _mesh, "surface": _surface,
 }
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -86,11 +84,9 @@ def stated(what: Any, options: Encode) -> Any:
     if isinstance(what, Mesh):
         given: dict[str, Any] = {"stored": options.stored, "error": options.mesh_error, "crs": crs}
         return replace(what, **{name: value for name, value in given.items() if value is not None})
-    labels: Any = options.labels
-    if ALL in labels:
-        each = {label for one in what.fields for label in labels_in(one.values, one.mask)} if (
-            isinstance(what, Frames)) else ALL
-        labels = each if each == ALL else sorted(each)
+    labels: Any = ALL if ALL in options.labels else options.labels
+    if labels == ALL and isinstance(what, Frames):
+        labels = sorted({label for field in what.fields for label in labels_in(field.values, field.mask)})
     moved = not options.spacing is options.origin is None
 
     def kept(remarks: Sequence[str]) -> tuple[str, ...]:
@@ -102,7 +98,7 @@ def stated(what: Any, options: Encode) -> Any:
         if moved:
             matrix = _matrix(options, place, field.values.ndim)
             unit = place.unit if place is not None and crs is None else None
-            place = Placement(matrix, crs=crs or (place and place.crs), unit=unit)
+            place = Placement(matrix, crs=crs or (place.crs if place is not None else None), unit=unit)
         elif place is not None and crs is not None:
             place = replace(place, crs=crs)
         field = replace(field, placement=place, crs=crs or field.crs, remarks=kept(field.remarks))
@@ -243,16 +239,6 @@ class Observed:
         of = f"the isovalue {tied[0]:g}" if len(tied) == 1 else f"one of {len(tied)} isovalues ({tied[0]:g}, ..)"
         return [f"{sum(counts.values()):,} samples equal {of}: {text}"]
 
-    @contextmanager
-    def blaming(self, plan: Path | None, failure: Callable[[Path, OptionError], Exception]) -> Iterator[None]:
-        """Attribute errors in a plan to the plan's file."""
-        try:
-            yield
-        except OptionError as error:
-            if plan is None or error.code != "plan":
-                raise
-            raise failure(plan, error) from error
-
 
 @dataclass(frozen=True)
 class _Seen:
@@ -320,14 +306,6 @@ def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:
     if MEMORY * count > _MUCH:
         remarks.append(f"thinning may take {in_units(MEMORY * count)} of memory")
     return what, remarks
-
-
-def merged_by(tin: Tin) -> list[str]:
-    """Remark on points that thinning merged, if any."""
-    if tin.removals is None or not tin.merged:
-        return []
-    return [f"{tin.merged:,} points coincide with others: each group is merged into one point with the mean of its "
-            "values"]
 
 
 def facts_of(tin: Tin, what: Any) -> dict[str, Any]:

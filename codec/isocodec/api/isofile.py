@@ -368,7 +368,8 @@ class IsoFile:
         FormatError, LimitError
         """
 
-        edit = Edit(layers, size, window, isovalues, profile, precision, keep_topology)
+        chosen = None if isovalues is None else tuple(isovalues)
+        edit = Edit(layers, size, window, chosen, profile, precision, keep_topology)
         edit.check()
         return self._edited(edit)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,11 +28,9 @@ from ..tin.points import Points, points_of
 from ..tin.rank import by_rank
 from ..tin.thinning import thin_to, thinning
 from ..tin.tin import Removals, Tin, tin_of
-from ..verbs import Progress, Thin
+from ..verbs import Progress, Thin, ThinningName
 from .native import native
 
-ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
-"""Name of a criterion for which point of a triangulation is least significant."""
 MEMORY = 320
 """Most memory, in bytes, that thinning takes for each point, in addition to the input."""
 _PIECE = 1 << 14

@@ -99,7 +99,7 @@ def _whole(call: Call, options: Encode, keywords: dict[str, Any]) -> tuple[dict[
 
     seen = _observed(call, options)
     with (
-        concerning(call.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure),
+        concerning(call.source), progress_bar("encoding") as progress, explained(call, plan=options.plan),
         own_warnings(call.source),
     ):
         data = encode(seen.what, options.isovalue, progress=progress, **keywords)

@@ -24,7 +24,7 @@ def thin_command(call: Call, options: Thin) -> None:
     options.check(coded)
     from ..api.encoding import encode
     from ..api.export import check_export, write
-    from ..api.inputs import facts_of, merged_by, to_thin
+    from ..api.inputs import facts_of, to_thin
     from ..api.output import check_output
     from ..api.thinned import thinned
 
@@ -39,7 +39,9 @@ def thin_command(call: Call, options: Thin) -> None:
     criterion = options.criterion or (None if coded else "AT1")
     with concerning(call.source), progress_bar("thinning") as progress:
         tin = thinned(given, replace(options, criterion=criterion), progress=progress)
-    call.warn(*merged_by(tin))
+    if tin.removals is not None and tin.merged:
+        call.warn(f"{tin.merged:,} points coincide with others: each group is merged into one point with the mean of "
+                  "its values")
     if coded:
         data = encode(tin)
         size = len(data)

@@ -13,7 +13,7 @@ from .missing import missing_samples
 from .placement import Placement, matrix_of
 from .sampled import Field
 
-Box = tuple[float, ...]
+Box = Sequence[float]
 """Least x, y (, z), then largest x, y (, z)."""
 _EVEN = 1e-6
 """Steps by which samples may lie outside of a box: coordinates are rounded."""
