@@ -68,7 +68,7 @@ class Tiling:
     def __post_init__(self) -> None:
         o = self.options
         o.check_data(np.dtype(self.dtype).kind in "biu")
-        o.check_unused("tiles", effort=o.effort == BEST)
+        o.check_unused("tiles", {"effort": o.effort == BEST})
         unused = {
             "layers": not o.layers.default,
             f"precision {o.precision.text!r}": o.precision.steps is not None or o.precision.smooth,
