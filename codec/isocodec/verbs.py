@@ -89,8 +89,8 @@ def every_of(text: str) -> str:
     """Parse the spacing of isovalues, and where they begin, to what the library takes: ``every 20 from 5``."""
     interval, *start = map(number_of, text.split(","))
     if len(start) > 1 or not (0 < interval < math.inf and all(map(math.isfinite, start))):
-        raise OptionError(f"{text!r} is not an interval, finite and greater than 0, and at most one finite number to "
-                          "start from", code="interval", remedy="for example 20, or 20,5")
+        raise OptionError(f"{text!r} is not a finite interval greater than 0, with or without a finite start",
+                          code="interval", remedy="for example 20, or 20,5")
     return " from ".join([f"every {interval!r}", *map(repr, start)])
 
 
@@ -526,7 +526,7 @@ class Thin(Choice):
         check_count(self.size, "size")
         check_count(self.layers, "layers")
         if (self.contours is None) != (self.tolerance is None) or not _in_range(self.tolerance, 1e-300):
-            raise OptionError("contours need a tolerance greater than 0, and a tolerance needs contours",
+            raise OptionError("contours (--isovalue) need a tolerance greater than 0, and a tolerance needs contours",
                               code="tolerance", remedy="contours=[500], tolerance=0.5")
         if not _in_range(self.error, 0):
             raise OptionError(f"the error is {self.error}; it must be 0 or greater", code="error")

@@ -96,7 +96,7 @@ def test_offsets_of_multiples() -> None:
     [
         ([], 2, "give one of --isovalue, --interval or --label"),
         (["--isovalue", 3, "--interval", 5], 2, "--isovalue and --interval cannot be combined"),
-        (["--interval", "5,1,1"], 2, "at most one"),
+        (["--interval", "5,1,1"], 2, "a finite start"),
         (["--interval", -5], 2, "greater than 0"),
         (["--interval", "5,nan"], 2, "finite"),
         (["--interval", 1e-9], 3, "choose a larger interval"),

@@ -164,10 +164,8 @@ def verified(file: Any, field: Any, frame: int | None, within: float | str | Non
                          code="missing")
     out = []
     for number, contour in enumerate(contours):
-        if within is None:
-            promise = _of_layers(info, placement, frame or 0, number)
-        else:
-            promise = _given(within, placement, info.shape)
+        promise = (_of_layers(info, placement, frame or 0, number) if within is None
+                   else _given(within, placement, info.shape))
         out.append(_of_grid(file, contour, frame, values, gone, promise))
     return out
 
@@ -230,10 +228,9 @@ def _of_grid(
     gone: NDArray[np.bool_] | None, promise: _Promise,
 ) -> Verified:
     """Verify one isovalue of a grid."""
-    if is_of_labels(file.info.metadata):
-        sampled = check_field(having(values, contour.isovalue), 0.5, gone=gone)
-    else:
-        sampled = check_field(values, contour.isovalue, gone=gone)
+    of_labels = is_of_labels(file.info.metadata)
+    sampled = check_field(having(values, contour.isovalue) if of_labels else values,
+                          0.5 if of_labels else contour.isovalue, gone=gone)
     if file.kind == "tiles" and promise.text not in (SIGNS, EXACT):
         # in one piece it may take more memory than the field
         return _measured(contour, sampled, promise, None)
@@ -342,9 +339,8 @@ def _not_among(pieces: NDArray[np.float64], others: NDArray[np.float64], roundin
 def _on_mesh(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Verify the isovalues of a file on a mesh, for values at its vertices."""
     points, cells, values = _mesh_of(file, field, frame)
-    if file.mesh_given is None and getattr(field, "cells", None) is not None and (
-        file.info.domain is not None and file.info.domain.kind == DomainKind.KNOWN
-    ):
+    known = file.info.domain is not None and file.info.domain.kind == DomainKind.KNOWN
+    if known and file.mesh_given is None and getattr(field, "cells", None) is not None:
         # the mesh that the values come with is that of the file, or decoding finds out that it is not
         file = file.on(points, cells)
     notes = {**getattr(field, "metadata", {}), **file.info.metadata}
@@ -353,8 +349,7 @@ def _on_mesh(file: Any, field: Any, frame: int | None, within: float | str | Non
         above = values > contour.isovalue
         original = _drawn(points, cells, values, contour.isovalue)
         wrong = None
-        if file.info.domain is not None and file.info.domain.kind == DomainKind.KNOWN:
-            # a mesh in the file has its vertices in another order
+        if known:  # a mesh in the file has its vertices in another order
             used = np.unique(cells)
             with suppress(OptionError):
                 wrong = int((file.above(contour.isovalue, frame=frame) != above)[used].sum())

@@ -61,8 +61,7 @@ def limits_of(text: str) -> Limits:
         name, _, number = part.strip().partition("=")
         if name not in ("memory", "work", "samples") or name in given:
             raise OptionError(f"{part!r} is not one of memory=, work= and samples=", code="limits")
-        given[name] = verbs.size_of(number) if name == "memory" else int(number)
-        verbs.check_count(given[name], name)
+        given[name] = verbs.size_of(number)
     return replace(Limits(), **given)
 
 
