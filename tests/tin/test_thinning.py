@@ -294,4 +294,4 @@ def test_values_in_steps_of_points_of_a_criterion(tmp_path):
             isocodec.thin(given, criterion="AT2", **({"to": 60} | options))
     np.save(tmp_path / "f.npy", np.hypot(*np.mgrid[:9, :9]))
     line = fails(2, "thin", tmp_path / "f.npy", "-o", tmp_path / "a.iso", "--criterion", "l2", "--size", 300)
-    assert "--size does not apply with --criterion" in line
+    assert "a criterion and size cannot be combined" in line
