@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gzip
 import inspect
 import json
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -31,8 +29,6 @@ from isocodec.cli.option_records import PART
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
-from isocodec.io.formats import FORMATS
-from isocodec.plotting import panels
 from libraries import Late
 from tables import looped
 
@@ -524,62 +520,6 @@ def test_cells(row: str, kind: str, n: int, tmp_path: Path) -> None:
 
 
 # -- words -----------------------------------------------------------------------------------------------------------
-
-WHAT = {"contour": "curve", "areas": "areas", "mask": "above", "labels": "labels", "mesh": "mesh"}
-WRITTEN = [
-    (held[:-1], suffix, int(held[-1])) for one in FORMATS for held in one.holds.split()
-    if held[:-1] in WHAT and held[-1] > "1" for suffix in one.suffixes
-]
-
-
-def unpacked(path: Path) -> bytes:
-    """The bytes of a file, those of its parts if it is an archive."""
-    data = path.read_bytes()
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            return b"".join([name.encode() + archive.read(name) for name in archive.namelist()])
-    return gzip.decompress(data) if path.suffix == ".gz" else data
-
-
-@pytest.mark.parametrize(("content", "suffix", "n"), WRITTEN)
-def test_files_of_other_programs_say_label(content: str, suffix: str, n: int, tmp_path: Path) -> None:
-    """No file says isovalue, but the archive that is read back by the names of its arrays."""
-    case = Case("several", n, tmp_path)
-    said = run("decode", case.path, "-o", tmp_path / f"o{suffix}", "--what", WHAT[content])
-    assert said.exit_code == 0 and " isovalue" not in said.output, said.output
-    for path in tmp_path.glob("o*"):
-        data = unpacked(path)
-        assert suffix == ".npz" or not (b"isovalue" in data or b"ISO_" in data)
-    if content == "contour" and suffix in (".glb", ".obj", ".3mf", ".svg"):
-        assert all(f"label {label}".encode() in data for label in LABELS)
-
-
-def test_pictures_say_label(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    said: list[str] = []
-    before = panels.picture_file
-
-    def seen(figure: Any, *more: Any) -> bytes:
-        said.extend(text.get_text() for text in figure.findobj(matplotlib.text.Text))
-        return before(figure, *more)
-
-    monkeypatch.setattr(panels, "picture_file", seen)
-    for n in SHAPES:
-        case = Case("several", n, tmp_path)
-        ok("decode", case.path, "-o", tmp_path / "decoded.png")
-        ok("plot", case.path, "-o", tmp_path / "steps.png", "--steps", 1)
-    assert not [text for text in said if "isovalue" in text]
-    assert {"label 3", "label -2", "label 300", "label"} <= {*said} and any("3 labels" in text for text in said)
-
-
-def test_words_in_notebooks_and_tables(tmp_path: Path) -> None:
-    file = Case("several", 2, tmp_path).file
-    for text in (repr(file), file._repr_html_(), file.contour()._repr_html_()):
-        assert "label" in text and "isovalue" not in text
-    assert "label" in file.contour().to_geodataframe() and "isovalue" not in file.contour().to_geodataframe()
-    assert set(file.contour(-2).to_pyvista().cell_data["label"]) == {-2}
-    ok("decode", Case("several", 2, tmp_path).path, "-o", tmp_path / "a.geojson", "--attribute", "organ")
-    found = json.loads((tmp_path / "a.geojson").read_text())["features"]
-    assert {feature["properties"]["organ"] for feature in found} == {*LABELS}
 
 
 def test_captions() -> None:

@@ -63,16 +63,6 @@ def test_lines_cover_every_segment_once_and_are_closed_unless_they_end_at_the_bo
         assert len(as_set(line, 12)) == len(line) - closed
 
 
-def test_a_single_high_sample_is_wound_counter_clockwise_in_the_plane_of_axis_0_and_axis_1():
-    field = np.full((3, 3), -1.0)
-    field[1, 1] = 3.0
-    (line,) = draw(leaves_of(field)).lines
-    # Crossings 3/4 of the way from the middle to its four neighbours; shoelace area of that square is +2 * 0.75 ** 2.
-    assert as_set(line, 9) == {(0.25, 1.0), (1.0, 0.25), (1.75, 1.0), (1.0, 1.75)}
-    (x0, y0), (x1, y1) = line[:-1].T, line[1:].T
-    assert (x0 * y1 - x1 * y0).sum() / 2 == pytest.approx(1.125)
-
-
 # --- n = 3, full grid ------------------------------------------------------------------------------------------------
 
 

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import blobs, clamped, examples, exponent, meshes, mixed_leaves, volumes
+from brute import blobs, examples, meshes, mixed_leaves, volumes
 from commands import BALL, HILLS
-from isocodec.drawing.tessellation import Tessellation, tessellated
+from isocodec.drawing.tessellation import Tessellation
 from isoconform.meshes import chosen
 
 
@@ -72,15 +72,6 @@ def test_meshes_in_the_plane(case) -> None:
 @examples(25)
 def test_meshes_in_space(case) -> None:
     check_mesh(case, 3)
-
-
-@pytest.mark.parametrize("shape, level", [((5, 9), 3), ((4, 6, 3), 5), ((3, 3, 3), 3)])
-def test_uniform_meshes_are_those_of_a_level(shape: tuple[int, ...], level: int) -> None:
-    none = np.zeros((0, len(shape)), np.int64)
-    points, cells, levels = tessellated(shape, exponent(shape), level, none, lambda size: None)
-    assert set(levels) == {level}
-    found = {frozenset(map(tuple, corners)) for corners in points[cells].tolist()}
-    assert found == {frozenset(map(tuple, corners)) for corners in clamped(shape, level).tolist()}
 
 
 @pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])

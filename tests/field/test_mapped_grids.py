@@ -230,35 +230,6 @@ def test_options_without_coordinates() -> None:
     assert np.abs(contour.placed - contour.points[:, ::-1]).max() < 0.005
 
 
-def test_curves_close_across_the_seam() -> None:
-    """A ring around the centre is one closed line in the world."""
-    field, arrays = grids.polar()
-    contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1), 0.05))
-    (line,) = contour.__geo_interface__["coordinates"]
-    assert line[0] == line[-1] and len(line) == len(contour.points)
-    assert len(contour.lines) == 1 and contour.lines[0][0].tolist() != contour.lines[0][-1].tolist()
-    ring = shapely.Polygon(line)
-    above, below = (shapely.geometry.shape(contour.areas(above=side)) for side in (True, False))
-    assert above.is_valid and below.is_valid and len(below.geoms) == len(above.geoms) == 1
-    assert len(above.geoms[0].interiors) == len(below.geoms[0].interiors) == 1
-    radius = np.hypot(*arrays)
-    turn = 60 * np.sin(2 * np.pi / 60) / 2
-    whole = turn * (radius[-1, 0] ** 2 - radius[0, 0] ** 2)
-    assert above.area + below.area == pytest.approx(whole, rel=1e-3)
-    assert below.area == pytest.approx(ring.area - turn * radius[0, 0] ** 2, rel=1e-2)
-
-
-@pytest.mark.parametrize("options", [{}, {"precision": 0.5}, {"precision": "1,0.3", "keep_topology": True}])
-def test_surfaces_close_across_the_seam(options: dict[str, Any]) -> None:
-    """A pipe is one surface with the two ends of its axis."""
-    field, arrays = grids.cylinder()
-    contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1), 0.0, **options))
-    mesh = trimesh.Trimesh(contour.joined.placed, contour.joined.cells, process=False)
-    assert mesh.body_count == 1 and mesh.euler_number == 0 and mesh.is_winding_consistent
-    loops = mesh.outline().discrete
-    assert len(loops) == 2
-
-
 def test_tolerances_by_a_matrix() -> None:
     """Cells of a volume whose steps differ: the longest counts."""
     field = grids.polar()[0]

@@ -198,18 +198,3 @@ def test_cells_of_the_largest_crowd_lie_apart(n, k):
     assert all(get(store, *map(np.int64, place)) == number for place, number in places.items())
     pages = {tuple(int(c) for c in page_of(key)) for key in store.table[store.table[:, 0] >= 0, 0]}
     assert pages == {(x // page, y // page, z) for x, y, z in places}
-
-
-@pytest.mark.parametrize("n", [2, 3])
-def test_store_grows_with_pages_not_with_the_domain(n):
-    """1000 vertices along a diagonal, 16 or 8 apart in each axis: 1000 pages; a gap is never allocated."""
-    page = 1 << PAGE_SHIFT[n]
-    store = new_store(n)
-    for i in range(1000):
-        if full(store, 1):
-            store = grown(store, 1)
-        put(store, *(i * page,) * n, *(0,) * (3 - n), i + 1)
-        assert get(store, *(i * page,) * n, *(0,) * (3 - n)) == i + 1
-        get(store, *(i * page + 5 * page,) * n, *(0,) * (3 - n))
-    assert store.head[0] == 1000
-    assert len(store.pages) < 2000

@@ -267,16 +267,6 @@ def test_both_profiles_decode_to_the_same(n, data):
     assert [pieces(c) for c in main] == [pieces(c) for c in baseline]
 
 
-@pytest.mark.parametrize("n", [2, 3])
-def test_main_is_the_default_and_smaller(n):
-    """On smooth fields by a tenth at least, headers included."""
-    field = smooth((90, 80) if n == 2 else (26, 24, 28), 4)
-    for options in ({"precision": "signs"}, {"precision": 0.05}):
-        small = isocodec.encode(field, 0.1, **options)
-        assert isocodec.open(small).info.profile == "main"
-        assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
-
-
 def _three(position):
     """A position along three axes, as kernels take it."""
     return [np.int64(x) for x in (*position, 0)[:3]]

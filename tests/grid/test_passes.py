@@ -138,16 +138,6 @@ def test_isolated_pixels_around_a_curve(shape, seed, base_level):
     decode_and_check((smooth(shape, seed) > 0) ^ (rng.random(shape) < 0.03), precision="signs", layers=base_level)
 
 
-def test_constant_fields_cost_next_to_nothing():
-    """No curve: the origin's sign, no component, and one symbol a round that says there is none."""
-    for shape in ((40, 30), (9, 12, 10)):
-        for value in (False, True):
-            _, decoder = decode_and_check(np.full(shape, value), precision="signs", layers=0)
-            rounds = len(shape) * exponent(shape)
-            expected = {"origin": 1, "component": 1, "significance": rounds}
-            assert {name: count for name, count in decoder.symbols.items() if count} == expected
-
-
 # --- geometry -------------------------------------------------------------------------------------------------------
 
 

@@ -41,13 +41,6 @@ def names(home: Path) -> set[str]:
     return {path.name for path in home.iterdir()}
 
 
-def test_what_was_built_is_found_again(home: Path) -> None:
-    assert cache.hit("one") is None
-    assert [make("one"), make("one"), make("two"), make("one")] == [False, True, False, True]
-    assert cache.hit("one") == home / "one"
-    assert names(home) == {"one", "one.lock", "two", "two.lock"}
-
-
 def test_the_folder_is_its_owners_alone(home: Path) -> None:
     mask = os.umask(0)
     try:
@@ -69,15 +62,6 @@ def test_a_folder_that_others_may_use_is_none(home: Path, mode: int, capsys: pyt
     assert (home / "one" / "kernels").read_text() == "not to be trusted"
     home.chmod(0o700)
     assert cache.hit("one")
-
-
-def test_nor_is_a_link(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "elsewhere").mkdir(mode=0o700)
-    home.parent.mkdir(parents=True)
-    home.symlink_to(tmp_path / "elsewhere")
-    assert not make("one")
-    assert "not a folder of your own" in capsys.readouterr().err
-    assert not list((tmp_path / "elsewhere").iterdir())
 
 
 def test_a_build_that_fails_leaves_nothing(home: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import struct
 from collections.abc import Callable
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -23,8 +23,6 @@ from isocodec.kernel.types import (
     Array,
     FloatMatrix,
     IntVector,
-    Member,
-    Record,
     UInt8Vector,
     kind_of,
 )
@@ -52,19 +50,6 @@ def slots(*values: int) -> bytes:
 
 
 @looped(
-    ("kind", "value", "expected"),
-    [
-        (INT, 258, b"\x02\x01" + bytes(6)), (INT, -2, b"\xfe" + b"\xff" * 7), (INT, np.uint8(7), slots(7)),
-        (INT, np.int64(-(1 << 63)), bytes(7) + b"\x80"), (FLOAT, -2.0, bytes(7) + b"\xc0"),
-        (FLOAT, np.float32(0.5), bytes(6) + b"\xe0\x3f"), (FLOAT, np.nan, bytes(6) + b"\xf8\x7f"),
-        (BOOL, True, slots(1)), (BOOL, np.False_, slots(0)),
-    ],
-)
-def test_numbers(kind, value, expected):
-    assert kind.pack(value) == expected
-
-
-@looped(
     ("kind", "value"),
     [(INT, 1.0), (INT, True), (INT, np.True_), (INT, None), (INT, "1"), (INT, np.array(1)), (FLOAT, 1), (FLOAT, True),
      (FLOAT, np.int64(1)), (BOOL, 1), (BOOL, 0.0), (BOOL, None)],
@@ -78,14 +63,6 @@ def test_what_is_no_such_number(kind, value):
 def test_integers_of_more_than_64_bits(value):
     with pytest.raises(OverflowError):
         INT.pack(value)
-
-
-def test_arrays():
-    """Address, size, shape and strides."""
-    values = np.arange(6, dtype=np.int16).reshape(2, 3)
-    assert Array("int16", 2).pack(values) == slots(values.ctypes.data, 6, 2, 3, 6, 2)
-    assert Array("int16", 1).pack(values[1]) == slots(values.ctypes.data + 6, 3, 3, 2)
-    assert Array("uint8", 1).pack(np.frombuffer(b"abc", np.uint8))[8:] == slots(3, 3, 1)
 
 
 @looped(
@@ -104,26 +81,6 @@ def test_what_is_no_such_array(value, found):
 
 def outer() -> Outer:
     return Outer(np.arange(3), Inner(np.arange(2, dtype=np.uint8)), np.zeros((2, 2)))
-
-
-def test_records():
-    """What their members take, one after the other."""
-    kind, value = kind_of(Outer), outer()
-    assert isinstance(kind, Record) and kind.slots == 4 + 4 + 6 and str(kind) == "Outer"
-    numbers, (flags,), places = value
-    assert kind.pack(value) == (
-        slots(numbers.ctypes.data, 3, 3, 8) + slots(flags.ctypes.data, 2, 2, 1)
-        + slots(places.ctypes.data, 4, 2, 2, 16, 8)
-    )
-
-
-def test_records_with_another_type_of_a_member():
-    kind = kind_of(Annotated[Inner, Member("flags", IntVector)])
-    assert str(kind) == "Inner<flags: int64[1d]>" != str(kind_of(Inner))
-    value = Inner(np.arange(2))  # type: ignore[arg-type]
-    assert kind.pack(value) == slots(value.flags.ctypes.data, 2, 2, 8)
-    with pytest.raises(TypeError, match="flags: int64, 1d instead of uint8"):
-        kind_of(Inner).pack(value)
 
 
 @pytest.mark.parametrize(
@@ -187,24 +144,7 @@ def returning(function: Callable[..., Any], content: bytes, status: int = FINE[0
     return Kernel(function, lambda _: entry)
 
 
-def whole() -> int: ...
-def fraction() -> float: ...
-def truth() -> bool: ...
 def nothing() -> None: ...
-def several() -> tuple[int, int, int]: ...
-
-
-@looped(
-    ("function", "content", "expected"),
-    [
-        (whole, slots(-3), -3), (fraction, struct.pack("<d", 0.1), 0.1), (truth, slots(1), True),
-        # of a truth value one bit is stated
-        (truth, slots(0x7E), False), (nothing, slots(5), None), (several, slots(1, -2, 3, 4), (1, -2, 3)),
-    ],
-)
-def test_results(function, content, expected):
-    found = returning(function, content)()
-    assert found == expected and type(found) is type(expected)
 
 
 def test_a_status_of_a_fault_is_an_index_error():

@@ -20,7 +20,7 @@ from isocodec.mesh.quantised import quantised
 from isospec.container import DomainKind
 from tables import looped
 
-MANY = 4 if INTERPRETED else 60 if HEAVY else 6
+MANY = 60 if HEAVY else 3
 MAKERS = {"plane": plane, "space": space, "surface": lambda seed: torus(6 + seed % 5, 5)}
 
 
@@ -115,7 +115,7 @@ def test_damaged(name):
     data = encode(Mesh(*given, values, stored="whole"), int(np.median(values)) + 0.5, precision=0.1)
     rng = np.random.default_rng(1)
     ended = set()
-    for _ in range(20 if INTERPRETED else 400 if HEAVY else 150):
+    for _ in range(20 if INTERPRETED else 400 if HEAVY else 60):
         wrong = bytearray(data)
         for _ in range(rng.integers(1, 4)):
             wrong[rng.integers(8, len(wrong) - 4)] = rng.integers(256)

@@ -95,18 +95,6 @@ def big_torus(seed: int, count: int, kept: float) -> Mesh:
     return points, cells[: int(kept * len(cells))]
 
 
-def test_a_walk_where_it_is_much_shorter() -> None:
-    """Unless levels are asked for."""
-    mesh = plane(1, 40, 1.0)
-    above = mesh[0][:, 0] > 50
-    kinds = [
-        {layer.kind for layer in isocodec.open(isocodec.encode(
-            isocodec.Mesh(*mesh, above.astype(int), progressive=each), 0.5, precision="signs",
-        )).info.layers} for each in (None, True, False)
-    ]
-    assert kinds == [{"signs"}, {"levels"}, {"signs"}]
-
-
 def test_meshes_in_the_file_have_levels_where_asked() -> None:
     for mesh, stored in ((plane(2, 300, 1.0), "whole"), (space(2, 80, 1.0), "coded"), (torus(20, 12), "whole")):
         values = np.sin(mesh[0] / (np.ptp(mesh[0]) / 7)).sum(axis=1)

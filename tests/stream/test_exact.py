@@ -110,21 +110,7 @@ def test_ties(n, seed, span, isovalue):
     matched(on_grid_edges(signs.points), middle, 1e-12)
 
 
-def test_ties_by_hand():
-    """Samples 0 1 2 along an axis at isovalue 1: only 2 is above, and the point is next to the sample that is 1."""
-    contour = round_trip(np.array([[0, 1, 2], [0, 1, 2]]), 1, precision="exact")
-    assert sorted(map(tuple, contour.points.tolist())) == [(0.0, 1.0 + 2**-21), (1.0, 1.0 + 2**-21)]
-    contour = round_trip(np.array([[0, 1, 2], [0, 1, 2]]), 0.5, precision="exact")
-    assert sorted(map(tuple, contour.points.tolist())) == [(0.0, 0.5), (1.0, 0.5)]
-
-
 # --- tolerance ------------------------------------------------------------------------------------------------------
-
-
-def along(segments, count=9):
-    """Points on each segment, its ends among them."""
-    t = np.linspace(0, 1, count)[None, :, None]
-    return (segments[:, :1] * (1 - t) + segments[:, 1:] * t).reshape(-1, 2)
 
 
 @pytest.mark.parametrize("tolerance", [0.3, 0.05, 0.004])
@@ -232,12 +218,6 @@ def test_options_of_the_wrong_kind(options):
         isocodec.encode(GOOD, 5.5, **options)
 
 
-def test_texts_that_are_no_isovalues():
-    with pytest.raises(OptionError, match='every 20 from 5') as caught:
-        isocodec.encode(GOOD, "high")
-    assert caught.value.code == "isovalue"
-
-
 @looped(
     "field, options, code",
     [
@@ -282,18 +262,6 @@ def test_no_contour(shape, options):
         n = len(shape)
         assert contour.points.shape == (0, n) and contour.cells.shape == (0, n) and contour.complete
         assert len(data) <= 32
-
-
-def test_one_crossing():
-    """The smallest fields: one sample of four, or of eight, is above."""
-    contour = round_trip(np.array([[0, 0], [0, 4]]), 1, precision="exact")
-    matched(contour.points, np.array([[0.25, 1.0], [1.0, 0.25]]), 1e-12)
-    assert len(contour.lines) == 1
-    corner = np.zeros((2, 2, 2), int)
-    corner[1, 1, 1] = 4
-    contour = round_trip(corner, 1, precision="exact")
-    matched(contour.points, np.array([[0.25, 1, 1], [1, 0.25, 1], [1, 1, 0.25]]), 1e-12)
-    assert len(contour.cells) == 1
 
 
 @looped(

@@ -146,19 +146,6 @@ def test_a_frame_needs_none_before_its_interval():
         isocodec.decode(whole, frame=0)
 
 
-def test_frames_that_are_not_wanted_take_no_memory():
-    frames = moving(8)
-    data = encode(Frames(frames), ISOVALUE, interval=4, precision="signs")
-    held = {}
-    for number in (0, 3, 4, 7):
-        decoder = Decoder(frame=number)
-        decoder.feed(data)
-        decoder.close()
-        held[number] = sum(decoder.symbols.values())
-    assert held[0] < held[3] and held[4] < held[7]
-    assert held[4] < 1.5 * held[0]
-
-
 def test_memory_is_that_of_two_frames():
     few, many = moving(3), np.concatenate([moving(3)] * 8)
     most = []
@@ -197,15 +184,6 @@ def test_holes_are_those_of_all_frames():
     frames[3, 20, 20] = np.nan
     with pytest.raises(InputError, match="missing"):
         encode(Frames(frames), ISOVALUE, precision="signs")
-
-
-def test_a_moving_curve_takes_little():
-    frames = moving(10, 64)
-    alone = sum(len(isocodec.encode(frame, ISOVALUE, precision="signs")) for frame in frames)
-    assert len(encode(Frames(frames), ISOVALUE, precision="signs")) < 0.6 * alone
-    # frames that are all alike next to nothing
-    still = [frames[0]] * 10
-    assert len(encode(Frames(still), ISOVALUE, precision="signs")) < 3.5 * alone / 10
 
 
 def test_piece_by_piece_and_at_once():
@@ -262,20 +240,6 @@ def test_frames_that_are_not_there():
     assert points(isocodec.decode(single, frame=0)) == points(isocodec.decode(single))
     with pytest.raises(OptionError, match="no frame 1"):
         isocodec.decode(single, frame=1)
-
-
-def test_a_frame_is_written_as_its_type_says():
-    data = encode(Frames(moving(3, 8)), [ISOVALUE, 20], interval=2, precision="signs")
-    info = isocodec.open(data).info
-    kinds = [chunk.type for chunk in info.chunks]
-    # the second isovalue of a key frame leans on the first
-    assert kinds == ["series", "layers", "isovalue", "layers", *["frame", "layers"] * 4]
-    first, second, last = (info.chunks[number].offset for number in (0, 4, 10))
-    assert data[first : first + 3] == bytes([13, 1, 2])
-    assert data[second : second + 2] == bytes([9, 0])
-    assert [frame.offset for frame in info.frames[1:]] == [second, info.chunks[8].offset]
-    assert data[last : last + 3] == bytes([9, 1, 1])
-    assert [frame.leans for frame in info.frames] == [[None, 0], [None, None], [None, 0]]
 
 
 def test_frames_begin_with_a_chunk_of_their_own():

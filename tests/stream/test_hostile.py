@@ -163,6 +163,7 @@ def test_events_have_the_notes_of_their_chunks():
     assert len(decoder.metadata) == 3000
 
 
+@pytest.mark.heavy
 def test_turns_of_thousands_of_isovalues():
     """Each takes next to no time, however many isovalues it names."""
     turn = Chunk(ChunkType.TURN, write_varint(0) + write_varint(4096))

@@ -13,15 +13,12 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
-from commands import HILLS
 from isocodec import Decoder
 from isocodec.drawing.snapshot import leaves_of, state_of
-from isocodec.entropy.run import WritingRun
 from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Samples
 from isocodec.format.events import IsovalueRead
 from isocodec.grid.lattice.tables import cube_exponent
-from isocodec.grid.layers.layer_writer import LayerWriter
 from isocodec.grid.passes.runner import Tube
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan
@@ -168,15 +165,6 @@ def promise(field, isovalue):
     return Promise(check_field(field, isovalue))
 
 
-def test_a_close_one_costs_little():
-    """C2-close-by: bytes on smooth data, against the same isovalue alone."""
-    field = np.rint(smooth((120, 120), 5) * 400).astype(np.int64)
-    for options, share in (({}, 0.6), ({"precision": "exact"}, 0.3), ({"precision": "signs"}, 0.6)):
-        first, second = (len(isocodec.encode(field, v, **options)) for v in (50.5, 53.5))
-        both = len(isocodec.encode(field, [50.5, 53.5], **options))
-        assert both - first < share * second
-
-
 def crossings(contour, n):
     """Places of a contour's points on the grid's edges, by lower end and axis."""
     out = {}
@@ -279,16 +267,6 @@ def test_events_and_skipping():
     same(other.contour(1), decoder.contour(1), 2 * DEFAULT_TOLERANCE)
 
 
-def test_refused():
-    field = np.rint(smooth((9, 9), 1) * 100).astype(np.int64)
-    for isovalues, code in (([], "isovalue"), ([1, 1.0], "isovalue"), (list(range(4097)), "isovalue")):
-        with pytest.raises(OptionError) as caught:
-            isocodec.encode(field, isovalues)
-        assert caught.value.code == code
-    with pytest.raises(OptionError, match=r"it has 0\.5"):
-        isocodec.decode(isocodec.encode(field, 0.5), isovalue=1.5)
-
-
 def test_numbers_that_many_isovalues_could_make_grow_no_further():
     """Isovalues far apart, each leaning on the one before: no number of a vertex gets beyond 2**53."""
     apart = (1 << 52) - 64
@@ -315,30 +293,6 @@ def test_numbers_that_many_isovalues_could_make_grow_no_further():
         decoder.close()
     largest = [int(np.abs(decoder.grid.state(number).number).max()) for number in range(64)]
     assert max(largest) < 1 << 53 and sum(number > 1 << 51 for number in largest) > 3
-
-
-def test_trials_are_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of two ways to the signs of a further isovalue the smaller one goes on, and no layer is encoded twice.
-
-    Where isovalues take turns, there is one way.
-    """
-    seen: list[tuple[LayerWriter, int]] = []
-    advance = LayerWriter._advance
-
-    def noted(writer: LayerWriter, run: WritingRun, number: int) -> None:
-        seen.append((writer, number))
-        advance(writer, run, number)
-
-    monkeypatch.setattr(LayerWriter, "_advance", noted)
-    for order, writers in (("isovalues", 1 + 2 + 2), ("levels", 3)):
-        done: list[tuple[int, int]] = []
-        seen.clear()
-        data = isocodec.encode(
-            HILLS, [60.5, 80.5, 100.5], order=order, progress=lambda *now, done=done: done.append(now)
-        )
-        assert len({id(writer) for writer, _ in seen}) == writers
-        assert len({(id(writer), number) for writer, number in seen}) == len(seen)
-        assert done == sorted(done) and done[-1][0] == done[-1][1] == len(isocodec.open(data).info.layers)
 
 
 def steps_of(field, isovalue, step):

@@ -22,7 +22,7 @@ from isocodec.errors import LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
 from isocodec.io.cost import COST
 from isocodec.io.formats import Areas
-from isocodec.limits import Budget, in_units
+from isocodec.limits import Budget
 from isocodec.stream.inspect import inspect
 from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
@@ -40,26 +40,6 @@ def field(n, size, rough, seed=3):
 
 
 # --- the account ------------------------------------------------------------------------------------------------------
-
-
-def test_a_budget_counts_what_is_held_and_refuses_more():
-    budget = Budget(1000)
-    one, other = object(), object()
-    budget.hold(one, 400)
-    budget.hold(other, 500, passing=100)
-    with pytest.raises(LimitError) as caught:
-        budget.hold(one, 400, passing=101)
-    assert caught.value.code == "limit-memory" and caught.value.exit_code == 6 and budget.held == 900
-    budget.check(100)
-    with pytest.raises(LimitError):
-        budget.check(101)
-    budget.hold(one, 1)
-    budget.release(other)
-    assert budget.held == 1
-
-
-def test_sizes_are_told_in_units():
-    assert [in_units(size) for size in (5, 2048, 3 << 19, 1 << 30)] == ["5 bytes", "2 KiB", "1.5 MiB", "1 GiB"]
 
 
 def test_tiers():
@@ -184,7 +164,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
     """Before their memory is taken; the decoder holds nothing after that, and says why."""
     ends = []
     lone = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
-    for step in (len(lone), 1):
+    for step in (len(lone), 9):
         decoder = Decoder(Limits(memory=40 * MIB))
         gc.collect()
         tracemalloc.start()
@@ -297,16 +277,6 @@ def test_errors_keep_nothing_alive():
     del caught
     # two for each decoder: one for isovalues without layers
     assert len(tubes) == 6 and all(ref() is None for ref in tubes), "without the garbage collector's help"
-
-
-def test_an_error_is_raised_again_without_what_led_to_it():
-    decoder = Decoder()
-    with pytest.raises(IsoError) as caught:
-        decoder.feed(b"nothing of ours")
-        list(decoder)
-    assert decoder._error.__traceback__ is None and decoder._error.__context__ is None
-    with pytest.raises(type(caught.value), match=caught.value.message):
-        list(decoder)
 
 
 @pytest.mark.parametrize("where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.drawn.leaves_of"])

@@ -362,16 +362,8 @@ def test_missing_samples(where: str, way: str) -> None:
 
 
 MAPPED: dict[str, Callable[[], tuple[Array, list[Array]]]] = {
-    "radial": grids.polar, "elliptic": grids.elliptic, "around a mean contour": lambda: crowded(),
+    "radial": grids.polar, "elliptic": grids.elliptic,
 }
-
-
-def crowded() -> tuple[Array, list[Array]]:
-    """Ellipses that crowd around a mean contour, as in the figures of the papers."""
-    share, turn = np.linspace(-1, 1, 25)[:, None], np.linspace(0, 2 * np.pi, 96, endpoint=False)
-    scale = 1 + 0.35 * (0.4 * share + 0.6 * share**3)
-    x, y = 90 * scale * np.cos(turn), 60 * scale * np.sin(turn)
-    return np.hypot(x / 90, y / 60) - 1 - 0.04 * np.cos(5 * turn) - 0.02 * np.sin(11 * turn), [x, y]
 
 
 @looped(("cells", "topology"), [(0.4, False), (1.5, False), (1.5, True)])

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import BALL, HILLS, fails, ok
+from commands import HILLS, fails, ok
 from home import ROOT
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.field.samples import check_field
 from isocodec.grid.layers.plan import Criteria
 from isocodec.search.original import original
-from isocodec.search.promise import Promise
 from isocodec.search.proof import hausdorff
 from isocodec.stream.plan_file import _LINES, check_plan, read_plan
 from isospec.container import SIGNATURE
@@ -99,34 +98,6 @@ def test_two_bits_in_between_two_levels() -> None:
     assert told.sum() == crossed.sum() > 100 and set(state.missing[told]) == {1}
     number = HILLS[tuple(state.position.T)].astype(int)
     assert np.array_equal(state.number[told], np.where(state.above, number - 61, 60 - number)[told] >> 1)
-
-
-def test_bits_left_are_never_more_than_there_are() -> None:
-    """Of a mask a value has one bit: a layer that leaves three tells nothing."""
-    data = isocodec.encode(HILLS > 60, 0.5, layers="base\nvalues left=3")
-    assert [kind for kind, *_ in layers_of(data)] == ["base", "values"]
-    assert isocodec.open(data).above().sum() == (HILLS > 60).sum()
-
-
-@pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
-def test_adaptive_meshes_by_criteria_come_to_the_field(field: np.ndarray, isovalue: float) -> None:
-    text = "adaptive-base topology distortion=2\noffsets 3 unit=1\nadapt distortion=0.8\nrefine 2\nrefine\nvalues"
-    data = isocodec.encode(field, isovalue, layers=text)
-    assert np.array_equal(isocodec.open(data).above(), field > isovalue)
-    whole, own = isocodec.encode(field, isovalue, precision="exact"), isocodec.decode(data)
-    assert np.array_equal(np.sort(own.points, axis=0), np.sort(isocodec.decode(whole).points, axis=0))
-
-
-def test_meshes_are_those_of_the_reduction_each_part_of_the_next() -> None:
-    promise = Promise(check_field(HILLS, 60.5))
-    fine = promise.reduction()
-    bends = promise.curvature()
-    fine.reduce(curvature=bends, kappa=0.1, coarsest=3)
-    coarse = promise.reduction(fine.chosen)
-    coarse.reduce(topology=True, curvature=bends, kappa=0.4, coarsest=2)
-    expected = [("base", 2), ("adapt", 1, coarse.chosen), ("refine", 1), ("adapt", 1, fine.chosen)]
-    text = "base 2\nadapt topology curvature=0.4\nrefine 1\nadapt curvature=0.1"
-    assert isocodec.encode(HILLS, 60.5, layers=text) == isocodec.encode(HILLS, 60.5, layers=expected)
 
 
 def far_by_shapely(data: bytes, layers: int | None, field: np.ndarray, isovalue: float) -> float:
@@ -253,11 +224,6 @@ def test_criteria_of_the_line_before(first: str, later: str) -> None:
             assert far_by_shapely(data, count, TERRAIN, 668.5) <= NUMBERS["distortion"] + 1e-6
 
 
-def test_of_two_curvatures_the_least_holds() -> None:
-    texts = [f"adaptive-base curvature={BENDS}\nadapt curvature={later}" for later in (BENDS, 2 * BENDS)]
-    assert len({isocodec.encode(TERRAIN, 668.5, layers=text) for text in texts}) == 1
-
-
 def test_a_level_leaves_what_other_criteria_need() -> None:
     bends = isocodec.encode(TERRAIN, 668.5, layers=f"adaptive-base curvature={BENDS} level=6")
     assert isocodec.open(bends).mesh().levels.max() > 6
@@ -361,11 +327,6 @@ def test_a_label_with_a_plan(tmp_path: Path, hills: Path) -> None:
     plan.write_text("base 3\nrefine")
     ok("encode", hills, "-o", out, "--layers", plan, "--label", 3)
     assert np.array_equal(isocodec.open(out.read_bytes()).above(), HILLS == 3)
-
-
-def test_entries_with_bits_and_bits_left_are_refused() -> None:
-    with pytest.raises(OptionError, match="both how many bits come and how many are left"):
-        isocodec.encode(HILLS, 60.5, layers=[("base", None), ("values", 2, 1)])
 
 
 def test_a_plan_is_checked_before_the_field_is_encoded() -> None:

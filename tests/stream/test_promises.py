@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import HEAVY, examples, smooth
+from brute import examples, smooth
 from commands import BALL, HILLS
 from isocodec import Decoder
 from isocodec.errors import OptionError
@@ -124,32 +124,6 @@ def rough(shape: tuple[int, ...], seed: int) -> np.ndarray:
     """A smooth field with specks."""
     noise = np.random.default_rng(seed).normal(size=shape)
     return smooth(shape, seed) + 0.12 * noise
-
-
-@pytest.mark.parametrize(
-    ("distance", "topology"),
-    [
-        (0.2, False), (1.0, True), (3.0, False), pytest.param(0.2, True, marks=pytest.mark.heavy),
-        pytest.param(1.0, False, marks=pytest.mark.heavy), pytest.param(3.0, True, marks=pytest.mark.heavy),
-    ],
-)
-@pytest.mark.parametrize("shape", [(70, 57), (17, 14, 20)])
-def test_the_criterion_distortion_keeps_its_distance(distance: float, shape: tuple[int, ...], topology: bool) -> None:
-    for seed in range(3 if HEAVY else 1):
-        field = rough(shape, seed)
-        options = {"layers": f"distortion={distance}", "keep_topology": topology}
-        data = isocodec.encode(field, 0.0, **options)
-        assert measured(field, 0.0, isocodec.decode(data)) <= distance + 0.006
-        assert len(data) <= len(isocodec.encode(field, 0.0, keep_topology=topology))
-
-
-@pytest.mark.parametrize(
-    "more", [{"precision": 0.3}, {"precision": "step=0.001"}, {"precision": "signs"}, {"precision": 0.05}],
-)
-def test_distortion_with_any_precision(more: dict[str, object]) -> None:
-    field = rough((50, 41), 5)
-    data = isocodec.encode(field, 0.0, layers="distortion=1.5", **more)
-    assert measured(field, 0.0, isocodec.decode(data)) <= 1.506
 
 
 def test_distortion_finer_than_offsets() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok
 from isocodec import Decoder
 from isocodec.errors import FormatError, OptionError
 from isocodec.format.chunks import write_chunk, write_further, write_turn
@@ -129,18 +127,6 @@ def test_turns_that_are_wrong(first: int, count: int, clause: str | None) -> Non
     with pytest.raises(FormatError) as caught:
         list(decoder)
     assert caught.value.clause == clause
-
-
-def test_the_command_line(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", HILLS)
-    for order in ("levels", "isovalues"):
-        ok("encode", tmp_path / "a.npy", "-o", tmp_path / f"{order}.iso", "--interval", 10, "--order", order)
-        ok("verify", tmp_path / f"{order}.iso", tmp_path / "a.npy")
-        ok("plot", tmp_path / f"{order}.iso", "-o", tmp_path / f"{order}.png")
-    assert isocodec.open(tmp_path / "levels.iso").info.turned
-    wrong = "encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--interval", 10, "--order", "x"
-    assert "unknown order" in fails(2, *wrong)
-    json.loads(ok("info", tmp_path / "levels.iso", "--json"))
 
 
 @pytest.mark.parametrize("what", ["mesh", "labels", "series", "one"])

@@ -31,6 +31,7 @@ from isocodec.tiles.head import write_head
 from isocodec.tiles.spool import Spool, description
 from isocodec.tiles.tile_encoder import Tiling
 from isocodec.tiles.writing import tiling_of
+from tables import heavy
 from tiled import encoded, hilly, holed, pieces, tiled_of
 
 # -- who encodes ---------------------------------------------------------------------------------------------------
@@ -87,7 +88,7 @@ class Here:
 
 
 @pytest.mark.skipif(INTERPRETED, reason="workers would be slow")
-@pytest.mark.parametrize("ballast", [0, 1 << 20])
+@pytest.mark.parametrize("ballast", [0, *heavy(1 << 20)])
 def test_workers_read_what_is_handed_over_in_few_bytes(
     tmp_path: Path, processes: ProcessPoolExecutor, ballast: int
 ) -> None:
@@ -141,7 +142,7 @@ def test_a_harmed_spool_is_mended(tmp_path: Path) -> None:
     wanted = encoded(tmp_path, field, 30.5)
     path, spool = tmp_path / "again.iso", tmp_path / "spool"
     dice = random.Random(3)
-    for _ in range(12 if HEAVY else 4):
+    for _ in range(12 if HEAVY else 2):
         with pytest.raises(OSError, match="gone"):
             isocodec.save(path, Stopping(field, 12), 30.5, tile=32, spool=spool)
         for name in ("journal", "segments"):
@@ -319,8 +320,8 @@ def test_flags_that_are_not_listed(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(INTERPRETED, reason="a process of its own would be slow")
 def test_killed_and_run_again(tmp_path: Path) -> None:
-    """The whole process is killed, three times at any moment: the same command goes on; the bytes are the same."""
-    field = np.tile(hilly((512, 512)), (2, 2))
+    """The whole process is killed, twice at any moment: the same command goes on; the bytes are the same."""
+    field = np.tile(hilly((512, 512)), (2, 1))
     np.save(tmp_path / "f.npy", field)
     wanted = encoded(tmp_path, field, 30.5, tile=64)
     path = tmp_path / "killed.iso"
@@ -329,7 +330,7 @@ def test_killed_and_run_again(tmp_path: Path) -> None:
         "--tile", "64",
     ]
     dice = random.Random(1)
-    for _ in range(3):
+    for _ in range(2):
         child = subprocess.Popen(command)
         time.sleep(0.4 + dice.random())
         child.send_signal(signal.SIGKILL)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok, run
+from commands import fails, ok
 from isocodec.errors import InputError, OptionError
 from tables import looped
 
@@ -182,37 +180,6 @@ def test_surfaces_that_there_are():
 
 
 # ---- Command line ---------------------------------------------------------------------------------------------------
-
-
-def test_command(tmp_path):
-    y, x = np.mgrid[:40, :50]
-    source = tmp_path / "hill.npy"
-    np.save(source, np.rint(100 * np.exp(-((y - 20.0) ** 2 + (x - 30.0) ** 2) / 200)))
-    for suffix in (".npz", ".ply", ".vtu", ".geojson"):
-        told = json.loads(ok("thin", source, "-o", tmp_path / f"out{suffix}", "--error", 2, "--json"))
-        assert told["error"] <= 2
-        assert told["points"] + told["removed"] == 2000
-    with np.load(tmp_path / "out.npz") as found:
-        assert found["cells"].max() == len(found["points"]) - 1
-        assert len(found["errors"]) == told["removed"]
-    import meshio
-    import trimesh
-
-    surface = trimesh.load(tmp_path / "out.ply", process=False)
-    assert len(surface.vertices) == told["points"]
-    assert (surface.face_normals[:, 2] > 0).all()
-    assert len(meshio.read(tmp_path / "out.vtu").cells_dict["triangle"]) == told["triangles"]
-    assert len(json.loads((tmp_path / "out.geojson").read_text())["features"]) == told["triangles"]
-
-
-def test_command_with_missing_samples(tmp_path):
-    field = np.add.outer(np.arange(9.0), np.arange(9.0))
-    field[3:5, 3:5] = np.nan
-    np.save(tmp_path / "holes.npy", field)
-    done = run("thin", tmp_path / "holes.npy", "-o", tmp_path / "out.ply", "--error", 0)
-    assert done.exit_code == 0, done.output
-    assert "4 missing samples" in done.stderr
-    assert "4 of 77 points" in done.stdout
 
 
 @pytest.mark.cover(2)
