@@ -19,7 +19,7 @@ from test_levels import middles
 import isocodec
 from brute import examples
 from explicit_meshes import Mesh, crossings, plane
-from isocodec.errors import FormatError, IsoError, LimitError, OptionError
+from isocodec.errors import FormatError, IsoError, LimitError
 from isocodec.field.samples import Samples
 from isocodec.format.chunks import write_chunk
 from isocodec.format.events import DomainRead, MeshLayerComplete
@@ -219,31 +219,6 @@ def test_series_of_cuts(kind: str) -> None:
         part = np.array([sorted(c) for c in crossed])
         assert len(drawn.points) == len(crossings((mesh[0], part), values, 0.1))
         assert file.info.frames[frame].before[0] == (frame > 0)
-
-
-def test_what_a_cut_says_of_vertices_that_are_not_there() -> None:
-    """They have no sign that one could ask for, and the mesh that of those that they collapsed into."""
-    mesh = MESHES["plane"](LARGER + 7)
-    values = field_of(mesh, 0)
-    file = isocodec.open(encoded(mesh, values, 0.1, some(3, 1), precision="signs"), mesh=mesh)
-    decoder = isocodec.Decoder(mesh=mesh)
-    decoder.feed(file.data)
-    found = decoder.take().on_mesh.strand()
-    assert found is not None and found.cut is not None and not found.cut.all()
-    with pytest.raises(OptionError, match="coarser"):
-        file.above(0.1)
-    above = file.mesh(0.1, whole=True).above
-    known = found.strand.sign >= 0
-    assert (above[known] == (values > 0.1)[known]).all()
-    brute = replay(mesh)
-    for (v, u, _), inside in zip(brute.nodes, found.cut, strict=True):
-        assert inside or above[v] == above[u]
-    cells = {frozenset(cell) for cell in file.mesh(0.1, whole=True).cells.tolist()}
-    assert cells == {cell for cell in brute.cut(set(np.flatnonzero(found.cut).tolist())) if brute.apex not in cell}
-    # what a later file is made of: the layers as they are
-    other = encoded(mesh, values, 0.4, some(4, 1), precision="signs")
-    signs = isocodec.open(isocodec.merge([file.data, other]), mesh=mesh)
-    assert {tuple(p) for p in signs.contour(0.1).points} == {tuple(p) for p in file.contour(0.1).points}
 
 
 def began(mesh: Mesh) -> bytes:

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from brute import INTERPRETED
-from isocodec import Decoder, Limits
+from files import fed
+from isocodec import Limits
 from isocodec.errors import LimitError
 from isocodec.grid.models.trained import shipped_models
 from isocodec.limits import TIERS
@@ -41,11 +42,11 @@ VECTORS = read_manifest(HOME)
 BY_NAME = {v.name: v for v in VECTORS}
 each_vector = looped("vector", VECTORS)
 LIGHT = [v for v in VECTORS if v.expected.status != LIMIT]
-SHARE = 16
+SHARE, SMALL = 8, 300
 each_light_vector = looped("vector", [
-    pytest.param(v, marks=[pytest.mark.heavy] if i % SHARE else []) for i, v in enumerate(LIGHT)
+    pytest.param(v, marks=[pytest.mark.heavy] if i % SHARE or v.bytes > SMALL else []) for i, v in enumerate(LIGHT)
 ])
-"""All but those that take a decoder to its limits, which takes seconds; most of them among the heavy tests."""
+"""All but those that take a decoder to its limits, which takes seconds; most, and large ones, among heavy tests."""
 
 
 @pytest.fixture
@@ -142,9 +143,7 @@ def test_vectors_of_the_main_profile_use_every_kind_of_symbols(n):
     used = np.zeros(KINDS, np.bool_)
     for v in VECTORS:
         if v.dimension == n and "main profile" in v.features and v.expected.status == OK:
-            decoder = Decoder()
-            decoder.feed((HOME / v.file).read_bytes())
-            decoder.close()
+            decoder = fed((HOME / v.file).read_bytes())
             for tube in decoder.grid.tubes:
                 used |= (tube.coder.blend.mix != weights).any(axis=1)
     assert set(np.flatnonzero(~used)) == ({4, 5, 10, 11, 45, 48} if n == 2 else set())
@@ -213,9 +212,7 @@ CIRCLE_MEMORY = 64 << 20
 @pytest.mark.parametrize("name", ["circle_100000", "circle_100000_rounds"])
 def test_circle_is_the_circle(name):
     """In little memory; signs are the field's, and both ends of every grid edge that is crossed are known."""
-    decoder = Decoder()
-    decoder.feed((HOME / f"{name}.iso").read_bytes())
-    decoder.close()
+    decoder = fed((HOME / f"{name}.iso").read_bytes())
     assert decoder.budget.peak < CIRCLE_MEMORY
     state = decoder.grid.state()
     away = state.position - np.array(CENTRE)

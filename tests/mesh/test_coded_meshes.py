@@ -11,6 +11,7 @@ import pytest
 import isocodec
 from brute import HEAVY, INTERPRETED
 from explicit_meshes import components, crossings, euler, plane, space, torus
+from files import fed
 from isocodec import Decoder, IsoError, Mesh, decode, encode
 from isocodec.entropy.run import Account
 from isocodec.errors import FormatError, InputError, OptionError
@@ -93,9 +94,7 @@ def test_errors_of_meshes():
     points = points + [7e5, 5e6]
     for error in (5.0, 0.3, 0.01):
         data = encode(Mesh(points, cells, values_of(points, 2), stored="whole", error=error), 0.5)
-        decoder = Decoder()
-        decoder.feed(data)
-        decoder.close()
+        decoder = fed(data)
         there = decoder.on_mesh._points
         distance = np.sqrt(((points[:, None] - there[None]) ** 2).sum(axis=2))
         assert distance.min(axis=1).max() <= error and distance.min(axis=0).max() <= error

@@ -14,6 +14,7 @@ from test_delaunay import by_definition
 import isocodec
 from brute import examples
 from explicit_meshes import crossings
+from files import fed
 from home import ROOT
 from isocodec import Contour, Encoder, Mesh
 from isocodec.errors import InputError, OptionError
@@ -61,16 +62,9 @@ def values_at(points: NDArray[Any], seed: int) -> NDArray[np.int64]:
     return np.where(np.arange(len(points)) == seed % len(points), 55, 5)
 
 
-def decoded(data: bytes) -> isocodec.Decoder:
-    decoder = isocodec.Decoder()
-    decoder.feed(data)
-    decoder.close()
-    return decoder
-
-
 def crossed_in(data: bytes, number: int, points: NDArray[Any]) -> Triangles:
     """Triangles of a file that an isovalue crosses, by the given points nearest to their vertices."""
-    on_mesh = decoded(data).on_mesh
+    on_mesh = fed(data).on_mesh
     mesh = on_mesh.mesh(number, whole=False)
     given = np.asarray(points, np.float64)
     nearest = np.abs(mesh.points[:, None] - given[None]).sum(axis=2).argmin(axis=1)

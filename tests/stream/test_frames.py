@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import isocodec
+from files import fed
 from isocodec import Contour, Decoder, Encoder, Frames, encode
 from isocodec.errors import FormatError, InputError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
@@ -113,21 +114,6 @@ def test_any_layers(options: dict[str, Any]):
         assert points(isocodec.decode(data, frame=number)) == points(curves[0])
 
 
-@pytest.mark.parametrize("piece", [1, 7, 1000])
-def test_bytes_may_come_in_any_pieces(piece: int):
-    data = encode(Frames(moving(4, 24)), [ISOVALUE, 25], interval=3)
-    whole, parts = Decoder(), Decoder()
-    whole.feed(data)
-    events = list(whole)
-    found = []
-    for i in range(0, len(data), piece):
-        parts.feed(data[i : i + piece])
-        found += list(parts)
-    assert found == events
-    frames = [(e.frame, e.number, e.before) for e in events if isinstance(e, FrameRead)]
-    assert frames == [(1, 0, True), (1, 1, True), (2, 0, True), (2, 1, True), (3, 0, False), (3, 1, False)]
-
-
 def test_a_frame_needs_none_before_its_interval():
     frames = moving(7)
     data = encode(Frames(frames), ISOVALUE, interval=3, precision="signs")
@@ -150,9 +136,7 @@ def test_memory_is_that_of_two_frames():
     few, many = moving(3), np.concatenate([moving(3)] * 8)
     most = []
     for frames in (few, many):
-        decoder = Decoder()
-        decoder.feed(encode(Frames(frames), ISOVALUE, precision="signs"))
-        decoder.close()
+        decoder = fed(encode(Frames(frames), ISOVALUE, precision="signs"))
         most.append(decoder.memory)
         assert len(decoder.grid.layers) < 20 and len(decoder.grid.runs) == 1
     assert most[1] < 1.2 * most[0]
@@ -240,16 +224,6 @@ def test_frames_that_are_not_there():
     assert points(isocodec.decode(single, frame=0)) == points(isocodec.decode(single))
     with pytest.raises(OptionError, match="no frame 1"):
         isocodec.decode(single, frame=1)
-
-
-def test_frames_begin_with_a_chunk_of_their_own():
-    data = encode(Frames(moving(3, 8)), ISOVALUE, precision="signs")
-    frame = isocodec.open(data).info.chunks[2]
-    bad = with_checksum(data[: frame.offset] + data[frame.offset + frame.bytes :])
-    for read in (isocodec.decode, lambda data: isocodec.open(data).info):
-        with pytest.raises(FormatError, match="second base") as caught:
-            read(bad)
-        assert caught.value.clause == "3.6"
 
 
 @cache

@@ -111,14 +111,6 @@ def test_masked_arrays_masks_and_nan_are_the_same() -> None:
     assert isocodec.encode(isocodec.Field(part, mask=HOLE), 80.5) == data
 
 
-def test_without_missing_samples_there_is_no_mask() -> None:
-    data = isocodec.encode(HILLS, 80.5)
-    assert isocodec.encode(np.ma.masked_array(HILLS, False), 80.5) == data
-    assert isocodec.encode(isocodec.Field(HILLS, mask=np.zeros_like(HOLE)), 80.5) == data
-    assert isocodec.open(data).info.mask_bytes is None
-    assert isocodec.open(data).valid().all()
-
-
 @pytest.mark.parametrize("mask", [HOLE[1:], HOLE.astype(int), np.zeros((3, 3, 3), bool)])
 def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
     with pytest.raises(InputError, match="the mask has") as caught:
@@ -187,24 +179,6 @@ def assert_within(one: isocodec.Contour, other: isocodec.Contour, tolerance: flo
 
     for a, b in ((one, other), (other, one)):
         assert not len(Target(a.points, a.cells, tolerance).exceeded(b.points, b.cells).places)
-
-
-def test_byte_by_byte_and_events() -> None:
-    """Events do not depend on how bytes come in; of a part, as much is drawn as is there."""
-    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), [80.5, 100.5])
-    one, other = isocodec.Decoder(), isocodec.Decoder()
-    one.feed(data)
-    whole = list(one)
-    pieces = []
-    for i in range(len(data)):
-        other.feed(data[i : i + 1])
-        pieces += list(other)
-        other.contour(0)
-    assert [repr(e) for e in whole] == [repr(e) for e in pieces]
-    (mask,) = (e for e in whole if isinstance(e, isocodec.format.events.MaskComplete))
-    assert mask.bytes == isocodec.open(data).info.mask_bytes
-    assert np.array_equal(one.grid.valid(), ~HOLE) and np.array_equal(other.grid.valid(), ~HOLE)
-    assert np.array_equal(one.contour(1).points, other.contour(1).points)
 
 
 def chunks_of(data: bytes) -> list[tuple[str, bytes]]:

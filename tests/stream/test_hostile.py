@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import hurtful
 import isocodec
 from brute import HEAVY, INTERPRETED, examples
-from files import HEADER, NAMES, files, layers_file, picture, with_checksum
+from files import HEADER, NAMES, fed, files, layers_file, picture, with_checksum
 from hurtful import BASES, GRID, decoded, empty_series, isovalues, measured, mutants, stated_mesh
 from isocodec import Decoder, IsoError, Limits
 from isocodec.drawing.snapshot import state_of
@@ -68,9 +68,7 @@ def test_limits_hold_for_all_isovalues_together():
     field = picture((24, 26), 9)
     levels = [-20.5 + 4 * i for i in range(10)]
     data = isocodec.encode(field, levels, precision="exact", order="independent")
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
+    decoder = fed(data)
     counts = [len(decoder.grid.state(number).position) for number in range(10)]
     assert sum(counts) > 2 * max(counts)
     isocodec.decode(data, limits=Limits(vertices=sum(counts) + 32), isovalue=levels[-1])
@@ -99,9 +97,7 @@ def test_limit_of_layers():
     """More layers announced than the limit allows are refused; as many are not."""
     data = files()["exact"]
     count = len(isocodec.open(data).info.layers)
-    decoder = Decoder(Limits(layers=count))
-    decoder.feed(data)
-    decoder.close()
+    fed(data, Limits(layers=count))
     limited(data, layers=count - 1)
 
 
@@ -145,9 +141,7 @@ def test_meshes_that_claim_to_be_large(kind, n, run):
 @pytest.mark.parametrize("profile", Profile)
 def test_isovalues_without_layers_take_no_memory(profile):
     """Nothing is allocated for an isovalue, of any frame, before its first layer."""
-    decoder = Decoder()
-    decoder.feed(empty_series(300, 3, profile))
-    decoder.close()
+    decoder = fed(empty_series(300, 3, profile))
     assert decoder.budget.peak == 0 and len(decoder.isovalues) == 300
     assert {id(tube) for tube in decoder.grid.tubes} == {id(decoder.grid.tubes[0])}
     assert len(decoder.contour(299).points) == 0
@@ -233,9 +227,7 @@ def test_every_flipped_bit_is_found(name):
         wrong = bytearray(data)
         wrong[place // 8] ^= 128 >> place % 8
         with pytest.raises((FormatError, LimitError, OptionError)):
-            decoder = Decoder(Limits(vertices=1 << 17))
-            decoder.feed(wrong)
-            decoder.close()
+            fed(wrong, Limits(vertices=1 << 17))
 
 
 shapes_ = st.one_of(

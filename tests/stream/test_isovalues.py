@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
+from files import fed
 from isocodec import Decoder
 from isocodec.drawing.snapshot import leaves_of, state_of
 from isocodec.errors import FormatError, OptionError
@@ -84,9 +85,7 @@ def test_each_decodes_as_by_itself(n, wanted):
         for isovalue in isovalues:
             by_itself = isocodec.decode(isocodec.encode(field, isovalue, **alone))
             same(isocodec.decode(data, isovalue=isovalue), by_itself, within)
-        decoder = Decoder()
-        decoder.feed(data)
-        decoder.close()
+        decoder = fed(data)
         assert decoder.isovalues == isovalues
         for number, strand in enumerate(encoder.frame.strands):
             assert state_of(strand.tube).lines() == decoder.grid.state(number).lines()
@@ -109,9 +108,7 @@ def test_bases_from_the_leaves_of_another(n):
         plans = {v: [("leaf_base",), ("refine", None)] if i else [("base", level)] for i, v in enumerate(isovalues)}
         if level == full:
             plans = {v: plan[:1] for v, plan in plans.items()}
-        decoder = Decoder()
-        decoder.feed(b"".join(encoder_of(field, isovalues, layers=plans)))
-        decoder.close()
+        decoder = fed(b"".join(encoder_of(field, isovalues, layers=plans)))
         for number, isovalue in enumerate(isovalues[1:], 1):
             leaves = leaves_of(decoder.grid._tubes[number], isovalue, lambda steps, above: steps)
             expected = mixed(field > isovalue, full)
@@ -149,9 +146,7 @@ def test_bijection(n):
                     mesh |= data.draw(meshes(field.shape, mesh))
                     plans[v].append((kind, 1, chosen(field.shape, mesh)))
         encoder = encoder_of(field, isovalues, layers=plans)
-        decoder = Decoder()
-        decoder.feed(b"".join(encoder))
-        decoder.close()
+        decoder = fed(b"".join(encoder))
         for number, strand in enumerate(encoder.frame.strands):
             assert state_of(strand.tube).lines() == decoder.grid.state(number).lines()
 
@@ -248,22 +243,16 @@ def test_events_and_skipping():
     assert [(e.number, e.isovalue, e.lean) for e in events] == [(1, 20.5, 0), (2, -20.5, 0)]
     info = isocodec.open(data).info
     assert info.isovalues == [0.5, 20.5, -20.5] and info.leans == [None, 0, 0] and info.chain(2) == {0, 2}
-    some = Decoder(only={0, 2})
-    some.feed(data)
-    some.close()
+    some = fed(data, only={0, 2})
     same(some.contour(2), decoder.contour(2))
     assert some.grid.state(1) is None
     with pytest.raises(OptionError, match="predicted from isovalue 0"):
-        other = Decoder(only={1})
-        other.feed(data)
-        other.close()
+        other = fed(data, only={1})
     # those of a turn are decoded together
     assert isocodec.open(isocodec.encode(field, [0.5, 20.5, -20.5])).info.chain(2) == {0, 1, 2}
     free = isocodec.encode(field, [0.5, 20.5], order="independent")
     assert isocodec.open(free).info.leans == [None, None]
-    other = Decoder(only={1})
-    other.feed(free)
-    other.close()
+    other = fed(free, only={1})
     same(other.contour(1), decoder.contour(1), 2 * DEFAULT_TOLERANCE)
 
 
@@ -318,9 +307,7 @@ def test_values_of_floats_follow_exactly(n):
         field[some] = 10.1 + rng.integers(-9, 9, shape)[some] * step
         field = field.astype(np.float32) if single else field
         for order in ("levels", "isovalues", "independent"):
-            decoder = Decoder()
-            decoder.feed(isocodec.encode(field, isovalues, precision=f"step={step!r}", order=order))
-            decoder.close()
+            decoder = fed(isocodec.encode(field, isovalues, precision=f"step={step!r}", order=order))
             for number, isovalue in enumerate(isovalues):
                 state = decoder.grid.state(number)
                 at = tuple(state.position.T)

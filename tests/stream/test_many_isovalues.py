@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import isocodec
+from files import fed
 from isocodec import Decoder, Limits
 from isocodec.errors import FormatError, LimitError
 from isocodec.format.chunks import read_further, write_chunk, write_further
@@ -139,9 +140,7 @@ def test_isovalues_in_any_order(order: int) -> None:
 
 
 def held(data: bytes) -> int:
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
+    decoder = fed(data)
     return decoder.memory
 
 

@@ -11,6 +11,7 @@ import pytest
 
 import isocodec
 from commands import HILLS, fails, ok
+from files import fed
 from home import ROOT
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
@@ -85,9 +86,7 @@ def test_two_bits_in_between_two_levels() -> None:
         ("base", 10, 0), ("values", 10, 7), ("values", 10, 6), ("refine", 11, 0), ("values", 11, 6), ("refine", 12, 0),
         *(("values", 12, plane) for plane in (5, 4, 3, 2, 1)),
     ]
-    decoder = isocodec.Decoder()
-    decoder.feed(data)
-    decoder.close()
+    decoder = fed(data)
     state = decoder.grid.state()
     assert state is not None
     padded = np.pad(HILLS > 60, 1, mode="edge")
@@ -264,32 +263,22 @@ def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
         ("base\nadapt topology", 2, "adaptive refinement of the full grid: leave it out"),
         ("base\nrefine", 2, "leave it out: the mesh is already the full grid"),
         ("base 4\n\nvalues 2\noffsets 3", 4, "offsets after values: put offsets before the first values"),
-        ("base 4\nbase 5", 2, "a second base: an isovalue has only one base"),
         ("base 4\nadaptive-base topology", 2, "a second base"),
         ("base 13", 1, "the base is at level 13, but the full grid is level 12: give a level from 0 to 12"),
         ("values 2", 1, "a layer before the base: begin with base"),
         ("leaf-base", 1, "leaf-base needs an isovalue that is predicted from an earlier one"),
         ("base\nvalues 40", 2, "more bits of values are asked for than there are: fewer bits"),
-        ("base\nvalues 2\nvalues 40", 3, "more bits of values are asked for than there are"),
         ("base\noffsets 4", 2, "the radix 4 must be odd: for example 5"),
-        ("base\noffsets 65", 2, "the radix must be an odd number from 1 to 63"),
         ("base 2\noffsets 3 unit=25", 2, "the unit at most 24"),
-        ("base\noffsets", 2, "offsets takes a radix"),
-        ("base\noffsets 3 5", 2, "for example: offsets 9"),
         ("base 4 5", 1, "base takes a level only"),
-        ("base four", 1, "'four' is not a level: it must be an integer"),
         ("base -1", 1, "it must be an integer, 0 or greater"),
-        ("adaptive-base -1 topology", 1, "it must be an integer, 0 or greater"),
         ("adaptive-base", 1, "the mesh needs a criterion: give crossing, topology"),
-        ("adaptive-base topology=1", 1, "'topology=1' is not a criterion"),
         ("adaptive-base distortion=nan", 1, "'nan' is not a distortion"),
         ("adaptive-base topology topology", 1, "topology is given twice"),
         ("# two\nbass 2", 2, "unknown layer 'bass': a line must begin with one of isovalue, base, "),
-        ("base\nisovalue 60.5\nbase", 2, "layers before the first isovalue"),
         ("isovalue 60.5\nbase\nisovalue 60.5\nbase", 3, "given twice"),
         ("isovalue 60.5\nisovalue 61.5\nbase", 2, "the isovalue before has no layers"),
         ("isovalue inf\nbase", 1, "an isovalue must be a finite number"),
-        ("leaf-base 3", 1, "leaf-base takes no arguments"),
     ],
 )
 def test_a_line_that_cannot_be_carried_out_is_named(

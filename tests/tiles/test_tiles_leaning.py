@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import isocodec
-from brute import smooth
 from isocodec.errors import FormatError
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isocodec.tiles.first_stages import first_stages
@@ -55,12 +54,6 @@ def test_each_is_that_of_the_whole_field(tmp_path: Path, precision: str, masked:
                 alone.window(isovalue=isovalue, layer=layer)
             )
         assert pieces(short.window(isovalue=isovalue)) == pieces(file.window(isovalue=isovalue, layer=1))
-
-
-def test_a_close_isovalue_costs_little(tmp_path: Path) -> None:
-    field = np.rint(2000 * smooth((257, 257), 5, 8)).astype(np.int16)
-    sizes = [len(encoded(tmp_path, field, some, tile=128, precision="exact")) for some in ([100], [110], [100, 110])]
-    assert sizes[2] - sizes[0] < 0.4 * sizes[1]
 
 
 def test_slack_needs_an_order(tmp_path: Path) -> None:
