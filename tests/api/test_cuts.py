@@ -285,22 +285,3 @@ def test_memory_of_a_cut_is_counted() -> None:
 
     cut, levels = (bisect_left(range(1 << 30), True, key=lambda m, data=data: not refused(data, m)) for data in files)
     assert levels < cut < 3 * levels
-
-
-@pytest.mark.parametrize("wrong", [
-    ("signs", "cut"), ("cut", "signs"), ("cut", "levels"), ("levels", "cut"), ("cut", "values", "values"),
-    ("values", "cut"),
-])
-def test_layers_that_may_not_come(wrong: tuple[str, ...]) -> None:
-    """A cut beside signs or levels, or behind geometry of none; geometry twice."""
-    mesh = plane(3, 200)
-    values = np.arange(len(mesh[0])) % 7
-    alone = {
-        name: split(isocodec.encode(isocodec.Mesh(*mesh, values, progressive=each), 3.5, precision="signs"))
-        for name, each in (("levels", True), ("signs", False))
-    }
-    domain, cut, places = split(encoded(mesh, values, 3.5, some(1, 1), precision="exact")).chunks
-    layers = {"cut": cut, "values": places, **{name: file.chunks[1] for name, file in alone.items()}}
-    with pytest.raises(FormatError) as caught:
-        isocodec.decode(bytes(alone["signs"].with_chunks(domain, *(layers[name] for name in wrong))), mesh=mesh)
-    assert caught.value.clause == "10.1.3"

@@ -13,25 +13,22 @@ from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from home import ROOT
 from isocodec import encode
 from isocodec.errors import KernelError
-from isocodec.format.program import Progress, read_program
 from isoconform import strategies
 from isoconform.__main__ import main
-from isoconform.damage import damaged, fields_of, torn
+from isoconform.damage import damaged
 from isoconform.decoders import Answer, Batch, Reference, Request
 from isoconform.dump import COMPLETE, CUT_OFF, REFUSED, dump
-from isoconform.fuzz import STATE, Campaign, verdict
+from isoconform.fuzz import STATE, Campaign
 from isoconform.growing import probe
 from isoconform.manifest import default_directory
 from isoconform.properties import check
-from isoconform.syntax import any_file, any_program, any_taste, bare_file
+from isoconform.syntax import any_file, bare_file
 from isospec.elements import ELEMENTS
-from tables import heavy, looped
+from tables import heavy
 
 VECTORS = default_directory()
 SPEC = ROOT / "spec" / "iso.md"
@@ -55,22 +52,6 @@ def annex(tmp_path):
 # --- files from the syntax ------------------------------------------------------------------------------------------
 
 
-@looped("seed", range(40))
-def test_programs_follow_on_one_another(seed):
-    """Each says what the reader makes of it, and stands where that stands."""
-    random = Random(seed)
-    before = Progress(random.choice((0, 4, 6, 12, 48)))
-    for _ in range(3):
-        after = before.copy()
-        program = any_program(random, after, any_taste(random))
-        if program:
-            read = before.copy()
-            found = read_program(program, 0, len(program), read)
-            assert found is not None and found[1] == len(program)
-            assert read == after
-        before = after
-
-
 @pytest.mark.heavy  # hundreds of files by plain Python
 def test_files_reach_what_encoders_do_not_write():
     """Of 120 files most are whole and valid, some are cut off, a few are an error; all kinds of layers come in them."""
@@ -84,16 +65,6 @@ def test_files_reach_what_encoders_do_not_write():
 
 
 # --- damage ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["plane_isovalues_between_chunks", "space_index", "plane_chunk_checksums"])
-def test_files_are_taken_apart_and_put_together(name):
-    data = (VECTORS / f"{name}.iso").read_bytes()
-    file = torn(data)
-    assert file is not None and file.whole and bytes(file) == data
-    assert bytes(fields_of(file.header)) == file.header
-    start = torn(data[:-9])
-    assert start is not None and not start.whole and bytes(start) == data[:-9]
 
 
 def test_damage_reaches_many_clauses():
@@ -153,37 +124,7 @@ def test_a_decoder_that_dies_is_started_again(tmp_path, importable):
     assert (answers[0], answers[2]) == (Answer(0, "x"), Answer(0, "xx"))
 
 
-@pytest.mark.parametrize(
-    ("body", "trouble"),
-    [
-        pytest.param("time.sleep(60)", "hang", marks=pytest.mark.heavy), ("print('nonsense', flush=True)", "crash"),
-        ("say(0, 'a'); sys.exit()", ""),
-    ],
-)
-def test_troubles_of_a_batch(tmp_path, annex, importable, body, trouble):
-    """No answer in time; one that is none; an end between files, which is noticed at the next one only."""
-    decoder = Batch(script(tmp_path, body), timeout=1.5 if trouble == "hang" else None)
-    decoder.ask(Request(annex))
-    answer = decoder.answer()
-    decoder.close()
-    assert answer is not None and answer.trouble.partition(":")[0] == trouble
-
-
 # --- campaigns ------------------------------------------------------------------------------------------------------
-
-
-@looped(
-    ("expected", "answer", "sort"),
-    [
-        (0, Answer(0, "text"), ""), (0, Answer(0, "next"), STATE), (5, Answer(0, "text"), "exit code 0 instead of 5"),
-        (4, Answer(6, ""), ""), (4, Answer(4, "text"), "refused with a text"),
-        (0, Answer(-11, trouble="crash: x"), "crash"), (0, Answer(6, ""), "exit code 6 instead of 0"),
-    ],
-)
-def test_verdicts(expected, answer, sort):
-    output = dump(ANNEX_D)
-    wanted = type(output)(expected, "text" if expected in (0, 5) else "")
-    assert verdict(wanted, answer) == sort
 
 
 @pytest.mark.heavy
@@ -312,16 +253,6 @@ def test_any_file_is_explained(importable, name, parts):
 
 
 # --- strategies and properties --------------------------------------------------------------------------------------
-
-
-@settings(max_examples=15)
-@given(st.data())
-def test_strategies_of_files(data):
-    """Hypothesis makes them, too; in pieces they are the same."""
-    file = data.draw(st.one_of(strategies.files(), strategies.damaged_files()))
-    parts = data.draw(strategies.pieces(file))
-    assert b"".join(parts) == file
-    assert file.startswith(data.draw(strategies.cuts(file)))
 
 
 def test_wrong_signs_are_noticed():

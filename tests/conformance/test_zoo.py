@@ -5,19 +5,14 @@ The whole zoo runs with ``make zoo``; here a few of it.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from isoconform.dump import dump
 from isoconform.manifest import read_manifest
 from tables import heavy, looped
 from zoo.check import TABLE, VECTORS, check, table
-from zoo.command import main
-from zoo.misreadings import Change, RottenError, changed, load, plant
+from zoo.misreadings import Change, RottenError, changed, load
 
 MISREADINGS = load()
 BY_NAME = {m.name: m for m in MISREADINGS}
@@ -61,26 +56,3 @@ def test_change_that_does_not_fit_is_refused(old, new, what):
     misreading = replace(MISREADINGS[0], changes=(Change("spec/isospec/container.py", old, new),))
     with pytest.raises(RottenError, match=what):
         changed(misreading)
-
-
-def test_list_and_planting_change_one_file(tmp_path, capsys):
-    assert main(["--list", "--only", "varint-10-bytes"]) == 0
-    assert "3.2.1(3)" in capsys.readouterr().out
-    plant(BY_NAME["varint-10-bytes"], tmp_path)
-    assert "MAX_VARINT = 10" in (tmp_path / "isospec" / "container.py").read_text()
-    root = TABLE.parent.parent
-    for package in ("codec/isocodec", "conformance/isoconform"):
-        for source in (root / package).rglob("*.py"):
-            copy = tmp_path / Path(package).name / source.relative_to(root / package)
-            assert copy.read_bytes() == source.read_bytes()
-
-
-@pytest.mark.heavy
-def test_decoder_answers_as_dump_does():
-    """Of a file that it does not misread, the reference's text; of another one, another."""
-    for vector, same in (("plane_noise_5x3", True), ("plane_second_branch", False)):
-        path = VECTORS / f"{vector}.iso"
-        command = [sys.executable, str(TABLE.parent / "zoo"), "decoder", "second-branch-last-points", str(path)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0
-        assert (done.stdout == dump(path.read_bytes()).text) is same

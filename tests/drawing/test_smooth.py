@@ -60,18 +60,6 @@ def test_what_follows_from_what_is_told_stays(shape, plan):
     )
 
 
-@looped(("precision", "room"), [("exact", 0), (0.05, 0.5 / 11), (None, 0.5 / 11), (0.08, 0.5 / 7)])
-@looped("shape", [(23, 30), (9, 11, 10)])
-def test_points_stay_in_their_parts(shape, precision, room):
-    """But for points in the middles of cells, which are between their neighbours anyway."""
-    field = np.rint(100 * (noise(shape) + smooth(shape, 5))).astype(int)
-    plain, moved = both(field, 10.5, precision=precision)
-    told = (plain.points % 1 != 0).sum(axis=1) <= 1
-    assert told.mean() > 0.9
-    way = np.abs(moved.points - plain.points)[told].max(axis=1)
-    assert way.max() <= room and (room == 0 or (way > 0.5 * room).mean() > 0.1)
-
-
 def test_layers_half_told():
     """A prefix within the offsets: those that have come stay, the others move."""
     data = isocodec.encode(ball((40, 41), (19.3, 20.1), 14.2), 0)

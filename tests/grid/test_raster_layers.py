@@ -178,21 +178,6 @@ def _file(shape: tuple[int, ...], run: bytes, *steps: tuple[int, int]) -> bytes:
     return bytes(File(start, (layers(steps_of(*(steps or ((Operation.REFINE, 0),))), run),)))
 
 
-@looped(("shape", "steps", "clause"), [
-    ((9, 9, 9), (), "5.12"),
-    ((1 << 20, 1 << 20), (), "5.12"),
-    ((1 << 24, 17), (), "5.12"),
-    ((9, 9), ((Operation.BASE, 15), (Operation.REFINE, 0)), "3.6"),
-    ((9, 9), ((Operation.REFINE, 0), (Operation.REFINE, 0)), "3.6"),
-    ((9, 9), ((Operation.REFINE, 0), (Operation.BASE, 1)), "3.6"),
-    ((9, 9), ((Operation.REFINE, 0), (Operation.ADAPT, 1)), "3.6"),
-])
-def test_files_with_raster_layers_where_there_may_be_none(shape, steps, clause) -> None:
-    with pytest.raises(FormatError) as caught:
-        decoded(_file(shape, bytes(range(40)), *steps))
-    assert caught.value.clause == clause
-
-
 @pytest.mark.parametrize("shape", [(1 << 14, 1 << 14), (1 << 24, 16), (16, 1 << 24)])
 def test_runs_of_random_bytes_in_large_boxes_are_bounded(shape: tuple[int, int]) -> None:
     if INTERPRETED:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,11 +13,9 @@ from explicit_meshes import components, crossings, euler, plane, space, torus
 from files import fed
 from isocodec import Decoder, IsoError, Mesh, decode, encode
 from isocodec.entropy.run import Account
-from isocodec.errors import FormatError, InputError, OptionError
-from isocodec.format.domain import DomainHead, read_domain, write_domain
+from isocodec.errors import InputError, OptionError
 from isocodec.mesh.mesh_run import decoded_mesh, encoded_mesh
 from isocodec.mesh.quantised import quantised
-from isospec.container import DomainKind
 from tables import looped
 
 MANY = 60 if HEAVY else 3
@@ -150,20 +147,3 @@ def test_random_runs():
         assert (np.sort(found.mesh.cell, axis=1)[:, 1:] != np.sort(found.mesh.cell, axis=1)[:, :-1]).all()
         assert len(same_cells(found.mesh.cell)) == len(found.mesh.cell)
     assert len(ended) > 2 or INTERPRETED
-
-
-def test_what_a_file_claims():
-    """Numbers of vertices and cells are bounded by the bytes that came, before anything is allocated."""
-    head = DomainHead(DomainKind.CODED, 2, 0, 5, 3, b"", 1, (0, 0), (9, 9))
-    assert read_domain(write_domain(head, 2), 2, 0)[0] == head
-    for wrong in (
-        {"vertices": 1 << 20}, {"cells": 1 << 20}, {"cells": 0}, {"vertices": 2}, {"extent": (9, 1 << 25)},
-        {"extent": (0, 9)}, {"multiple": 0}, {"multiple": 1 << 21}, {"origin": (1 << 41, 0)}, {"exponent": 2000},
-        {"d": 4},
-    ):
-        with pytest.raises(FormatError) as caught:
-            read_domain(write_domain(replace(head, **wrong), 2), 2, 0)
-        assert caught.value.clause == "3.5.8"
-    for size in range(len(write_domain(head, 2))):
-        with pytest.raises(FormatError):
-            read_domain(write_domain(head, 2)[:size], 2, 0)

@@ -13,7 +13,7 @@ from explicit_meshes import plane, space, torus
 from isocodec.api.files import frames_of
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
-from isospec.container import LAYER_LIMIT, ChunkType
+from isospec.container import ChunkType
 
 ISOVALUES = [20.5, 31.5]
 KINDS = {"plane": plane, "space": space, "surface": lambda seed: torus()}
@@ -156,22 +156,6 @@ def test_frames_of_nothing_are_work():
     with pytest.raises(isocodec.errors.LimitError) as caught:
         list(decoder)
     assert caught.value.code == "limit-work"
-
-
-@pytest.mark.heavy
-def test_more_layers_than_a_frame_may_have():
-    """Even of an isovalue that is skipped."""
-    mesh = plane(3)
-    data = isocodec.encode(isocodec.Mesh(*mesh, moving(mesh)[0], progressive=False), 20.5, precision="signs")
-    first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.format.events.DomainRead))
-    decoder = isocodec.Decoder(mesh=mesh, only=())
-    layer = write_chunk(ChunkType.LAYERS, b"\0")
-    decoder.feed(data[:first] + layer * LAYER_LIMIT)
-    assert len(list(decoder)) == LAYER_LIMIT + 2
-    decoder.feed(layer)
-    with pytest.raises(FormatError) as caught:
-        list(decoder)
-    assert caught.value.clause == "11.1"
 
 
 def _events(data, mesh):

@@ -257,33 +257,3 @@ def test_promises_of_each_frame_are_kept(precision: Any, isovalues: list[float],
             elif isinstance(event, PromisesRead):
                 events.append((place, list(event.promises.within.values())))
     assert dict(events) == wanted and len(events) == len(wanted)
-
-
-@looped(
-    ("number", "chunk"),
-    [
-        (0, b"\x0d\x00"), (0, b"\x0d\x02\x05\x05"), (0, b"\x0d\x02\x80\x05"), (0, b"\x0d\x01\x05\x0d\x01\x05"),
-        (0, b"\x8d\x01\x05"), (0, b"\x09\x00"), (0, b"\x09\x01\x05"), (2, b"\x09\x01\x01"), (2, b"\x09\x02\x00\x00"),
-        (2, b"\x09\x00\x05\x02\x00\x01"), (2, b"\x09\x00\x07\x01\x00"), (2, b"\x09\x00\x0d\x01\x05"),
-        (2, b"\x0d\x01\x05"), (2, b"\x89\x00"), (2, b"\x8d\x00"),
-    ],
-)
-def test_malformed_chunks(number: int, chunk: bytes):
-    data = encode(Frames(moving(2, 8)), ISOVALUE, interval=5, precision="signs")
-    place = isocodec.open(data).info.chunks[number]
-    end = place.offset + (place.bytes if number == 0 else 0)
-    bad = with_checksum(data[: place.offset] + chunk + data[end:])
-    with pytest.raises(FormatError) as caught:
-        isocodec.decode(bad)
-    assert caught.value.clause in ("3.5.7", "3.5.2")
-    with pytest.raises(FormatError):
-        _ = isocodec.open(bad).info
-
-
-def test_frames_behind_layers():
-    data = isocodec.encode(moving(1, 8)[0], ISOVALUE, precision="signs")
-    at = isocodec.open(data).info.chunks[0].offset
-    bad = with_checksum(data[:at] + bytes([data[at] & ~0x20]) + data[at + 1 : -4] + b"\x2d\x01\x00" + b"\0" * 4)
-    with pytest.raises(FormatError) as caught:
-        isocodec.decode(bad)
-    assert caught.value.clause == "3.5.7"

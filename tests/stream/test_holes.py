@@ -11,10 +11,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from commands import HILLS
-from isocodec.errors import FormatError, InputError
-from isocodec.format.chunks import write_chunk
-from isocodec.stream.inspect import inspect
-from isospec.container import ChunkType
+from isocodec.errors import InputError
 from libraries import Late
 from tables import looped
 
@@ -179,67 +176,6 @@ def assert_within(one: isocodec.Contour, other: isocodec.Contour, tolerance: flo
 
     for a, b in ((one, other), (other, one)):
         assert not len(Target(a.points, a.cells, tolerance).exceeded(b.points, b.cells).places)
-
-
-def chunks_of(data: bytes) -> list[tuple[str, bytes]]:
-    """Chunks of a file, with their bytes."""
-    return [(c.type, data[c.offset : c.offset + c.bytes]) for c in isocodec.open(data).info.chunks]
-
-
-def joined(data: bytes, parts: list[bytes]) -> bytes:
-    """A file of the header of another and some chunks, with an end that has nothing in it."""
-    import zlib
-
-    body = data[: isocodec.open(data).info.chunks[0].offset] + b"".join(parts)
-    body += write_chunk(ChunkType.METADATA, b"{}", ancillary=True, last=True)
-    return body + zlib.crc32(body).to_bytes(4, "big")
-
-
-def plain(chunk: bytes) -> bytes:
-    """A chunk that is not the last one."""
-    return bytes([chunk[0] & ~0x20]) + (chunk[1:-4] if chunk[0] & 0x20 else chunk[1:])
-
-
-def test_a_mask_may_come_last() -> None:
-    """Then it takes no part in the coding, but in the drawing."""
-    field = np.where(HOLE, np.nan, FLOATS)
-    masked = isocodec.encode(field, 80.5, profile="baseline")
-    from isocodec.field.filling import filled_smoothly
-
-    filled = isocodec.encode(filled_smoothly(FLOATS, HOLE), 80.5, profile="baseline")
-    (mask,) = (chunk for kind, chunk in chunks_of(masked) if kind == "mask")
-    data = joined(filled, [*(plain(chunk) for _, chunk in chunks_of(filled)), mask])
-    ours, theirs = isocodec.decode(data), isocodec.decode(masked)
-    assert close(ours.points, theirs.points, 1e-9) and len(ours.points) == len(theirs.points)
-    assert np.array_equal(isocodec.open(data).valid(), ~HOLE)
-    shorter = isocodec.open(data).edited(layers=len(isocodec.open(data).info.layers))
-    assert np.array_equal(isocodec.open(shorter).valid(), ~HOLE)
-
-
-def test_hostile_masks() -> None:
-    """A second mask, an ancillary one, one that ends too early or goes on too long, one after a cut run."""
-    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5, profile="baseline")
-    chunks = dict(chunks_of(data))
-    mask, layers = chunks["mask"], plain(chunks["layers"])
-    joined(data, [mask, layers])
-    payload = mask[2 if mask[1] < 128 else 3 :]
-    bad = {
-        "3.5.6": [mask, layers, mask],
-        "3.5.2": [bytes([mask[0] | 0x80]) + mask[1:], layers],
-        "6.3": [write_chunk(ChunkType.MASK, payload + b"\0\0\0\0\0\0\0\0"), layers],
-    }
-    for clause, parts in bad.items():
-        for look in (isocodec.decode, inspect) if clause != "6.3" else (isocodec.decode,):
-            with pytest.raises(FormatError) as caught:
-                look(joined(data, parts))  # type: ignore[operator]
-            assert str(caught.value.clause).startswith(clause)
-    rng = np.random.default_rng(0)
-    for _ in range(40):
-        junk = write_chunk(ChunkType.MASK, bytes(rng.integers(0, 256, int(rng.integers(0, 60)), np.uint8)))
-        for parts in ([junk, layers], [layers, junk]):
-            with pytest.raises(isocodec.IsoError):
-                isocodec.decode(joined(data, parts), limits=isocodec.Limits.tier(0))
-                raise FormatError("by chance a mask", code="none")
 
 
 def test_truncated_files_keep_their_mask() -> None:

@@ -22,6 +22,7 @@ from isocodec.errors import FormatError, LimitError, OptionError
 from isocodec.format.events import MetadataRead
 from isocodec.format.header import Header, write_header
 from isocodec.grid.passes.runner import Tube
+from isoconform import strategies
 from isoconform.streams import Chunk, File
 from isospec.container import ChunkType, DomainKind, Profile, write_varint
 from tables import heavy, looped
@@ -230,47 +231,11 @@ def test_every_flipped_bit_is_found(name):
             fed(wrong, Limits(vertices=1 << 17))
 
 
-shapes_ = st.one_of(
-    st.lists(st.integers(1, 40), min_size=2, max_size=3),
-    st.sampled_from([[1 << 24, 1 << 24], [1 << 20] * 3, [1, 1], [1, 1, 1], [2, 1 << 24], [3, 2, 1 << 20], [257] * 3]),
-).map(tuple)
-
-
-@st.composite
-def programs_(draw, shape):
-    """A program that is valid for a shape, more or less."""
-    full = len(shape) * max(max(shape) - 2, 0).bit_length()
-    level = draw(st.integers(0, min(full, draw(st.sampled_from([4, 12, 60])))))
-    out = [b"\x0e" + write_varint(level)]
-    if level < full and draw(st.booleans()):
-        out.append(b"\x1e" + write_varint(draw(st.integers(1, min(full - level, 12)))))
-    if level == full and draw(st.booleans()):
-        out.append(bytes([0x30 + draw(st.integers(1, 13))]))
-    elif draw(st.booleans()):
-        out.append(bytes([0x2F, draw(st.integers(0, 14)) << 4 | draw(st.integers(0, 14))]))
-    return b"".join(bytes([step[0] | (0x80 if i < len(out) - 1 else 0)]) + step[1:] for i, step in enumerate(out))
-
-
 @examples(300)
-@given(st.data())
-def test_random_runs(data):
-    """Noise where entropy-coded data should be, behind a header and a program that are valid."""
-    shape = data.draw(shapes_)
-    program = data.draw(programs_(shape))
-    noise = st.binary(max_size=60) | st.integers(0, 40).map(bytes) | st.integers(0, 40).map(lambda n: b"\xff" * n)
-    payload = program + data.draw(noise)
-    kind = ChunkType.LAYERS
-    if data.draw(st.booleans()):
-        kind, payload = ChunkType.CUT_LAYERS, write_varint(data.draw(st.integers(0, 300))) + payload
-    survive(layers_file(payload, kind, write_header(Header(shape, 0.5))))
-
-
-@examples(300)
-@given(st.binary(max_size=80))
-def test_random_chunks(noise):
-    """Noise behind a header, with and without a checksum that fits."""
-    survive(HEADER + noise)
-    survive(with_checksum(HEADER + noise))
+@given(st.one_of(strategies.files(), strategies.damaged_files()))
+def test_any_files(data):
+    """Files of the syntax that no encoder writes, noise where coded data should be, and damage behind checksums."""
+    survive(data)
 
 
 @examples(300)

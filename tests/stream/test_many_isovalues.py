@@ -13,8 +13,7 @@ import isocodec
 from files import fed
 from isocodec import Decoder, Limits
 from isocodec.errors import FormatError, LimitError
-from isocodec.format.chunks import read_further, write_chunk, write_further
-from isocodec.format.frames import read_frame, write_frame
+from isocodec.format.chunks import write_chunk, write_further
 from isocodec.format.header import Header, read_header, read_isovalue, write_header, write_isovalue
 from isocodec.stream.series import nearest_before
 from isospec.container import LAYER_LIMIT, MAX_ISOVALUES, ChunkType, IsovalueKind
@@ -80,25 +79,6 @@ def test_many_decimals_are_read_as_python_reads_them() -> None:
                 digits.pop(0)
             coded = bytes([places, *digits])
             assert read_isovalue(coded, 0, len(coded), IsovalueKind.DECIMAL) == (value, len(coded))
-
-
-@looped("number", [1, 61, 62, 63, 64, 65, 127, 128, 4095])
-@looped("back", [1, 2, 61, 62, 63, 64, 65, 127, 128, 4095, None])
-def test_leaning_far_back(number: int, back: int | None) -> None:
-    lean = None if back is None else number - back
-    if lean is not None and lean < 0:
-        return
-    earlier = {float(i) for i in range(number)}
-    payload = write_further(number, 0.1, lean)
-    assert len(payload) == 3 + ((back or 0) >= 63) + ((back or 0) >= 128)
-    assert read_further(payload, 0, earlier) == (0.1, lean)
-    for size in range(len(payload)):
-        with pytest.raises(FormatError):
-            read_further(payload[:size], 0, earlier)
-    assert read_frame(write_frame(number, lean, True), 0, number, True) == lean
-    if lean == 0:
-        with pytest.raises(FormatError):
-            read_further(payload, 0, {float(i) for i in range(number - 1)})
 
 
 def test_the_nearest_of_the_earlier_ones() -> None:

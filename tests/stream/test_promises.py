@@ -14,10 +14,9 @@ from isocodec import Decoder
 from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import Promises, read_promises, write_promises
-from isocodec.format.events import ChunkSkipped, PromisesRead
+from isocodec.format.events import PromisesRead
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
-from isospec.container import ChunkType
 from tables import looped
 
 
@@ -83,20 +82,6 @@ def test_only_distances_are_written_down(options: dict[str, object]) -> None:
 def test_one_step_is_a_tolerance() -> None:
     data, other = (isocodec.encode(BALL, 55.5, **options) for options in ({"precision": [1]}, {"precision": 1}))
     assert isocodec.open(data).info.layers[-1].within == 1 and data == other
-
-
-def test_others_are_skipped() -> None:
-    data = isocodec.encode(HILLS, 80.5, precision=[2])
-    info = isocodec.open(data).info
-    (chunk,) = (chunk for chunk in info.chunks if chunk.type == "promises")
-    at = chunk.offset + 2
-    broken = data[:at] + b"\x07" + data[at + 1 :]
-    decoder = Decoder()
-    decoder.feed(broken[:-4])
-    events = list(decoder)
-    assert any(isinstance(event, ChunkSkipped) and event.type == ChunkType.PROMISES for event in events)
-    assert not any(isinstance(event, PromisesRead) for event in events)
-    assert np.array_equal(decoder.contour().points, isocodec.decode(data).points)
 
 
 @looped("promise", [(), (0.0,), (float("nan"),), ("1",), (1.0, 2.0), (1e300,)])

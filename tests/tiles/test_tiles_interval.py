@@ -14,7 +14,7 @@ from commands import fails, ok, run
 from isocodec.stream.options import Options
 from isocodec.tiles.writing import sample_range, tiling_of
 from tables import looped
-from tiled import hilly, holed, pieces
+from tiled import hilly, pieces
 
 
 def floats() -> np.ndarray:
@@ -75,14 +75,6 @@ def test_memory_is_that_of_a_tile() -> None:
     assert found == (0.0, 15_999 + 15_999 / 2)
     assert peak < 5 * 8 * 1025**2
     assert seen == [(done, grid.total) for done in range(1, grid.total + 1)] and field.asked == grid.total
-
-
-def test_masked_samples() -> None:
-    field = holed(hilly(), 3)
-    found = sample_range(field, tiling_of(field, 0, 32, Options()).grid)
-    assert found == (field.min(), field.max())
-    gone = np.ma.masked_all((50, 50), np.float32)
-    assert sample_range(gone, tiling_of(gone, 0, 32, Options()).grid) is None
 
 
 @looped(

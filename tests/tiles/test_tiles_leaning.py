@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import isocodec
-from isocodec.errors import FormatError
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isocodec.tiles.first_stages import first_stages
 from libraries import Late
@@ -99,13 +97,3 @@ def test_cut_anywhere(tmp_path: Path) -> None:
             stage = (area - number) // 2
             assert pieces(drawn) == pieces(file.window(isovalue=file.isovalues[number], layer=stage))
             assert drawn.complete == (stage == len(file.head.stages) - 1)
-
-
-def test_wrong_groups_are_refused(tmp_path: Path) -> None:
-    data = bytearray(encoded(tmp_path, hilly(), [1.5, 2.5], precision="signs"))
-    length = int.from_bytes(data[6:8], "big")
-    at = data.index(bytes([2, 0, 6, 0, 10, 2])) + 5
-    data[at] = 1
-    data[length - 4 : length] = zlib.crc32(data[: length - 4]).to_bytes(4, "big")
-    with pytest.raises(FormatError, match="groups of 1 isovalues"):
-        tiled_of(bytes(data))

@@ -8,9 +8,7 @@ import random
 import signal
 import subprocess
 import sys
-import threading
 import time
-import zlib
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import fields
@@ -274,17 +272,6 @@ def test_a_window_of_a_url(tmp_path: Path) -> None:
         assert not isocodec.open(url).complete
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes that have a name")
-def test_a_pipe_with_a_name(tmp_path: Path) -> None:
-    """It can be read once."""
-    for data in (isocodec.encode(hilly(), 30.5), encoded(tmp_path, hilly(), 30.5)):
-        pipe = tmp_path / "pipe"
-        os.mkfifo(pipe)
-        threading.Thread(target=pipe.write_bytes, args=(data,), daemon=True).start()
-        assert len(isocodec.open(pipe).contour().points)
-        pipe.unlink()
-
-
 def test_options_that_mean_nothing(tmp_path: Path) -> None:
     data = encoded(tmp_path, hilly(), 30.5)
     file = isocodec.open(data)
@@ -301,18 +288,6 @@ def test_options_that_mean_nothing(tmp_path: Path) -> None:
     # a file of one frame has a frame 0, and all of its bytes are a beginning
     for option in ({"frame": 0}, {"max_bytes": len(data)}):
         assert pieces(file.contour(**option)) == pieces(isocodec.decode(data))  # type: ignore[arg-type]
-
-
-def test_flags_that_are_not_listed(tmp_path: Path) -> None:
-    """Of the file, and of a stage, with checksums that are right (clause 12.3.1)."""
-    data = encoded(tmp_path, np.zeros((40, 50), np.uint8), 0.5)
-    length = int.from_bytes(data[6:8], "big")
-    for at, bits in ((5, 0x40), (5, 0x02), (13, 0x20), (16, 0x10)):
-        bad = bytearray(data)
-        bad[at] |= bits
-        bad[length - 4 : length] = zlib.crc32(bad[: length - 4]).to_bytes(4, "big")
-        with pytest.raises(FormatError, match=r"12\.3"):
-            isocodec.open(bytes(bad))
 
 
 # -- killed --------------------------------------------------------------------------------------------------------
