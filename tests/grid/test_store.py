@@ -11,6 +11,7 @@ from brute import examples
 from isocodec.grid.lattice.store import full, get, grown, new_store, page_of, put
 from isocodec.grid.lattice.tables import PAGE_SHIFT
 
+
 @examples(100)
 @given(st.data(), st.sampled_from([2, 3]))
 def test_store_is_a_dictionary(data, n):
