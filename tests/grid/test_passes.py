@@ -106,18 +106,10 @@ def fields_and_bases(draw, n, most, longest=None):
     return above, draw(st.one_of(st.none(), st.integers(0, n * exponent(above.shape))))
 
 
-@examples(200)
-@given(fields_and_bases(2, 20, 50))
-def test_levels_are_brute_force_in_the_plane(case):
-    """C2-uniform-base, C2-refine-uniform: any field of signs, any base."""
-    above, base_level = case
-    decode_and_check(above, precision="signs", layers=base_level)
-
-
-@examples(100)
-@given(fields_and_bases(3, 8, 17))
-def test_levels_are_brute_force_in_space(case):
-    """S3-dfs, C2-refine-uniform in three dimensions."""
+@examples(300)
+@given(st.one_of(fields_and_bases(2, 20, 50), fields_and_bases(3, 8, 17)))
+def test_levels_are_brute_force(case):
+    """C2-uniform-base, C2-refine-uniform, S3-dfs: any field of signs, any base."""
     above, base_level = case
     decode_and_check(above, precision="signs", layers=base_level)
 

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import isocodec
+from explicit_meshes import crossings, pieces
 from isocodec import Encoder, Mesh
 from isocodec.errors import InputError
 from isocodec.mesh.coded_points import triangulated
@@ -79,17 +80,8 @@ def values_at(points: Points, rng: np.random.Generator) -> NDArray[np.float64]:
 
 def drawn(points: Points, cells: NDArray[Any], values: NDArray[Any]) -> Any:
     """The contour of a triangulation, triangle by triangle."""
-    out = []
-    for cell in cells:
-        above = values[cell] > ISOVALUE
-        if above.all() or not above.any():
-            continue
-        one = int(np.flatnonzero(above == (above.sum() == 1))[0])
-        a = cell[one]
-        share = [(ISOVALUE - values[a]) / (values[b] - values[a]) for b in (cell[one - 1], cell[one - 2])]
-        ends = [points[b] for b in (cell[one - 1], cell[one - 2])]
-        out.append([points[a] + s * (b - points[a]) for s, b in zip(share, ends, strict=True)])
-    return shapely.multilinestrings([shapely.linestrings(piece) for piece in out])
+    found, crossed = (of((points, cells), values, ISOVALUE) for of in (crossings, pieces))
+    return shapely.multilinestrings([shapely.linestrings([found[edge] for edge in edges]) for edges in crossed])
 
 
 def apart(data: bytes, wanted: Any) -> float:

@@ -119,6 +119,8 @@ def test_areas_are_not_closed_along_holes() -> None:
     contour = isocodec.decode(isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5))
     with pytest.raises(isocodec.errors.OptionError, match="samples are missing"):
         contour.areas()
+    with pytest.raises(isocodec.errors.OptionError, match="valid has shape"):
+        contour.areas(valid=np.ones((3, 3), bool))
 
 
 @pytest.mark.parametrize("options", [{}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 1.0}])
@@ -142,12 +144,6 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
         here = np.argwhere(seen)
         inside = shapely.intersects(sides[0].buffer(1e-9), shapely.points(here[:, 1], here[:, 0]))
         assert np.array_equal(inside, HILLS[seen] > 80.5)
-
-
-def test_what_areas_along_holes_take() -> None:
-    data = isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5)
-    with pytest.raises(isocodec.errors.OptionError, match="valid has shape"):
-        isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
 
 
 @looped("options", [

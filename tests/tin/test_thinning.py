@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok
+from commands import fails
 from isocodec.errors import InputError, OptionError
 from tables import looped
 
@@ -220,28 +220,18 @@ def triangulated(points: np.ndarray) -> set[tuple[int, ...]]:
     return {tuple(sorted(cell)) for cell in Delaunay(points).simplices.tolist()}
 
 
-@pytest.mark.cover(2)
-@pytest.mark.parametrize("way", ["API", "command"])
-@pytest.mark.parametrize("layers", [1, 4])
-@pytest.mark.parametrize("criterion", CRITERIA)
-def test_points_of_any_criterion_can_be_coded(tmp_path, criterion: str, layers: int, way: str):
+@looped("layers", [1, 4])
+@looped("criterion", CRITERIA)
+def test_points_of_any_criterion_can_be_coded(criterion: str, layers: int):
     """The file has the points that are left and what they had, and another library's triangles of these."""
     rng = np.random.default_rng(8)
     points = rng.integers(0, 10**6, (300, 2)).astype(float)
     values = np.rint(100 * np.sin(points[:, 0] / 2e5) + (points[:, 1] > 4e5) * 50)
     kept = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70).kept
-    out = tmp_path / "tin.iso"
-    if way == "API":
-        tin = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70, layers=layers)
-        assert np.array_equal(tin.kept, kept) and len(tin.order) == 230
-        out.write_bytes(isocodec.encode(tin))
-    else:
-        np.savetxt(tmp_path / "points.csv", np.c_[points, values], delimiter=",", header="x,y,z", comments="")
-        ok("thin", tmp_path / "points.csv", "-o", out, "--criterion", criterion, "--points", 70,
-           "--layers", layers)
-    ok("decode", out, "-o", tmp_path / "tin.npz")
-    with np.load(tmp_path / "tin.npz") as read:
-        found, heights, cells = read["points"][:, :2], read["values"], read["cells"]
+    tin = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70, layers=layers)
+    assert np.array_equal(tin.kept, kept) and len(tin.order) == 230
+    read = isocodec.open(isocodec.encode(tin)).surface()
+    found, heights, cells = read.points, read.values, read.triangles
     wanted = np.c_[points[kept], values[kept]]
     have = np.c_[found, heights]
     assert np.array_equal(have[np.lexsort(have.T)], wanted[np.lexsort(wanted.T)])
