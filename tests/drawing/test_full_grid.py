@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from brute import ball, noise
-from drawings import as_set, check_manifold, check_winding, euler, leaves_of, torus
+from drawings import as_set, check_manifold, euler, leaves_of, torus
 from isocodec.drawing.drawing import draw
 from libraries import Late
-from tables import looped
 
 measure = Late("skimage.measure")
 
@@ -92,15 +91,6 @@ def test_all_patterns_in_all_mirror_images_are_watertight():
     centres = contour.points[(halves % 2 == 1).sum(1) != 1]
     in_cubes = ((centres % 3 > 1) & (centres % 3 < 2)).all(1)
     assert in_cubes.sum() == 14 * 8
-
-
-@looped("seed", range(5))
-@looped("shape", [(12, 11), (7, 6, 8)])
-def test_what_is_above_lies_inside(shape, seed):
-    leaves = leaves_of(noise(shape, seed, rim_below=True))
-    contour = draw(leaves)
-    check_manifold(contour)
-    check_winding(contour, leaves)
 
 
 def test_tunnel_is_drawn_as_a_tube():

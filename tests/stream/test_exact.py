@@ -8,11 +8,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import isocodec
-from brute import crossing_edges, crossing_points, examples, smooth
+from brute import crossing_points, smooth
 from files import fed
 from isocodec.drawing.snapshot import state_of
 from isocodec.errors import InputError, OptionError
@@ -91,26 +89,6 @@ def test_vertices_are_those_of_marching_cubes(shape, seed, noise):
         assert count == (1 if border else 2)
 
 
-@examples(120)
-@given(st.integers(2, 3), st.integers(0, 1 << 32), st.integers(1, 6), st.integers(-3, 3))
-def test_ties(n, seed, span, isovalue):
-    """Samples equal to the isovalue are below it: points by brute force, some next to samples, none together."""
-    rng = np.random.default_rng(seed)
-    field = rng.integers(-span, span + 1, rng.integers(2, 15 if n == 2 else 7, n))
-    contour = round_trip(field, isovalue, precision="exact")
-    expected = crossing_points(field, isovalue)
-    grid = on_grid_edges(contour.points)
-    assert len(np.unique(contour.points, axis=0)) == len(contour.points) and len(grid) >= len(expected)
-    assert not len(expected) or cKDTree(grid).query(expected)[0].max() < 1e-6
-    if n == 2:
-        assert len(contour.points) == len(expected)
-    signs = isocodec.decode(isocodec.encode(field, isovalue, precision="signs"))
-    low, axis = crossing_edges(field > isovalue)
-    middle = low.astype(float)
-    middle[np.arange(len(low)), axis] += 0.5
-    matched(on_grid_edges(signs.points), middle, 1e-12)
-
-
 # --- tolerance ------------------------------------------------------------------------------------------------------
 
 
@@ -128,37 +106,6 @@ def test_default_is_a_tolerance():
     default, asked = (isocodec.open(isocodec.encode(field, 0.1, **given)) for given in ({}, {"precision": 0.05}))
     assert np.array_equal(default.contour().points, asked.contour().points)
     assert (default.promise, asked.promise) == (None, "within 0.05 cells")
-
-
-# --- step -----------------------------------------------------------------------------------------------------------
-
-
-@examples(80)
-@given(st.integers(2, 3), st.integers(0, 1 << 32), st.sampled_from([1.0, 0.25, 0.01, 1e-3]), st.floats(-0.4, 0.4))
-def test_step(n, seed, step, isovalue):
-    """Float data: signs as ``field > isovalue``, values of all ends of crossed grid edges within half a step."""
-    rng = np.random.default_rng(seed)
-    shape = tuple(rng.integers(2, 20 if n == 2 else 8, n))
-    field = smooth(shape, seed) + 0.05 * rng.normal(size=shape)
-    if seed % 3 == 0:
-        field[rng.random(shape) < 0.2] = isovalue  # ties
-    decoder = fed(isocodec.encode(field, isovalue, precision=f"step={step}"))
-    tube = decoder.grid._tube
-    known = state_of(tube)
-    assert np.array_equal(known.above, field[tuple(known.position.T)] > isovalue)
-    low, axis = crossing_edges(field > isovalue)
-    high = low.copy()
-    high[np.arange(len(low)), axis] += 1
-    ends = np.unique(np.concatenate([low, high]), axis=0)
-    if not len(ends):
-        return
-    place = {tuple(p): i for i, p in enumerate(known.position.tolist())}
-    index = [place[tuple(p)] for p in ends.tolist()]
-    above, number, missing = known.above[index], known.number[index], known.missing[index]
-    assert (missing == 0).all()
-    # clause 2.3: the isovalue and half a step more for each number, on the sign's side
-    value = np.where(above, isovalue + step * (number + 0.5), isovalue - step * (number + 0.5))
-    assert np.abs(value - field[tuple(ends.T)]).max() <= step / 2 * (1 + 1e-9)
 
 
 # --- what must not go in --------------------------------------------------------------------------------------------
