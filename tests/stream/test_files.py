@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
 
 import numpy as np
 import pytest
@@ -188,7 +189,7 @@ def test_truncate_to_layers(name):
 
 def all_of_prefixes(data: bytes) -> Iterator[bytes]:
     """For each prefix that tells some symbols a file of all of them."""
-    for length in range(0, len(data), 1 if HEAVY else 5):
+    for length in range(0, len(data), 1 if HEAVY else 11):
         with suppress(OptionError, TruncatedError):
             yield isocodec.open(data[:length]).edited(size=len(data) + 100)
 
@@ -197,14 +198,16 @@ def all_of_prefixes(data: bytes) -> Iterator[bytes]:
 def test_truncate_to_bytes(name):
     """As many symbols as fit: a valid file, not too long, which draws what some prefix near that length does."""
     data = files()[name]
-    prefixes = []
-    for length in range(len(data) + 1):
+
+    @cache
+    def prefix(length):
         decoder = Decoder()
         decoder.feed(data[:length])
-        prefixes.append((decoder.take().contour(), decoder.symbols))
+        return decoder.take()
+
     kept = [(len(file), fed(file).symbols) for file in all_of_prefixes(data)]
     fits = False
-    for size in range(1 if HEAVY else 1 + (len(data) - 1) % 5, len(data) + 1, 1 if HEAVY else 5):
+    for size in range(1 if HEAVY else 1 + (len(data) - 1) % 11, len(data) + 1, 1 if HEAVY else 11):
         try:
             short = isocodec.open(data).edited(size=size)
         except OptionError:
@@ -219,7 +222,7 @@ def test_truncate_to_bytes(name):
         assert sum(decoder.symbols.values()) >= most
         # The checksum, the chunk's length and the number of symbols have to fit too: 4 + 1 + 3 and some.
         near = range(size, max(size - 24, 0), -1)
-        assert any(prefixes[i][1] == decoder.symbols and same_drawing(prefixes[i][0], contour) for i in near)
+        assert any(prefix(i).symbols == decoder.symbols and same_drawing(prefix(i).contour(), contour) for i in near)
         assert isocodec.open(short).edited(size=len(short)) == short
     assert fits and isocodec.open(data).edited(size=len(data) + 5) == data
     for none in (0, -1):

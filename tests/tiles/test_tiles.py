@@ -169,7 +169,7 @@ def test_windows_are_parts_of_the_whole(tmp_path: Path) -> None:
     for isovalue in (30.5, 60.5):
         for layer in range(4):
             whole = file.window(isovalue=isovalue, layer=layer)
-            for _ in range(4):
+            for _ in range(2):
                 low = rng.integers(0, 100, 2)
                 high = low + rng.integers(1, 60, 2)
                 part = file.window(np.stack([low, high], axis=1).tolist(), isovalue=isovalue, layer=layer)

@@ -111,7 +111,7 @@ def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("options", [{}, *heavy({"precision": "signs"}, {"precision": "exact"})])
 def test_first_layers(tmp_path: Path, options: dict[str, object]) -> None:
     """What is drawn is what the whole file has at that layer; segments are the same bytes."""
-    field = holed(hilly((80, 112)), 2)
+    field = holed(hilly((50, 112)), 2)
     data = encoded(tmp_path, field, [30.5, 60.5], metadata={"unit": "m"}, **options)
     file = tiled_of(data)
     stages = len(file.head.stages)
