@@ -28,7 +28,7 @@ VECTORS = default_directory()
 CODES = {COMPLETE, CUT_OFF, *REFUSED}
 
 
-FILES, MANY = 40, 20_000
+FILES, MANY = 70, 20_000
 """Damaged files, and those of a long run."""
 MEMORY, SECONDS = 128 << 20, 10
 
