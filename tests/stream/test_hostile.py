@@ -231,7 +231,7 @@ def test_every_flipped_bit_is_found(name):
             fed(wrong, Limits(vertices=1 << 17))
 
 
-@examples(300)
+@examples(90)
 @given(st.one_of(strategies.files(), strategies.damaged_files()))
 def test_any_files(data):
     """Files of the syntax that no encoder writes, noise where coded data should be, and damage behind checksums."""

@@ -25,7 +25,7 @@ from isocodec.field.placement import Placement
 from isocodec.grid.lattice.vertex_set import every_vertex
 from isocodec.stream.options import CriterionName
 from libraries import Late
-from tables import looped
+from tables import heavy, looped
 
 pyvista = Late("pyvista")
 coo_array = Late("scipy.sparse.coo_array")
@@ -325,7 +325,7 @@ def at_ends(contour: isocodec.Contour, axis: int) -> list[set[tuple[float, ...]]
 
 
 @looped("way", SEARCHED)
-@looped("where", ["torus", "pipe"])
+@looped("where", ["torus", *heavy("pipe")])
 def test_several_isovalues(where: str, way: str) -> None:
     """They go on across the seam, and do not cross one another."""
     _, periodic, _ = AXES[where]

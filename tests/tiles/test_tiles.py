@@ -34,7 +34,7 @@ MANY = {2: 200, 3: 60}
 
 def random_field(n: int, seed: int, integers: bool) -> np.ndarray:
     rng = np.random.default_rng(seed)
-    small, large = ((20, 60) if INTERPRETED else (20, 150)) if n == 2 else ((20, 36) if INTERPRETED else (20, 75))
+    small, large = ((20, 60) if INTERPRETED else (20, 150)) if n == 2 else ((20, 36) if INTERPRETED else (20, 50))
     field = gaussian_filter(rng.normal(size=rng.integers(small, large, n)), rng.choice([0.7, 1.5, 3, 6]))
     field /= field.std()
     return np.rint(field * 20).astype(np.int16) if integers else field

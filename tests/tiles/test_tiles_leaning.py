@@ -33,7 +33,7 @@ def same(ours: isocodec.Contour, theirs: isocodec.Contour) -> None:
 )
 def test_each_is_that_of_the_whole_field(tmp_path: Path, precision: str, masked: bool, order: str | None) -> None:
     """Of each isovalue, alone and among others, in windows, at every stage, and of the first stages alone."""
-    field = hilly((49, 70)).astype(float if "step" in precision else np.int16)
+    field = hilly((49, 52)).astype(float if "step" in precision else np.int16)
     field = holed(field, 1) if masked else field
     data = encoded(tmp_path, field, ISOVALUES, precision=precision, order=order)
     file = tiled_of(data)
@@ -41,12 +41,12 @@ def test_each_is_that_of_the_whole_field(tmp_path: Path, precision: str, masked:
     for isovalue, drawn in zip(ISOVALUES, file.windows(), strict=True):
         same(drawn, isocodec.decode(isocodec.encode(field, isovalue, precision=precision)))
         assert pieces(tiled_of(data).window(isovalue=isovalue)) == pieces(drawn)
-    box = [(10, 40), (33, 60)]
+    box = [(10, 40), (25, 50)]
     for number, drawn in zip((6, 1, 9), file.windows(box, [6, 1, 9]), strict=True):
         assert pieces(drawn) == pieces(file.window(box, isovalue=ISOVALUES[number]))
     alone = tiled_of(encoded(tmp_path, field, ISOVALUES, precision="signs", order="independent"))
     short = tiled_of(b"".join(first_stages(file, 2)))
-    for isovalue in ISOVALUES:
+    for isovalue in ISOVALUES[::3]:
         for layer in (0, 1, 2):
             assert pieces(file.window(isovalue=isovalue, layer=layer)) == pieces(
                 alone.window(isovalue=isovalue, layer=layer)
