@@ -26,7 +26,6 @@ from libraries import Late
 from places import on_nodes
 from tables import looped
 
-shapely = Late("shapely")
 trimesh = Late("trimesh")
 
 Array = grids.Array
@@ -189,6 +188,17 @@ def test_options_without_coordinates() -> None:
     contour = isocodec.decode(isocodec.encode(grids.placed(field, periodic=1), 0.05))
     assert contour.placement is not None and contour.placement.periods == pytest.approx((60, 0))
     assert np.abs(contour.placed - contour.points[:, ::-1]).max() < 0.005
+
+
+@pytest.mark.parametrize("options", [{}, {"precision": 0.5}, {"precision": "1,0.3", "keep_topology": True}])
+def test_surfaces_close_across_the_seam(options: dict[str, Any]) -> None:
+    """A pipe is one surface with the two ends of its axis."""
+    field, arrays = grids.cylinder()
+    contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1), 0.0, **options))
+    mesh = trimesh.Trimesh(contour.joined.placed, contour.joined.cells, process=False)
+    assert mesh.body_count == 1 and mesh.euler_number == 0 and mesh.is_winding_consistent
+    loops = mesh.outline().discrete
+    assert len(loops) == 2
 
 
 def test_tolerances_by_a_matrix() -> None:

@@ -62,7 +62,7 @@ VECTOR, RECORD = Array("int64", 1), kind_of(Outer)
         *((INT, value, f"{type(value).__name__} instead of {INT}") for value in (1.0, True, np.True_, None, "1")),
         *((FLOAT, value, f"{type(value).__name__} instead of {FLOAT}") for value in (1, True, np.int64(1))),
         *((BOOL, value, f"{type(value).__name__} instead of {BOOL}") for value in (1, 0.0, None)),
-        *((INT, value, "") for value in (1 << 63, -(1 << 63) - 1, np.uint64((1 << 64) - 1))),
+        *((INT, value, None) for value in (1 << 63, -(1 << 63) - 1, np.uint64((1 << 64) - 1))),
         (VECTOR, np.zeros(3, np.int32), "int32, 1d instead of"), (VECTOR, np.zeros((3, 1), np.int64), "int64, 2d"),
         (VECTOR, [1, 2], "list"), (VECTOR, np.zeros(3, ">i8"), ">i8, 1d"),
         (VECTOR, np.zeros(6, np.int64)[::2], "an array with gaps"),

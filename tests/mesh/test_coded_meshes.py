@@ -18,7 +18,7 @@ from isocodec.mesh.mesh_run import decoded_mesh, encoded_mesh
 from isocodec.mesh.quantised import quantised
 from tables import looped
 
-MANY = 60 if HEAVY else 3
+MANY = 60 if HEAVY else 6
 MAKERS = {"plane": plane, "space": space, "surface": lambda seed: torus(6 + seed % 5, 5)}
 
 
