@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import isocodec
 from brute import examples
 from commands import BALL, HILLS
+from explicit_meshes import plane
 from files import picture
 from grids import polar
 from isocodec.errors import InputError, OptionError
@@ -213,6 +214,18 @@ def test_merged_whatever_the_field(seed: int, options: dict[str, Any]) -> None:
     for profile in ("main", "baseline"):
         after = isocodec.open(isocodec.merge(files, profile=profile)).contours()
         assert all(map(same, after, map(isocodec.decode, files)))
+
+
+def test_files_on_one_mesh() -> None:
+    """Of three files the isovalues lean on those that they leant on before."""
+    mesh = plane(2, 200)
+    values = np.rint(mesh[0].sum(axis=1)).astype(int)
+    files = [isocodec.encode(isocodec.Mesh(*mesh, values), [low + 0.5, low + 2.5]) for low in (60, 90, 120)]
+    assert all(isocodec.open(file, mesh=mesh).info.leans == [None, 0] for file in files)
+    made = isocodec.open(isocodec.merge(files), mesh=mesh)
+    assert made.info.leans == [None, 0, None, 2, None, 4]
+    before = [contour for file in files for contour in isocodec.open(file, mesh=mesh).contours()]
+    assert all(map(same, made.contours(), before))
 
 
 def test_not_of_one_field() -> None:

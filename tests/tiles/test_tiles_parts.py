@@ -103,6 +103,7 @@ def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
     small = isocodec.open(encoded(tmp_path, field, 30.5), limits=isocodec.Limits(samples=100))
     with pytest.raises(LimitError):
         small.edited(window=[(0, 20), (0, 20)])
+    assert len(file.edited(window=[(0, 60), (0, 60)], size=300)) <= 300
     # a point, and the field's last corner
     assert isocodec.decode(file.edited(window=[(4, 4), (6, 6)])).shape == (2, 2)
     assert isocodec.decode(file.edited(window=[(99, 99), (129, 129)])).shape == (2, 2)
