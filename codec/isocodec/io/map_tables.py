@@ -20,8 +20,8 @@ from ..drawing.contour import Contour
 from ..errors import OptionError
 from ..field.labelling import noun_of
 from ..field.placement import TURN, Placement
-from ..field.reference_system import DEGREES, Transform, system_of, to_degrees
-from .libraries import library
+from ..field.reference_system import DEGREES, Transform, short_name, system_of, to_degrees
+from .libraries import library, reading
 
 TAKEN = ("geometry", "geom", "fid", "ogc_fid", "wkt", "closed", "complete", "side", "index")
 """Columns, in any case, that tables or files have beside those of isovalues."""
@@ -239,14 +239,14 @@ def write_table(
 
     Raises
     ------
+    InputError
+        If there is a file of the name of a GeoPackage that is none.
     OptionError, MissingExtraError
-    Exception
-        Of GDAL, as it is, also if there is a file of the name of a GeoPackage that is none.
     """
     if driver == "Parquet":
         table.to_parquet(path, index=False)
         return
-    pyogrio = library("pyogrio", extra="vector", purpose="writing maps")
+    pyogrio, pyproj = (library(each, extra="vector", purpose="writing maps") for each in ("pyogrio", "pyproj"))
     if table.crs is None:
         members = {**_NOWHERE, **(members or {})}
         if driver in LOCATED:
@@ -259,8 +259,9 @@ def write_table(
     solid, empty = table.geometry.has_z.any(), table.geometry.is_empty
     if solid:
         table = table[~empty]  # these have no height, and formats one number of coordinates
-    if driver == "GPKG" and path.exists():
-        pyogrio.list_layers(f"GPKG:{path}")  # GDAL would replace what is none
+    if driver == "GPKG" and path.exists():  # GDAL would replace what is none
+        with reading("GeoPackage, though a file of that name exists", "write to another name, or delete it"):
+            pyogrio.list_layers(f"GPKG:{path}")
     if driver in TILED and empty.all():
         raise OptionError("there is nothing to show, and vector tiles cannot hold that", code="empty",
                           remedy="choose an isovalue within the data, or write .gpkg")
@@ -278,6 +279,9 @@ def write_table(
             warnings.filterwarnings("ignore", "'crs' was not provided")  # which the caller knows
             pyogrio.write_dataframe(_drawing(table, solid) if driver == "DXF" else table, path, driver=driver,
                                     layer=layer, **options)
+    except (pyogrio.errors.CRSError, pyproj.exceptions.CRSError) as error:
+        raise OptionError(f"GDAL does not know the reference system {short_name(str(table.crs))}", code="crs",
+                          remedy="write .parquet, or .geojson without --keep-crs") from error
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
     if driver == "GeoJSON" and members:
