@@ -260,7 +260,7 @@ def write_table(
     if solid:
         table = table[~empty]  # these have no height, and formats one number of coordinates
     if driver == "GPKG" and path.exists():  # GDAL would replace what is none
-        with reading("GeoPackage, though a file of that name exists", "write to another name, or delete it"):
+        with reading("GeoPackage, to which a layer is to be added", "write to another name, or delete it"):
             pyogrio.list_layers(f"GPKG:{path}")
     if driver in TILED and empty.all():
         raise OptionError("there is nothing to show, and vector tiles cannot hold that", code="empty",
