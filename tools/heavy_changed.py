@@ -14,9 +14,9 @@ ROOT = Path(__file__).parents[1]
 SOURCES = {
     "test_bench": ("tools/bench",),
     "test_docs": ("README.md", "docs/", "codec/isocodec/api/", "codec/isocodec/cli/"),
-    "test_engines": ("codec/isocodec/io/", "codec/isocodec/tiles/workers.py"),
     "test_figures": ("tools/figures/", "codec/isocodec/drawing/"),
     "test_growth": ("tools/growth.py",),
+    "test_labelled": ("codec/isocodec/io/", "codec/isocodec/tiles/workers.py"),
     "test_packaging": ("pyproject.toml", "tools/kernels/"),
     "test_typing": ("codec/isocodec/__init__.py", "codec/isocodec/api/"),
     "test_wasm": ("tools/kernels/", "codec/isocodec/entropy/", "codec/isocodec/grid/", "codec/isocodec/kernel/"),

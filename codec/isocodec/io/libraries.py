@@ -15,9 +15,9 @@ __all__ = ["choose", "library", "reading"]
 
 _OF_CONTENT = (errno.EINVAL, errno.EOVERFLOW, errno.EFBIG, errno.ERANGE, errno.EDOM)
 """Errors of the operating system that come of numbers in a file, such as a place before its beginning."""
-_NOISE = re.compile(r"In \S+, line \d+\s+\w+ \(0x\w+\): | ?(at |\()?0x[0-9a-fA-F]{6,}\)?| for request: .*|[;.] It might help .*"
-                    r"| Use force=True .*", re.S)
-"""Places in sources, addresses in memory, with which VTK and Python name objects, and advice to callers of a library."""
+_NOISE = re.compile(r"In \S+, line \d+\s+\w+ \(0x\w+\): | ?(at |\()?0x[0-9a-fA-F]{6,}\)?"
+                    r"| for request: .*|; It might help .*| Use force=True .*", re.S)
+"""Places in sources, addresses of objects, with which VTK and Python name them, and advice to callers of a library."""
 _LISTED = 20
 """Names that an error lists at most."""
 
