@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, one_line
+from ..errors import InputError, one_line, plain
 from ..field.missing import missing_samples
 from .libraries import reading
 
@@ -53,8 +53,8 @@ class MaskedSamples:
         self._packed = (self._slope, self._offset) != (1, 0)
         ends = self._numbers("valid_range") or [(*self._numbers(f"valid_{end}"), None)[0] for end in ("min", "max")]
         if len(ends) != 2:
-            raise InputError(f"its valid_range has {len(ends)} numbers instead of two", code="range",
-                             remedy="correct the attribute, or delete it")
+            raise InputError(f"valid_range of {plain(str(array.name))} has {len(ends)} numbers instead of two",
+                             code="range", remedy="correct the attribute, or delete it")
         outside = zip((np.less, np.greater), ends, strict=True)
         self._outside = [(is_outside, end) for is_outside, end in outside if end is not None]
         self._markers = [] if self._decoded else [number for name in _MARKERS for number in self._numbers(name)]

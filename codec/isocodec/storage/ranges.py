@@ -101,13 +101,9 @@ def together(ranges: Iterable[Range]) -> list[Range]:
         if most < 0 or (len(apart) - len(bridged) <= MOST_PIECES and gap > GAP):
             break
         bridged.add(i)
-    out: list[Range] = []
-    for i, (start, end) in enumerate(apart):
-        if i in bridged:
-            out[-1] = out[-1][0], end
-        else:
-            out.append((start, end))
-    return out
+    starts = [start for i, (start, _) in enumerate(apart) if i not in bridged]
+    ends = [end for i, (_, end) in enumerate(apart, start=1) if i not in bridged]
+    return list(zip(starts, ends, strict=True))
 
 
 def ranges_of(source: bytes | str | os.PathLike[str]) -> Fetch:
