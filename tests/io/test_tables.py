@@ -264,7 +264,7 @@ def test_other_layers_of_a_geopackage_stay(tmp_path: Path) -> None:
     assert set(geopandas.list_layers(path).name) == {"old", "areas"}
     assert set(geopandas.read_file(path, layer="old").isovalue) == {60.5, 80.5}
     path.write_bytes(b"something else")
-    with pytest.raises(InputError, match=r"cannot be read as GeoPackage.*write to another name"):
+    with pytest.raises(InputError, match=rf"{path.name} exists, and is no GeoPackage.*write to another name"):
         written(tmp_path, ".gpkg", ("curve", "utm"))
     assert path.read_bytes() == b"something else" and [*tmp_path.iterdir()] == [path]
 

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ..drawing.areas import areas_of, lifted, oriented
 from ..drawing.bands import band_areas
 from ..drawing.contour import Contour
-from ..errors import OptionError
+from ..errors import InputError, OptionError, plain
 from ..field.labelling import noun_of
 from ..field.placement import TURN, Placement
 from ..field.reference_system import DEGREES, Transform, short_name, system_of, to_degrees
-from .libraries import library, reading
+from .libraries import library
 
 TAKEN = ("geometry", "geom", "fid", "ogc_fid", "wkt", "closed", "complete", "side")
 """Columns, in any case, that tables or files have beside those of isovalues."""
@@ -238,8 +238,11 @@ def write_table(
     if solid:
         table = table[~empty]  # these have no height, and formats one number of coordinates
     if driver == "GPKG" and path.exists():  # GDAL would replace what is none
-        with reading("GeoPackage, to which a layer is to be added", "write to another name, or delete it"):
+        try:
             pyogrio.list_layers(f"GPKG:{path}")
+        except RuntimeError as error:
+            raise InputError(f"{plain(path.name)} exists, and is no GeoPackage that a layer can be added to",
+                             code="geopackage", remedy="write to another name, or delete it") from error
     if driver in TILED and empty.all():
         raise OptionError("there is nothing to show, and vector tiles cannot hold that", code="empty",
                           remedy="choose an isovalue within the data, or write .gpkg")
