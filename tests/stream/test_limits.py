@@ -20,7 +20,7 @@ from isocodec import limits as module
 from isocodec.entropy import run
 from isocodec.errors import LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
-from isocodec.io.cost import COST
+from isocodec.io import cost
 from isocodec.io.formats import Areas
 from isocodec.limits import Budget, in_units
 from isocodec.stream.inspect import inspect
@@ -174,9 +174,7 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     rendered(what(contour), suffix)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    cost = COST
-    counted = cost.peak(len(contour.points), len(contour.cells))
-    assert peak < counted
+    assert peak < cost.peak(len(contour.points), len(contour.cells))
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
