@@ -29,7 +29,8 @@ from scipy.spatial import KDTree
 import isocodec
 from isocodec.cli import main as command_line
 from isocodec.plotting.panels import StepPanel, panels_picture
-from isocodec.stream.inspect import LayerInfo, inspect
+from isocodec.stream.file_info import LayerInfo
+from isocodec.stream.inspect import inspect
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path("demo", "data")

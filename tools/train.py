@@ -23,12 +23,11 @@ from generated import blurred, generated
 from isocodec.entropy.range_coder import FLOOR
 from isocodec.field.samples import check_field
 from isocodec.grid.lattice.tables import cube_exponent
-from isocodec.grid.layers.plan import Entry
 from isocodec.grid.models import network_rows as layout
 from isocodec.grid.models import trained as models
 from isocodec.search.promise import Promise
-from isocodec.search.strategy import even_starts, grid_plan, loose_start, reduced
-from isocodec.search.tolerance import grid_offsets, pitches
+from isocodec.search.strategy import even_mesh, grid_plan, reduced
+from isocodec.search.tolerance import grid_offsets
 from isocodec.stream.encoder import encoder_of
 from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed, starts, unpacked
 from networks import first_row, gathered, network
@@ -47,7 +46,7 @@ ITEMS = {
 }
 MOST_SYMBOLS, MOST_LINES = 40_000, 1_500_000
 """Of one field: in the training of one network, and listed in all."""
-FINE, COARSE = (0.05, 0.01, 0.0025), (1.0, 0.25, 0.5)
+FINE, COARSE = (0.05, 0.01, 0.0025), (1.0, 0.25, 2.0)
 """Tolerances to which crossings are told, by turns: on the full grid, and on meshes."""
 BENDS = (2.0, 0.4, 1.0)
 """Distances from the original curve to reduced ones, by turns, for adaptive refinement."""
@@ -149,8 +148,8 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
             promise = Promise(check_field(item.values, item.isovalue))
             (_, _, mesh), *_ = reduced(promise, "distortion", BENDS[i % len(BENDS)], False)
             yield item, {"layers": [("base", n), ("adapt", 1, mesh)]}
-            if n == 3:
-                yield from ((item, {"layers": plan}) for plan in fitted(promise, i))
+            if n == 3 and (even := even_mesh(promise, COARSE[i % len(COARSE)], False)):
+                yield item, {"layers": even[1]}
         if i % 2 == 0:
             yield item, {"precision": "signs", "layers": full}
         if item.values.dtype.kind in "iu":
@@ -159,16 +158,6 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
             yield item, {"precision": f"step={float(np.ptp(item.values)) / LEVELS[i % len(LEVELS)]}"}
         if item.values.size < SEARCHED:
             yield item, {"precision": COARSE[i % len(COARSE)]}
-
-
-def fitted(promise: Promise, turn: int) -> Iterator[list[Entry]]:
-    """Meshes, reduced and of even cubes, with crossings where the curve fits best to a tolerance."""
-    tolerance = COARSE[turn % len(COARSE)]
-    for mesh, lead in [(loose_start(promise, tolerance, False), []), *even_starts(promise, tolerance)]:
-        found = list(pitches(tolerance, promise.n))
-        parts, unit = found[turn % len(found)]
-        place = promise.placed(mesh, parts, unit, tolerance, lead=lead).place
-        yield [*(lead or [("adaptive_base", 0, mesh)]), ("offsets", parts, unit, place)]
 
 
 def elsewhere(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:

@@ -28,7 +28,7 @@ def main() -> None:
         # signals ignored from the start (nohup, background jobs of a shell) stay ignored
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
             _handle(number, _end)
-    # importing modules makes many objects and no garbage: commands look for it when they are loaded
+    # importing modules makes many objects and no garbage: looking for it takes a tenth of `--version` and of `info`
     gc.disable()
     # numpy would start threads for linear algebra, which nothing here needs: that takes longer than a small file
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

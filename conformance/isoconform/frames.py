@@ -9,7 +9,7 @@ import numpy as np
 
 from isocodec import Frames, encode
 from isocodec.grid.layers.plan import Entry
-from isocodec.stream.container import Ending
+from isocodec.stream.container import closed
 from isocodec.stream.encoder import SeriesFrames
 from isocodec.stream.options import Layers, Options
 from isospec.container import ChunkType
@@ -93,14 +93,17 @@ def whole() -> Iterator[Draft]:
 
 def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[Entry]) -> bytes:
     """A series in the main profile whose first frame has one plan and all others another."""
-    series, ending = SeriesFrames(VALUE, Options.of(profile="main", layers=first), None), Ending()
-    data = ending.add(series.chunks(frames[0]))
-    grid = series.grid
-    assert grid is not None
-    grid.file = replace(grid.file, options=replace(grid.file.options, layers=Layers.of(plan)))
-    for frame in frames[1:]:
-        data += ending.add(series.chunks(frame))
-    return data + ending.end()
+    series = SeriesFrames(VALUE, Options.of(profile="main", layers=first), None)
+
+    def chunks() -> Iterator[bytes]:
+        yield from series.chunks(frames[0])
+        grid = series.grid
+        assert grid is not None
+        grid.file = replace(grid.file, options=replace(grid.file.options, layers=Layers.of(plan)))
+        for frame in frames[1:]:
+            yield from series.chunks(frame)
+
+    return b"".join(closed(chunks()))
 
 
 def _file(shape: tuple[int, ...]) -> File:

@@ -24,7 +24,7 @@ from isocodec.kernel import DONE
 from isocodec.limits import Limits
 from isocodec.search.ground_truth import GroundTruth
 from isocodec.stream.decoder import Decoder
-from isocodec.stream.promise_note import PROMISE
+from isocodec.stream.promises import PROMISE
 from isospec.container import Checksum, ChunkHead, ChunkType, OperationByte, write_varint
 
 

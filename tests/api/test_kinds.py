@@ -306,8 +306,8 @@ def test_cubes_as_wide_as_within_are_not_refined(uniform: dict[str, IsoFile], ki
 
 GIVEN: dict[str, Any] = {
     "isovalue": 150.5, "simplify": 2, "tile": 64, "engine": object(), "workers": 2, "spool": "spool",
-    "precision": "exact",
-    "keep_topology": True, "profile": "baseline", "layers": 2, "order": "isovalues", "interval": 3,
+    "precision": "exact", "keep_topology": True, "profile": "baseline", "effort": "best", "layers": 2,
+    "order": "isovalues", "interval": 3,
     "metadata": {"a": "b"},
 }
 """A value for each parameter of `save`."""

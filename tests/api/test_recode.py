@@ -20,7 +20,7 @@ from isocodec.field.placement import Placement
 from isocodec.format.chunks import write_chunk, write_metadata
 from isocodec.format.header import Header, write_header
 from isocodec.search.original import original
-from isocodec.stream.container import with_checksum
+from isocodec.stream.container import closed
 from isocodec.stream.recoder import sources_of
 from isospec.container import ChunkType, Profile
 from libraries import Late
@@ -270,7 +270,7 @@ def test_isovalues_that_are_kept_stay_in_the_order_of_the_file(asked: list[float
 def test_isovalues_of_a_file_without_layers(notes: dict[str, str]) -> None:
     header = write_header(Header((17, 17), 5.5, None, Profile.MAIN))
     last = write_chunk(ChunkType.METADATA, write_metadata(notes), ancillary=True, last=True)
-    file = isocodec.open(b"".join(with_checksum([header, last])))
+    file = isocodec.open(b"".join(closed([header, last])))
     made = isocodec.open(file.edited(isovalues=[5.5]))
     assert (made.isovalues, made.metadata, made.complete) == ((5.5,), notes, True)
     assert not len(made.contour().points)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import isocodec
 from brute import examples, smooth
 from isocodec.drawing.crossing import edge_points, edge_ratios
-from isocodec.drawing.simplices import crossed, draw_simplices
+from isocodec.drawing.simplices import draw_simplices
 from isocodec.drawing.snapshot import leaves_of
 from isocodec.field.samples import check_field
 from isocodec.grid.lattice.implied import Implied, implied_ratio
@@ -96,12 +96,12 @@ def test_which_edges_are_implied_and_where(n):
         if not len(leaves.simplices):
             return
         found = pairs_of_rings(leaves)
-        edges, _ = crossed(leaves)
+        simplices = draw_simplices(leaves)
+        edges = simplices.edges.astype(np.int64)
         place = [tuple(map(int, p)) for p in leaves.position]
         names = [(place[u], place[v]) for u, v in edges]
         assert told == set(names) - set(found)
         sign = dict(zip(place, leaves.above, strict=True))
-        simplices = draw_simplices(leaves)
         drawn = dict(zip(names, edge_points(leaves, simplices.edges, simplices.ratio), strict=True))
         stated = dict(zip(names, edge_ratios(leaves, edges)[0], strict=True))
         for (a, b), pairs in found.items():

@@ -7,8 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from brute import examples
-from isocodec.search.proof import SMALLEST, Target, hausdorff, one_sided
+from brute import examples, smooth
+from isocodec.field.samples import check_field
+from isocodec.search.original import original
+from isocodec.search.proof import SMALLEST, Target, hausdorff, in_parts, one_sided, processors
+from libraries import Late
+
+KDTree = Late("scipy.spatial.KDTree")
 
 
 def line(*points):
@@ -105,3 +110,32 @@ def test_bounds_against_samples(n, seed, a_cells, b_cells, scale):
     spacing = scale * np.sqrt(n) / 39
     assert bound >= rough.max() - spacing - 1e-9
     assert bound <= rough.max() + spacing + 0.02 + 2 * SMALLEST
+
+
+def test_parts_of_work_are_all_of_it():
+    done = np.zeros(50_001, np.int64)
+
+    def work(some):
+        done[some] += 1
+
+    in_parts(len(done), work)
+    assert (done == 1).all() and processors() >= 1
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_nearest_pieces(n):
+    """Against points spread densely over the pieces."""
+    rng = np.random.default_rng(n)
+    contour = original(check_field(smooth((12,) * n, 5), 0.05))
+    samples = rng.uniform(0, 11, (400, n))
+    target = Target(contour.points, contour.cells, 0.4)
+    piece, weight = target.nearest(samples)
+    shares = rng.dirichlet(np.ones(n), 400)
+    spread = np.einsum("sk,mkc->msc", shares, contour.points[contour.cells]).reshape(-1, n)
+    far, _ = KDTree(spread).query(samples)
+    near = np.linalg.norm(samples - np.einsum("pk,pkc->pc", weight, contour.points[contour.cells[piece]]), axis=1)
+    found = piece >= 0
+    assert found.any() and not found.all()
+    assert (near[found] <= np.minimum(far[found] + 1e-9, 0.4)).all() and (far[~found] > 0.4 - 1e-9).all()
+    assert np.abs(weight[found].sum(axis=1) - 1).max() < 1e-9 and weight[found].min() >= -1e-9
+    assert (near[found] > far[found] - 0.15).all()

@@ -325,7 +325,7 @@ def test_a_search_says_that_it_goes_on():
     field = np.add.outer(np.arange(40) ** 2, np.arange(40) ** 2)
     source = encoder_of(field, 700.5, precision=1, progress=lambda done, total: seen.append((done, total)))
     tried = len(seen)
-    assert tried > 3 and seen == [(i + 1, 0) for i in range(tried)]
+    assert tried > 1 and seen == [(i + 1, 0) for i in range(tried)]
     assert list(source) and seen[tried:] == [(i + 1, len(source.frame.layers)) for i in range(len(source.frame.layers))]
 
 

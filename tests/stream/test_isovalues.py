@@ -23,7 +23,6 @@ from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.passes.runner import Tube
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan
-from isocodec.stream import grid_encoder
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isoconform.meshes import chosen, uniform
@@ -110,7 +109,7 @@ def test_bases_from_the_leaves_of_another(n):
             plans = {v: plan[:1] for v, plan in plans.items()}
         decoder = fed(b"".join(encoder_of(field, isovalues, layers=plans)))
         for number, isovalue in enumerate(isovalues[1:], 1):
-            leaves = leaves_of(decoder.grid._tubes[number], isovalue, lambda steps, above: steps)
+            leaves = leaves_of(decoder.grid.tubes[number], isovalue, lambda steps, above: steps)
             expected = mixed(field > isovalue, full)
             found = leaves.position[leaves.simplices]
             assert len(found) == len(expected)
@@ -219,19 +218,19 @@ def test_each_keeps_to_the_tolerance(options, profile):
 
 def test_no_leaning_where_no_plan_would_keep_to_the_tolerance(monkeypatch):
     """Then the isovalue stands alone, and so does its promise."""
-    found = grid_encoder.smallest
+    found = strategy.smallest
 
     def never_leaning(promise, tolerance, topology):
         if promise.fresh().lean is not None:
             raise strategy.NotKeptError("not kept")
         return found(promise, tolerance, topology)
 
-    monkeypatch.setattr(grid_encoder, "smallest", never_leaning)
+    monkeypatch.setattr(strategy, "smallest", never_leaning)
     # so far apart that neither is in the way of the other
     field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
-    data = isocodec.encode(field, [10.5, 42.5], precision=0.25)
+    data = isocodec.encode(field, [10.5, 42.5], precision=1.0)
     assert isocodec.open(data).info.leans == [None, None]
-    assert not len(promise(field, 42.5).excess(isocodec.decode(data, isovalue=42.5), 0.25))
+    assert not len(promise(field, 42.5).excess(isocodec.decode(data, isovalue=42.5), 1.0))
 
 
 def test_events_and_skipping():

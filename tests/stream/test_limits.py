@@ -20,7 +20,7 @@ from isocodec import limits as module
 from isocodec.entropy import run
 from isocodec.errors import LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
-from isocodec.io.cost import COST
+from isocodec.io import cost
 from isocodec.io.formats import Areas
 from isocodec.limits import Budget
 from isocodec.stream.inspect import inspect
@@ -154,7 +154,7 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     rendered(what(contour), suffix)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < COST.peak(len(contour.points), len(contour.cells))
+    assert peak < cost.peak(len(contour.points), len(contour.cells))
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
@@ -273,7 +273,9 @@ def test_errors_keep_nothing_alive():
     assert len(tubes) == 6 and all(ref() is None for ref in tubes), "without the garbage collector's help"
 
 
-@pytest.mark.parametrize("where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.drawn.leaves_of"])
+@pytest.mark.parametrize(
+    "where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.grid_contents.leaves_of"]
+)
 def test_memory_that_ends_is_an_error_of_ours(where):
     """Whatever the limits say: the machine may have less."""
     data = isocodec.encode(field(2, 150, 1), 0.5)

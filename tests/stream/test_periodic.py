@@ -392,7 +392,7 @@ def test_distances_on_mapped_grids(grid: str, cells: float, topology: bool) -> N
     assert all(area.is_valid for area in areas)
     sides = [shapely.Polygon(np.stack([a[row] for a in arrays], 1)) for row in (0, -1)]
     assert sum(area.area for area in areas) == pytest.approx(sides[1].area - sides[0].area, rel=1e-3)
-    assert len(data) < len(isocodec.encode(placed, 0.003, precision=0.05))
+    assert len(data) < len(isocodec.encode(placed, 0.003, precision=f"{0.05 * step:.9f}m"))
 
 
 def closed(field: Array) -> Array:

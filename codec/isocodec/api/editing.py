@@ -14,7 +14,7 @@ from ..limits import Limits
 from ..stream.given import in_cells
 from ..stream.inspect import inspect, kind_of
 from ..stream.options import Options, Precision
-from ..stream.promise_note import PROMISE, last_promise
+from ..stream.promises import PROMISE, last_promise
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate

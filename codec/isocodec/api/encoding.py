@@ -11,7 +11,7 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.sampled import Field
 from ..stream.encoder import encoder_of
-from ..stream.options import Isovalues, LayersGiven, PrecisionGiven, ProfileName
+from ..stream.options import EffortName, Isovalues, LayersGiven, PrecisionGiven, ProfileName
 from .native import native
 from .selfcheck import check_kernels
 
@@ -27,6 +27,7 @@ def encode(
     precision: PrecisionGiven = None,
     keep_topology: bool = False,
     profile: ProfileName = "main",
+    effort: EffortName = "normal",
     layers: LayersGiven = None,
     order: str | None = None,
     interval: int = 0,
@@ -53,10 +54,10 @@ def encode(
         How closely the file keeps to the contour. A number: the largest distance, in cells, between the decoded and the
         extracted curve, both ways; on a mesh in the unit of its points. A text with a unit, as "100m" or "0.2mm": a
         distance in the world, on the ellipsoid where coordinates are longitudes and latitudes or projected, to which
-        the file keeps everywhere; it is refused where the unit of the coordinates is not known. From 0.1 cells on the
-        encoder searches for a mesh and a precision of crossings that make the file small, and proves the distance on
-        the decoded curve; below, it codes all crossings of the grid, without a search. In the complete file, curves of
-        several isovalues of a plane do not cross one another. With a criterion as ``layers``, that chooses the mesh,
+        the file keeps everywhere; it is refused where the unit of the coordinates is not known. From 0.75 cells on the
+        encoder searches for a mesh that makes the file small, and proves the distance on the decoded curve; below, it
+        codes the signs of the full grid, and crossings as coarsely as the distance allows. In the complete file, curves
+        of several isovalues of a plane do not cross one another. With a criterion as ``layers``, that chooses the mesh,
         and the distance holds for its crossings alone.
         "exact": values of integers next to the curve, to the last bit. "step=0.5": values of floats next to the curve
         to within half a step. "signs": which samples lie above, no geometry; crossings are drawn half-way. "0.2 smooth"
@@ -71,6 +72,10 @@ def encode(
         same way; for surfaces, with the same Euler characteristics. Samples equal to the isovalue count as below it.
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
+    effort : str
+        ``best`` takes four to ten times the time at distances from 0.1 to 0.5 cells, and tries how far crossings may be
+        off where the curve meets an edge at a slant: 1 to 5 % fewer bytes. Smooth surfaces, which take 10 to 35 % fewer
+        so, need not be asked for.
     layers : optional
         For grids. A number: the uniform level of the base; the level of the full grid makes a file of one layer. A
         criterion, which coarsens the mesh as published: "crossing", "topology", "curvature=K" (mean curvature above
@@ -120,7 +125,7 @@ def encode(
     """
     check_kernels()
     options: dict[str, Any] = {
-        "precision": precision, "keep_topology": keep_topology, "profile": profile, "layers": layers,
-        "order": order, "interval": interval, "metadata": metadata,
+        "precision": precision, "keep_topology": keep_topology, "profile": profile, "effort": effort,
+        "layers": layers, "order": order, "interval": interval, "metadata": metadata,
     }
     return b"".join(encoder_of(native(what), isovalue, progress=progress, **options))

@@ -17,7 +17,8 @@ from ..format.events import FrameRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
-from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
+from ..stream.file_info import FileInfo, LayerInfo
+from ..stream.inspect import inspect, kind_of
 from .editing import Edit, edited, edited_tiles
 from .isofile import IsoFile
 from .operations import IMPOSSIBLE, ONE_FRAME, Viewed, impossible

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import IsoError
 from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
-from ..stream.inspect import FileInfo
+from ..stream.file_info import FileInfo
 from ..stream.promises import promise_of
 from .operations import Viewed, ViewOptions
 

@@ -16,7 +16,7 @@ from ..field.placement import CRS, PLACEMENT
 from ..limits import Limits
 from ..storage.content import Readable
 from ..stream.options import Options
-from ..stream.promise_note import PROMISE, last_promise
+from ..stream.promises import PROMISE, last_promise
 from ..stream.splicing import spliced
 from .files import TileFile
 from .opening import open

@@ -12,13 +12,13 @@ import numpy as np
 
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
+from ..field.isovalues import isovalues_of, range_of
 from ..field.labelling import noun_of
 from ..field.sampled import Field
 from ..field.samples import missing_of
 from ..plotting.map import map_picture
 from ..plotting.panels import StepPanel, check_picture, panels_picture
 from ..plotting.scene import USUAL, drawing, rotation
-from ..stream.isovalues import isovalues_of, range_of
 from .export import counted
 from .isofile import IsoFile
 from .opening import open

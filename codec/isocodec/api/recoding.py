@@ -21,8 +21,7 @@ from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import inspect
 from ..stream.options import INDEPENDENT, ISOVALUES, Options, Precision
-from ..stream.promise_note import last_promise, noted
-from ..stream.promises import promised_at_last
+from ..stream.promises import last_promise, noted, promised_at_last
 from ..stream.recoder import Source, recoded_frames, sources_of
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from ..search.contour_tin import near_contours
 from ..search.tin_fit import ChosenPoints, best, evenly, smallest, within
 from ..stream.given import field_of, in_cells
 from ..stream.options import Options, Precision
-from ..stream.promise_note import AT, PROMISE
+from ..stream.promises import AT, PROMISE
 from ..stream.surface_encoder import SurfaceEncoder, surface_of
 from ..tin.criteria import NAMES
 from ..tin.delaunay import delaunay, triangles

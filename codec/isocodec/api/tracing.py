@@ -18,7 +18,7 @@ from ..field.sampled import Field
 from ..format.coordinate_record import read_coordinates
 from ..limits import Budget, Limits
 from ..search.original import original
-from ..stream.given import levels_of, options_of, placement_of_file, sampler_of
+from ..stream.given import completed, levels_of
 from ..stream.options import Options
 from ..stream.placing import DecodedCoordinates, coordinates_payload
 from .drawings import OneByOne
@@ -89,18 +89,16 @@ class Traced(OneByOne):
         return self._draw(self.isovalues[number]) if first is None else first
 
     def _on_grid(self, field: Field, asked: Options) -> Callable[[float], Contour]:
-        options = options_of(field, None, asked)
-        placement = placement_of_file(field, options)
-        samples = sampler_of(field, self.isovalues, options, placement)
+        isovalue = self.isovalues if field.labels is None else None
+        given, samples = completed(field, isovalue, asked, most=MOST)
+        options, placement, first = given.options, given.placement, samples[0]
         notes = {**options.metadata, **(placement.notes() if placement is not None else {})}
-        first = samples(self.isovalues[0])
-        self.shape, self.n = first.signs.shape, first.signs.ndim
-        self.valid = None if first.gone is None else ~first.gone
-        options.check_placement_note(self.n)
-        where = _as_stored(placement, self.shape, first.gone, notes)
+        self.shape, self.n, gone = first.signs.shape, first.signs.ndim, first.gone
+        self.valid = None if gone is None else ~gone
+        where = _as_stored(placement, self.shape, gone, notes)
 
         def drawn(isovalue: float) -> Contour:
-            field = samples(isovalue)
+            field = samples[self.isovalues.index(isovalue)]
             contour = original(replace(field, gone=None) if self._through_holes else field, measured=False)
             return replace(contour, placement=where, metadata=dict(notes), origin_above=bool(field.signs.flat[0]))
 

@@ -25,10 +25,10 @@ from ..field.sampled import UNIT, Field
 from ..field.samples import Samples, check_field, interval_value, without_holes
 from ..field.stretch import in_unit
 from ..field.units import converted, distance_of, unit_of
+from ..stream.file_info import FileInfo
 from ..stream.given import field_of
-from ..stream.inspect import FileInfo, inspect
-from ..stream.promise_note import noted, noted_exact
-from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, of_samples, of_tiles
+from ..stream.inspect import inspect
+from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, noted_exact, of_samples, of_tiles
 from .native import native
 
 if TYPE_CHECKING:
@@ -137,7 +137,8 @@ def verified(file: Any, field: Any, frame: int | None, within: float | str | Non
     if file.kind == "surface":
         return _surface(file, known, within)
     values, gone = without_holes(known.values, known.mask)
-    gone = without_folds(known.placement, values.shape, gone)
+    if known.placement is not None:
+        gone = without_folds(known.placement, values.shape, gone)
     contours = file.contours(frame=frame)
     placement = _placement(known, contours[0].placement, file.info.metadata)
     if file.kind == "tiles":

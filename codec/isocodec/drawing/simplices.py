@@ -14,9 +14,6 @@ from ..grid.lattice.implied import Implied, implied_edges, implied_ratio, near_e
 from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_ratios, linear_ratio, rank_of
 from .leaves import Leaves
 
-_SLOPE = 1e-6
-"""Step of a ratio to see what follows."""
-
 
 def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:
     """Cut one n-simplex between its signs.
@@ -61,11 +58,6 @@ def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:
 def simplex_table(n: int) -> PatternTable:
     """`simplex_pieces` of all sign patterns."""
     return PatternTable.build([simplex_pieces(n, pattern) for pattern in range(2 ** (n + 1))], n)
-
-
-def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Edges (P, 2) that leaves of any level have a point on, as `distinct_edges`, and cells (M, n) between these."""
-    return distinct_edges(leaves, _pieces(leaves)[0])
 
 
 def _pieces(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -121,26 +113,12 @@ class Rings:
 
     def ratio(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
         """Crossings of the implied edges, as fractions from their first ends, from the crossings of all edges."""
-        return implied_ratio(self._implied, self._above, self._from_ends(stated))
-
-    def slopes(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives of these ratios by those of each of the edges beside, (I, m) float64."""
-        s = self._from_ends(stated)
-        ratio = implied_ratio(self._implied, self._above, s)
-        out = np.empty_like(s)
-        for column in range(s.shape[1]):
-            moved = s.copy()
-            moved[:, column] += _SLOPE
-            out[:, column] = (implied_ratio(self._implied, self._above, moved) - ratio) / _SLOPE
-        return np.where(self._swap, -out, out)
-
-    def _from_ends(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
         s = stated[self.beside]
-        return np.where(self._swap, 1.0 - s, s)
+        return implied_ratio(self._implied, self._above, np.where(self._swap, 1.0 - s, s))
 
 
 def rings(leaves: Leaves, edges: NDArray[np.int64]) -> Iterator[Rings]:
-    """Implied edges among those of `crossed`, which are sorted; what some follow from before them (spec clause 9.5)."""
+    """Implied edges among those of a drawing, which are sorted; what some follow from before them (spec clause 9.5)."""
     vertices = len(leaves.position)
     keys = edges[:, 0] * vertices + edges[:, 1]
     rank = rank_of(leaves)

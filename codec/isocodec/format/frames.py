@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import zlib
 
-from isospec.container import CHECKED_CHUNK, Checksum, write_varint
+from isospec.container import Checksum, write_varint
 
 from ..errors import FormatError
 from .header import varint
 
 FRAME_BEFORE = -1
 """In place of a number: the isovalue is predicted from the same isovalue of the frame before."""
-_LAST = 0x20
-"""Bit of a chunk's head that marks the last one of a file."""
+_LAST, _CHECKED = 0x20, 0x40
+"""Bits of a chunk's head that mark the last one of a file, and one with a checksum."""
 
 
 def is_key(frame: int, interval: int) -> bool:
@@ -95,4 +95,4 @@ def as_last(chunk: bytes) -> bytes:
     assert found is not None
     length, start = found
     body = bytes([chunk[0] | _LAST]) + chunk[1 : start + length]
-    return body + Checksum.build(zlib.crc32(body)) if length >= CHECKED_CHUNK else body
+    return body + Checksum.build(zlib.crc32(body)) if chunk[0] & _CHECKED else body

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
 from .piece import TOUCH
-from .proof import Excess, Target
+from .proof import Target
 
 
 class Fences:
@@ -29,19 +29,18 @@ class Fences:
         self._coded, self._waiting = ([_Curve(one.points, one.cells, one.isovalue) for one in some]
                                       for some in (coded, waiting))
 
-    def crossed(self, points: NDArray[np.float64], cells: NDArray[np.int64]) -> Excess:
-        """Pieces of a curve that cross one of these, and where."""
-        return self._found(points, cells, [*self._coded, *self._waiting])
-
     def coded_crossed(self, contour: Contour) -> NDArray[np.float64]:
         """Places where a curve crosses those that are coded, (K, 2)."""
-        return self._found(contour.points, contour.cells, self._coded).places
+        return self._places(contour, self._coded)
 
-    def _found(self, points: NDArray[np.float64], cells: NDArray[np.int64], fences: Sequence[_Curve]) -> Excess:
-        curve = _Curve(points, cells, self._isovalue)
-        found = [each for fence in fences if len(fence.cells) and len(cells) for each in _crossed(curve, fence)]
-        return Excess(np.unique(np.concatenate([np.zeros(0, np.int64), *(one.cells for one in found)])),
-                      np.concatenate([np.zeros((0, 2)), *(one.places for one in found)]))
+    def waiting_crossed(self, contour: Contour) -> NDArray[np.float64]:
+        """Places where a curve crosses the original curves of the others, (K, 2)."""
+        return self._places(contour, self._waiting)
+
+    def _places(self, contour: Contour, fences: Sequence[_Curve]) -> NDArray[np.float64]:
+        curve = _Curve(contour.points, contour.cells, self._isovalue)
+        found = [each for fence in fences if len(fence.cells) and len(curve.cells) for each in _crossed(curve, fence)]
+        return np.concatenate([np.zeros((0, 2)), *found])
 
 
 class _Curve:
@@ -67,9 +66,9 @@ class _Curve:
         return ahead, np.where(at_begin, self.back[begin], np.where(at_end, self.back[end], -way))
 
 
-def _crossed(curve: _Curve, fence: _Curve) -> list[Excess]:
+def _crossed(curve: _Curve, fence: _Curve) -> list[NDArray[np.float64]]:
     """Find where a curve crosses another one: inside segments of both, or at points of either that lie on the other."""
-    found = [fence.target.crossed(curve.points, curve.cells)]
+    found = [fence.target.crossed(curve.points, curve.cells).places]
     for one, other in ((curve, fence), (fence, curve)):
         piece, weight = other.target.nearest(one.points)
         there = np.flatnonzero((piece >= 0) & ~np.isnan(one.ahead + one.back).any(axis=1))
@@ -77,12 +76,7 @@ def _crossed(curve: _Curve, fence: _Curve) -> list[Excess]:
         # what is higher lies on the left
         left = [_left(way[there], *ways) for way in (one.ahead, one.back)]
         wrong = np.minimum(*left) < 0 if one.isovalue > other.isovalue else np.maximum(*left) > 0
-        place = one.points[there[wrong]]
-        if one is curve:
-            cells = np.flatnonzero(np.isin(curve.cells, there[wrong]).any(axis=1))
-        else:
-            cells = piece[there[wrong]]
-        found.append(Excess(cells, place))
+        found.append(one.points[there[wrong]])
     return found
 
 

@@ -21,7 +21,7 @@ from ..grid.layers.plan import Entry, where
 from .promise import Promise
 from .reduced import LINEAR_POINTS
 from .reduction import Reduction
-from .repair import MOST_REPAIRS
+from .strategy import MOST_REPAIRS
 from .tolerance import NO_OFFSETS
 
 

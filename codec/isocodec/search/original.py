@@ -23,7 +23,7 @@ _LARGE = np.finfo(np.float64).max / 2
 def original(field: Samples, *, measured: bool = True) -> Contour:
     """The contour of a field: points on the grid's edges by linear interpolation; ``measured``: see `draw`."""
     shape, n = field.signs.shape, field.signs.ndim
-    cells = _mixed_cells(field.signs)
+    cells = mixed_cells(field.signs)
     # x0 has even indices only, xn odd ones; a simplex is a path between them, one axis at a time
     even = cells + (cells & 1)
     step = 1 - 2 * (cells & 1)
@@ -63,7 +63,7 @@ def _known_edges(field: DecodedSamples, used: NDArray[np.int64]) -> tuple[NDArra
     return np.searchsorted(used, ends), field.places
 
 
-def _mixed_cells(signs: NDArray[np.bool_]) -> NDArray[np.int64]:
+def mixed_cells(signs: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Unit cells whose corners are not all of one sign, by their lowest corner."""
     some, every = signs, signs
     for axis in range(signs.ndim):

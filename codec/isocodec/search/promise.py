@@ -16,7 +16,7 @@ from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
 from ..drawing.snapshot import leaves_of
-from ..field.samples import OFFSET_BITS, Samples, interval_value
+from ..field.samples import Samples, interval_value
 from ..format.header import Header
 from ..format.program import Progress
 from ..grid.lattice.tables import cube_exponent
@@ -25,10 +25,8 @@ from ..grid.layers.layer_writer import LayerWriter, field_tube
 from ..grid.layers.plan import Entry
 from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
-from .around import Around
 from .curvature import curvature
 from .fences import Fences
-from .fit import MOSTLY, REACHES, Drawing, Faults, fitted_offsets
 from .ground_truth import GroundTruth, truth_of
 from .original import original
 from .proof import Target
@@ -135,17 +133,10 @@ class Promise:
 
     def leaves(self, plan: Sequence[Entry]) -> tuple[int, Leaves]:
         """Bytes of the runs of a plan, and the leaves in the end."""
-        total, tube, _ = self._encoded(plan)
+        total, tube = self._encoded(plan)
         if self.tried:
             self.tried()
         return total, self._leaves(tube)
-
-    def layers(self, plan: Sequence[Entry]) -> list[tuple[Contour, float | None]]:
-        """Drawings of a decoder after each layer of a plan, and the distance promised by then."""
-        contours: list[Contour] = []
-        promised = self._encoded(plan, lambda tube, _: contours.append(draw(self._leaves(tube), measured=True)))[2]
-        at = [max((layers for layers in promised if layers <= done), default=0) for done in range(1, len(contours) + 1)]
-        return [(contour, promised.get(layers)) for contour, layers in zip(contours, at, strict=True)]
 
     def after_entries(self, plan: Sequence[Entry], wanted: Collection[int]) -> dict[int, Contour]:
         """Drawings of a decoder after some entries of a plan, by number."""
@@ -164,70 +155,14 @@ class Promise:
             self.tried()
         return found
 
-    def placed(
-        self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Fitted | None = None,
-        *, lead: Sequence[Entry] = (), faults: Faults | None = None,
-    ) -> Fitted:
-        """Place the crossings on the edges of a mesh so that the curve lies within a tolerance, if possible.
-
-        Parameters
-        ----------
-        mesh : Chosen
-        parts, unit : int
-            Those of the offsets.
-        tolerance : float
-        before : Fitted, optional
-            Places on a mesh that shares most of its edges.
-        lead : plan
-            Layers that lead to a part of the mesh; without them it is a base.
-        faults : Faults, optional
-            Where the curve of ``before`` is too far away: if that is not everywhere, the rest stays as it is.
-        """
-        crossing = before.place if before else None
-        size, tube, _ = self._encoded([*lead, onto(mesh, lead), ("offsets", parts, unit, crossing)])
-        told = tube.estimates
-        position = tube.state.vertex[:, : self.n].astype(np.int64)
-        low, high = position[told.edges[:, 0]], position[told.edges[:, 1]]
-        where = np.ldexp((crossing or self.field.crossings)(low, high) + 0.5, -OFFSET_BITS)
-        around = self._around(faults.places, tolerance) if faults else None
-        fixed = None if self.fixed is None else self.fixed(low, high)
-        drawing = fitted_offsets(
-            self.contour, [self.target(reach * tolerance) for reach in REACHES], self._leaves(tube), told.edges,
-            told.parts, where, tolerance, faults=faults, around=around, fixed=fixed,
-        )
-        if self.tried:
-            self.tried()
-        return Fitted(Places(self.field, low, high, ((2 * drawing.number + 1) << (OFFSET_BITS - 1)) // told.parts),
-                      drawing, size)
-
-    def _around(self, places: NDArray[np.float64], tolerance: float) -> Around | None:
-        """Surroundings of places where the curve is too far away; None if that is most of the curve."""
-        size = max(2.0 * tolerance, 2.0)
-        around = Around.of(places, self.field.signs.shape, size).wider(size)
-        return around if around.holds(self.contour.points).mean() < MOSTLY else None
-
-    def faults(self, drawing: Drawing, tolerance: float) -> Faults:
-        """Find faults of a fitted curve, only where it may have changed; unlike `excess` this proves nothing."""
-        points, cells, part = drawing.points, drawing.cells, drawing.part
-        near = Target(points, cells[part.seen] if part else cells, tolerance)
-        ours = part.near.meets(self.contour.points, self.contour.cells) if part else None
-        there = near.exceeded(self.contour.points, self.contour.cells, ours)
-        here = self.target(tolerance).exceeded(points, cells, part.changed if part else None)
-        places, pieces = [there.places, here.places], here.cells
-        if self.fences:
-            across = self.fences.crossed(points, cells)
-            places.append(across.places)
-            pieces = np.union1d(pieces, across.cells)
-        return Faults(drawing, np.concatenate(places), pieces)
-
     def _leaves(self, tube: Tube) -> Leaves:
         isovalue, scale = self.field.isovalue, self.field.scale
         return leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, scale, steps, above))
 
     def _encoded(
         self, plan: Sequence[Entry], seen: Callable[[Tube, Sequence[int]], object] | None = None
-    ) -> tuple[int, Tube, dict[int, float]]:
-        """Bytes of the runs of a plan, the tube in the end, and distances promised by number of layers."""
+    ) -> tuple[int, Tube]:
+        """Bytes of the runs of a plan, and the tube in the end."""
         tube = self.fresh() if self.fresh else self._alone()
         # the earlier isovalue has a limit of steps, which trials do not take part in
         steps = tube.lean.state.counters.work if tube.lean else 0
@@ -238,7 +173,7 @@ class Promise:
             total += len(run)
         if tube.lean:
             tube.lean.state.counters.work = steps
-        return total, tube, strand.within
+        return total, tube
 
     def _alone(self) -> Tube:
         header = Header(self.field.values.shape, self.field.isovalue, self.field.scale, Profile.MAIN)
@@ -254,65 +189,13 @@ class Promise:
         across = [self.fences.coded_crossed(contour)] if self.fences else []
         return np.concatenate([there.places, here.places, *across])
 
-    def excess_near(
-        self, contour: Contour, tolerance: float, places: NDArray[np.float64], reach: float
-    ) -> NDArray[np.float64]:
-        """Places as of `excess`, but only of pieces within a reach of some places: unlike that it proves nothing."""
-        around = Around.of(places, self.field.signs.shape, max(2.0 * tolerance, 2.0)).wider(reach)
-        if around.holds(self.contour.points).mean() >= MOSTLY:
-            return self.excess(contour, tolerance)
-        ours = around.meets(self.contour.points, self.contour.cells)
-        seen = around.wider(2.0 * tolerance).meets(contour.points, contour.cells)
-        near = Target(contour.points, contour.cells[seen], tolerance)
-        there = near.exceeded(self.contour.points, self.contour.cells, ours)
-        here = self.target(tolerance).exceeded(contour.points, contour.cells,
-                                               around.meets(contour.points, contour.cells))
-        return np.concatenate([there.places, here.places])
+    def faults(self, contour: Contour, tolerance: float) -> NDArray[np.float64]:
+        """Places as of `excess`, and where the curve crosses one of a neighbouring isovalue that is yet to be coded."""
+        places = self.excess(contour, tolerance)
+        return np.concatenate([places, self.fences.waiting_crossed(contour)]) if self.fences else places
 
     def target(self, limit: float) -> Target:
         """The original curve, for others to be held against it."""
         if limit not in self._targets:
             self._targets[limit] = Target(self.contour.points, self.contour.cells, limit)
         return self._targets[limit]
-
-
-def onto(mesh: Chosen, lead: Sequence[Entry]) -> Entry:
-    """The entry of a plan that leads to a mesh from what comes before it."""
-    return ("adapt", 1, mesh) if lead else ("adaptive_base", 0, mesh)
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """Places of crossings that were fitted, the curve through them, and bytes of its runs with the places before."""
-
-    place: Places
-    drawing: Drawing
-    size: int
-
-
-class Places:
-    """Chosen places on edges; on others those where the field crosses."""
-
-    def __init__(
-        self, field: Samples, low: NDArray[np.int64], high: NDArray[np.int64], where: NDArray[np.int64]
-    ) -> None:
-        self._field = field
-        names = self._names(low, high)
-        order = np.argsort(names)
-        self._known, self._where = names[order], where[order]
-
-    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Crossings, as ``Samples.crossings``."""
-        names = self._names(low, high)
-        at = np.minimum(np.searchsorted(self._known, names), len(self._known) - 1)
-        known = self._known[at] == names if len(self._known) else np.zeros(len(names), np.bool_)
-        out = np.empty(len(names), np.int64)
-        out[known] = self._where[at[known]]
-        out[~known] = self._field.crossings(low[~known], high[~known])
-        return out
-
-    def _names(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """One number for each edge."""
-        shape = self._field.signs.shape
-        first, second = (np.ravel_multi_index(tuple(ends.T), shape) for ends in (low, high))
-        return first * np.int64(self._field.signs.size) + second

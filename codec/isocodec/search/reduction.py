@@ -274,8 +274,7 @@ class Reduction:
         return keys
 
     def restore(
-        self, places: NDArray[np.float64], most: Chosen | None = None, share: float = 1.0,
-        leaves: NDArray[np.int64] | None = None,
+        self, places: NDArray[np.float64], most: Chosen | None = None, share: float = 1.0
     ) -> int:
         """Bisect the leaves at some places; how many vertices that put back.
 
@@ -288,10 +287,8 @@ class Reduction:
             A mesh whose vertices alone may come back.
         share : float
             Of many leaves only this share is bisected, those with the most places.
-        leaves : (P, 4) int64, optional
-            `leaves_at` the places, if that is known.
         """
-        leaves = self.leaves_at(places) if leaves is None else leaves
+        leaves = self.leaves_at(places)
         # where it is full already: the leaves next to it, so that diamonds get whole and their points implied
         done = places[leaves[:, 3] < 0]
         around = np.array(list(product((-0.75, 0.0, 0.75), repeat=self.n)))

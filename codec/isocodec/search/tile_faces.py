@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..drawing.drawing import draw
 from ..field.samples import Samples
+from ..grid.lattice.depth import levels_of
 from ..grid.lattice.tables import AXES
-from .promise import Promise, onto
+from .promise import Promise
 from .reduction import Reduction, distinct
-from .strategy import NotKeptError, Plan, base_of
+from .strategy import NotKeptError, Plan, onto, uniform
 
 Vertex = tuple[int, int, int]
 Plane = tuple[int, int]
@@ -23,6 +24,8 @@ Plane = tuple[int, int]
 IN_FACE = 0.9
 """Share of the tolerance that the curve in a face keeps to by itself, so that the surface behind it can."""
 MOST_TURNS = 40
+HOPELESS, SPARE = 1.05, 40
+"""A mesh that takes so many times the bytes of the full grid, and so many more, is given up."""
 ROUGH, SOME = 0.5, 400
 """A mesh is given up if at first this share of a curve, and more than so many pieces, is too far away."""
 
@@ -61,7 +64,7 @@ class Faces:
         shared = np.argwhere(self.shared).tolist()
         self.planes: list[Plane] = [(axis, self.size[axis] - 1 if side else 0) for axis, side in shared]
 
-    def search(self, plane: Plane, samples: Samples, tolerance: float, pitch: tuple[int, int]) -> None:
+    def search(self, plane: Plane, samples: Samples, tolerance: float) -> None:
         """Find the vertices of a face that its curve needs to keep to a tolerance, as far as they are allowed.
 
         They are those of the tile on its other side, from the same samples.
@@ -72,8 +75,6 @@ class Faces:
         samples : Samples
             Those of the face.
         tolerance : float
-        pitch : (parts, unit)
-            Those of the offsets.
 
         Raises
         ------
@@ -83,20 +84,18 @@ class Faces:
         if samples.signs.all() or not samples.signs.any():
             return
         self.crossed = True
-        promise = Promise(samples, None, False)
-        found = self._found(plane, promise, tolerance, pitch, 1)
+        promise = Promise(samples)
+        found = self._found(plane, promise, tolerance, 1)
         if found is None:
             # one tile might be drawn by cubes, and that on the other side not (clause 9.1(2))
-            found = self._found(plane, promise, tolerance, pitch, 2)
+            found = self._found(plane, promise, tolerance, 2)
         assert found is not None
         self.wanted[plane] = found
         for vertex in found:
             self._there |= {each for each in ancestry(vertex, 1 << self.exponent) if each[plane[0]] == plane[1]}
         self._known.clear()
 
-    def _found(
-        self, plane: Plane, promise: Promise, tolerance: float, pitch: tuple[int, int], finest: int
-    ) -> list[Vertex] | None:
+    def _found(self, plane: Plane, promise: Promise, tolerance: float, finest: int) -> list[Vertex] | None:
         """The vertices, of coordinates that are multiples of ``finest``; None if no side that is crossed stays larger
         than those of the full grid.
         """
@@ -104,11 +103,10 @@ class Faces:
         level = max(promise.full_level - 2 * self.exponent, 0)
         reduction = promise.reduction()
         reduction.reduce(level=level)
-        base = base_of(2, level)
-        lead: Plan = [("base", base), *([("refine", level - base)] if base < level else [])]
+        lead = uniform(2, level)
         found: list[Vertex] = []
         for turn in range(MOST_TURNS):
-            leaves = promise.leaves([*lead, onto(reduction.chosen, lead), ("offsets", *pitch)])[1]
+            leaves = promise.leaves([*lead, onto(reduction.chosen, lead)])[1]
             places = promise.excess(draw(leaves, measured=True), IN_FACE * tolerance)
             if turn == 0 and is_rough(promise, len(places)):
                 raise NotKeptError("the field is rough in a face", code="tolerance")
@@ -154,6 +152,44 @@ class Faces:
     def _exists(self, vertex: Vertex) -> bool:
         """Whether it does not lie behind a shared face, where this tile has no vertices."""
         return not any(vertex[a] < 0 or (self.shared[a, 1] and vertex[a] >= s) for a, s in enumerate(self.size))
+
+
+def volume_plan(promise: Promise, tolerance: float, coarse: int, faces: Faces) -> Plan:
+    """A plan on cubes of one edge, bisected where needed and allowed, that is proven to keep to the tolerance.
+
+    Parameters
+    ----------
+    promise : Promise
+        Of the tile.
+    tolerance : float
+    coarse : int
+        Level of a uniform mesh that it leads to first.
+    faces : Faces
+        Those that are shared, searched.
+
+    Raises
+    ------
+    NotKeptError
+        If no such plan is found, or if it takes clearly more bytes than the full grid.
+    """
+    n, full = promise.n, promise.full_level
+    level = max(full - n * faces.exponent, coarse)
+    reduction = promise.reduction()
+    reduction.reduce(level=level)
+    for wanted in filter(None, faces.wanted.values()):
+        position = np.array(wanted, np.int64)
+        reduction.add(position, levels_of(position, full // n))
+    lead = uniform(n, level, coarse)
+    most = HOPELESS * promise.trial(uniform(n, full, coarse))[0] + SPARE
+    for turn in range(MOST_TURNS):
+        plan = [*lead, onto(reduction.chosen, lead)]
+        size, contour = promise.trial(plan)
+        places = promise.excess(contour, tolerance)
+        if not len(places):
+            return plan
+        if size > most or (turn == 0 and is_rough(promise, len(places))) or not bisected(reduction, places, faces):
+            break
+    raise NotKeptError(f"no mesh was proven to stay within a tolerance of {tolerance:g}", code="tolerance")
 
 
 def is_rough(promise: Promise, faults: int) -> bool:

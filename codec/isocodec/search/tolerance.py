@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import MAX_PARTS, MAX_RADIX
+from isospec.container import MAX_PARTS
 
 from ..errors import OptionError
 from ..field.samples import OFFSET_BITS
@@ -19,22 +19,22 @@ Edges = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]]
 """Choice of edges, by the positions of their ends (E, n) each."""
 EXACT = 0.0
 """A step that asks for all values, to the last bit."""
-PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
-"""Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""
 NO_OFFSETS = 1, 40
 """Parts and unit of crossings that are not stored: middles of edges, all of them shorter than the unit."""
 MOST_SLACK = 2.0
 """Crossings are stored at most this many tolerances off along their edges."""
-EDGE = 1e-6
+ROUNDING = 1e-6
 """Share of a tolerance that is below its rounding."""
+HALF = 0.5
+"""Tolerance in cells that signs alone keep to: points are in the middles of edges."""
 
 
 class Slack:
     """Slack of crossings on edges of the full grid: how far from where the field crosses them they may be stored.
 
-    If all are stored within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it
-    takes a longer way along the edge to get as far from the curve; that is tried, and taken back where the tolerance is
-    not kept.
+    If all are stored within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it takes a
+    longer way along the edge to get as far from the curve; that is tried, and taken back where the tolerance is not
+    kept.
 
     Parameters
     ----------
@@ -48,9 +48,7 @@ class Slack:
     def __init__(
         self, tolerance: float, phi: NDArray[np.float32] | None = None, fixed: Edges | None = None
     ) -> None:
-        self._tolerance = tolerance
-        self._phi = phi
-        self._fixed = fixed
+        self._tolerance, self._phi, self._fixed = tolerance, phi, fixed
         self._tight = np.zeros(0, np.int64)
 
     def tighten(self, places: NDArray[np.float64]) -> None:
@@ -59,7 +57,8 @@ class Slack:
         reach = math.ceil(self._tolerance) + 1
         around = np.array(list(product(range(-reach, reach + 1), repeat=self._phi.ndim)))
         last = np.array(self._phi.shape) - 1
-        near = np.clip(np.floor(places).astype(np.int64)[:, None] + around, 0, last).reshape(-1, self._phi.ndim)
+        here = np.unique(np.floor(places).astype(np.int64), axis=0)
+        near = np.clip(here[:, None] + around, 0, last).reshape(-1, self._phi.ndim)
         self._tight = np.union1d(self._tight, np.ravel_multi_index(tuple(near.T), self._phi.shape))
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -67,9 +66,8 @@ class Slack:
         slack = np.full(len(low), self._tolerance)
         if self._phi is not None:
             slope = slopes_at(self._phi, low) + slopes_at(self._phi, high)
-            slanted = self._tolerance * at_a_slant(slope, high - low, MOST_SLACK)
             tight = np.isin(np.ravel_multi_index(tuple(low.T), self._phi.shape), self._tight)
-            slack = np.where(tight, slack, slanted)
+            slack = np.where(tight, self._tolerance, self._tolerance * at_a_slant(slope, high - low, MOST_SLACK))
         if self._fixed is not None:
             slack = np.where(self._fixed(low, high), 0.0, slack)
         # places are rounded to the same unit
@@ -130,8 +128,10 @@ def radices(tolerance: float | None) -> list[int]:
         raise OptionError(
             f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
         )
+    if tolerance >= HALF:
+        return []
     # offsets are rounded to 30 bits before they are coded
-    parts = max(math.ceil(0.5 / (tolerance - 2.0**-OFFSET_BITS)), 1) | 1
+    parts = math.ceil(HALF / (tolerance - 2.0**-OFFSET_BITS)) | 1
     while True:
         rest, factors = parts, []
         for factor in (13, 11, 7, 5, 3):
@@ -141,21 +141,3 @@ def radices(tolerance: float | None) -> list[int]:
         if rest == 1:
             return factors[::-1]
         parts += 2
-
-
-def parts_on(length: int, parts: int, unit: int) -> int:
-    """Parts of an edge of so many samples where there are ``parts`` in ``2**unit`` samples (spec clause 5.7.3(1))."""
-    return -(-parts * length >> unit) | 1
-
-
-def pitches(tolerance: float, n: int) -> Iterator[tuple[int, int]]:
-    """Parts in ``2**unit`` samples to be tried for a tolerance, the coarsest first."""
-    coarsest, count = PITCHES[n]
-    found: set[tuple[float, int, int]] = set()
-    for unit in range(12):
-        for parts in range(1, MAX_RADIX + 1, 2):
-            pitch = 2.0**unit / parts
-            if pitch <= coarsest * tolerance and (parts <= 3 or unit == 0):
-                found.add((-pitch, parts, unit))
-    for _, parts, unit in sorted(found)[:count]:
-        yield parts, unit

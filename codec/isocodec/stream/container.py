@@ -1,4 +1,4 @@
-"""The container as encoders write it, for every kind of file: pieces of a file and its checksum (spec 3.3, 3.4)."""
+"""The container as encoders write it, for every kind of file: chunks of a file and its checksum (spec 3.3, 3.4)."""
 
 from __future__ import annotations
 
@@ -9,51 +9,38 @@ from collections.abc import Iterable, Iterator, Mapping
 from isospec.container import Checksum, ChunkType
 
 from ..errors import OptionError
-from ..format.chunks import write_chunk, write_metadata
-from ..format.frames import as_last
+from ..format.chunks import write_chunk, write_further, write_metadata
+from ..format.frames import as_last, is_key, write_frame, write_interval
 from ..format.header import Header, write_header
 
 
-def beginning(header: Header, metadata: Mapping[str, str] | None) -> Iterator[bytes]:
-    """Write the header, and the chunk of notes if there are any."""
-    yield write_header(header)
-    if metadata:
-        yield write_chunk(ChunkType.METADATA, write_metadata(metadata), ancillary=True)
+def beginning(
+    header: Header, metadata: Mapping[str, str] | None, shared: Iterable[bytes] = (), interval: int | None = None
+) -> list[bytes]:
+    """Write the header, and the chunks that concern the whole file: notes, ``shared`` ones, and those of a series."""
+    notes = [write_chunk(ChunkType.METADATA, write_metadata(metadata), ancillary=True)] if metadata else []
+    series = [] if interval is None else [write_chunk(ChunkType.SERIES, write_interval(interval))]
+    return [write_header(header), *notes, *shared, *series]
 
 
-def with_checksum(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """Yield the pieces of a file, followed by the checksum of all of them."""
-    checksum = 0
-    for piece in pieces:
-        checksum = zlib.crc32(piece, checksum)
-        yield piece
-    yield Checksum.build(checksum)
+def opening(frame: int, number: int, isovalue: float, lean: int | None, interval: int | None) -> list[bytes]:
+    """Write the chunk with which an isovalue of a frame begins; the first one of a file begins with the header."""
+    if frame:
+        return [write_chunk(ChunkType.FRAME, write_frame(number, lean, is_key(frame, interval or 0)))]
+    return [write_chunk(ChunkType.ISOVALUE, write_further(number, isovalue, lean))] if number else []
 
 
-class Ending:
-    """Holds back the latest chunk, which is marked if no other follows, and computes the checksum."""
-
-    def __init__(self) -> None:
-        self._waiting = b""
-        self._checksum = 0
-
-    def add(self, chunks: Iterable[bytes]) -> bytes:
-        """Add chunks, and return the bytes that are ready: all but the latest chunk."""
-        *ready, waiting = [self._waiting, *chunks]
-        self._waiting = waiting
-        return self._checked(b"".join(ready))
-
-    def last(self) -> bytes:
-        """The last chunk."""
-        return self._checked(as_last(self._waiting))
-
-    def end(self) -> bytes:
-        """Return the last bytes of the file: the last chunk, and the checksum."""
-        return self.last() + Checksum.build(self._checksum)
-
-    def _checked(self, data: bytes) -> bytes:
-        self._checksum = zlib.crc32(data, self._checksum)
-        return data
+def closed(chunks: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield header and chunks of a file, the last one marked as such, and the checksum of all of them."""
+    checksum, waiting = 0, b""
+    for chunk in chunks:
+        if waiting:
+            checksum = zlib.crc32(waiting, checksum)
+            yield waiting
+        waiting = chunk
+    waiting = as_last(waiting)
+    yield waiting
+    yield Checksum.build(zlib.crc32(waiting, checksum))
 
 
 class ContainerEncoder(ABC):
@@ -65,8 +52,8 @@ class ContainerEncoder(ABC):
         if self._begun:
             raise OptionError("an encoder can be iterated only once", code="iterated", remedy="make a new encoder")
         self._begun = True
-        yield from with_checksum(self._pieces())
+        yield from closed(self._chunks())
 
     @abstractmethod
-    def _pieces(self) -> Iterator[bytes]:
-        """Yield the pieces of the file without its checksum."""
+    def _chunks(self) -> Iterator[bytes]:
+        """Yield the header and the chunks of the file; the last one need not be marked."""

@@ -7,19 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isospec.container import ChunkType, DomainKind
+from isospec.container import ChunkType
 
-from ..errors import FormatError, IsoError, OptionError, TruncatedError
+from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import Envelope
 from ..format.events import Event
 from ..format.header import Header
 from ..limits import Limits
-from .outline import check_explicit
+from .outline import holds_surface
 from .session import Contents, Session
 
 if TYPE_CHECKING:
@@ -71,8 +71,8 @@ class Decoder(Session):
         self, limits: Limits | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
         only: Collection[int] | None = None, frame: int | None = None,
     ) -> None:
-        super().__init__(limits, partial(_contents_of, mesh=mesh, only=only, frame=frame))
-        self._wanted = frame
+        super().__init__(limits, partial(_contents_of, mesh=mesh))
+        self.outline.only, self.outline.wanted = only, frame
 
     @property
     def isovalues(self) -> list[float]:
@@ -95,7 +95,8 @@ class Decoder(Session):
     @property
     def frame(self) -> int:
         """Number of the frame that can be drawn: the latest that has begun or, once read, the one that is wanted."""
-        return self.outline.frame if self._wanted is None else min(self.outline.frame, self._wanted)
+        frame, wanted = self.outline.frame, self.outline.wanted
+        return frame if wanted is None else min(frame, wanted)
 
     @property
     def present(self) -> tuple[int, int]:
@@ -143,7 +144,7 @@ class Decoder(Session):
             If drawing takes more memory than the limits allow; the decoder is unchanged.
         """
         contents = self.contents
-        if contents is None or contents.kind == "domain":
+        if contents is None or isinstance(contents, DomainBeginning):
             from ..drawing.contour import Contour
 
             self.check()
@@ -167,43 +168,50 @@ class Decoder(Session):
     def discard(self, number: int | None = None) -> None:
         """Release the decoded state of an isovalue, or of all, once drawn; nothing that follows may depend on it.
         """
-        if self.contents is not None and self.contents.kind == "grid":
+        if self._is("grid"):
             self.grid.discard(number)
 
-    @property
-    def grid(self) -> GridContents:
-        """The contents of the file of a grid; raises `OptionError` if the file is of another kind."""
-        if self.contents is None or self.contents.kind != "grid":
-            raise self._other("a sampled grid")
-        return cast("GridContents", self.contents)
+    def _is(self, kind: str) -> bool:
+        return self.contents is not None and self.contents.kind == kind
 
-    @property
-    def on_mesh(self) -> MeshContents:
-        """The contents of a file of values on a mesh; raises `OptionError` if the file is of another kind."""
-        if self.contents is None or self.contents.kind != "mesh":
-            raise self._other("values on a mesh")
-        return cast("MeshContents", self.contents)
+    def _of(self, kind: str, what: str) -> Any:
+        """The contents of a file of one kind.
 
-    @property
-    def surface(self) -> SurfaceContents:
-        """The contents of the file of a surface; raises `OptionError` if the file is of another kind."""
-        if self.contents is None or self.contents.kind != "surface":
-            raise self._other("a triangulated surface")
-        return cast("SurfaceContents", self.contents)
-
-    def _other(self, wanted: str) -> IsoError:
-        """Make the error for a file of another kind, or one whose kind is not known yet."""
-        if self.contents is None or isinstance(self.contents, DomainBeginning):
-            return TruncatedError(
+        Raises
+        ------
+        OptionError
+            If the file is of another kind.
+        TruncatedError
+            If its kind is not known yet.
+        """
+        if self._is(kind):
+            return self.contents
+        if self.contents is None or self._is("domain"):
+            raise TruncatedError(
                 f"the file ends before its {'mesh' if self.header else 'header'} is complete", code="truncated",
                 offset=len(self.data), clause="8.3",
             )
-        return OptionError(f"the file is not of {wanted}", code="kind")
+        raise OptionError(f"the file is not of {what}", code="kind")
+
+    @property
+    def grid(self) -> GridContents:
+        """The contents of the file of a grid; errors as of `_of`."""
+        return cast("GridContents", self._of("grid", "a sampled grid"))
+
+    @property
+    def on_mesh(self) -> MeshContents:
+        """The contents of a file of values on a mesh; errors as of `_of`."""
+        return cast("MeshContents", self._of("mesh", "values on a mesh"))
+
+    @property
+    def surface(self) -> SurfaceContents:
+        """The contents of the file of a surface; errors as of `_of`."""
+        return cast("SurfaceContents", self._of("surface", "a triangulated surface"))
 
     @property
     def symbols(self) -> dict[str, int]:
         """Symbols of a grid's file received so far, by syntax element; empty for other files."""
-        return self.grid.symbols if self.contents is not None and self.contents.kind == "grid" else {}
+        return self.grid.symbols if self._is("grid") else {}
 
 
 class DomainBeginning:
@@ -211,16 +219,9 @@ class DomainBeginning:
 
     kind = "domain"
 
-    def __init__(
-        self, session: Session, header: Header, mesh: tuple[ArrayLike, ArrayLike] | None,
-        only: Collection[int] | None, frame: int | None,
-    ) -> None:
+    def __init__(self, session: Session, header: Header, mesh: tuple[ArrayLike, ArrayLike] | None) -> None:
         self.outline = session.outline
-        self._session, self._header, self._mesh, self._only, self._frame = session, header, mesh, only, frame
-
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """See `Contents.expect`."""
-        check_explicit(chunk, at, False)
+        self._session, self._header, self._mesh = session, header, mesh
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`: the first byte of the domain chunk states the kind."""
@@ -231,19 +232,15 @@ class DomainBeginning:
             raise FormatError("the domain chunk is empty", code="domain", offset=chunk.start, clause="3.5.8")
         if len(session.data) <= chunk.start:
             return None, False
-        points = session.data[chunk.start] >> 4 == DomainKind.POINTS and self._header.cells == 2
-        session.contents = self._surface() if points else self._on_mesh()
+        if holds_surface(self._header, session.data[chunk.start]):
+            from .surface_contents import SurfaceContents
+
+            session.contents = SurfaceContents(session)
+        else:
+            from .mesh_contents import MeshContents
+
+            session.contents = MeshContents(session, self._header, self._mesh)
         return session.contents.arrive(chunk, at)
-
-    def _surface(self) -> Contents:
-        from .surface_contents import SurfaceContents
-
-        return SurfaceContents(self._session)
-
-    def _on_mesh(self) -> Contents:
-        from .mesh_contents import MeshContents
-
-        return MeshContents(self._session, self._header, self._mesh, self._only, self._frame)
 
     def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
         """See `Contents.take`."""
@@ -253,13 +250,10 @@ class DomainBeginning:
         """See `Contents.drop`."""
 
 
-def _contents_of(
-    session: Session, header: Header, *, mesh: tuple[ArrayLike, ArrayLike] | None, only: Collection[int] | None,
-    frame: int | None,
-) -> Contents:
+def _contents_of(session: Session, header: Header, *, mesh: tuple[ArrayLike, ArrayLike] | None) -> Contents:
     """Make the contents for a file's chunks, as far as the header determines them."""
-    if header.cells is None:
-        from .grid_contents import GridContents
+    if header.cells is not None:
+        return DomainBeginning(session, header, mesh)
+    from .grid_contents import GridContents
 
-        return GridContents(session, header, only, frame)
-    return DomainBeginning(session, header, mesh, only, frame)
+    return GridContents(session, header)

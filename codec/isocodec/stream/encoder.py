@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,22 +11,17 @@ from numpy.typing import ArrayLike
 
 from isospec.container import Checksum, ChunkType
 
-from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
 from ..field.framed import Frames
 from ..field.labelling import listed
 from ..field.meshed import Mesh
-from ..field.placement import Placement
 from ..field.sampled import Field
-from ..field.samples import Samples
 from ..format.chunks import write_chunk
-from ..search.original import original
-from ..search.rounds import rounds_for
-from ..search.tolerance import radices
 from ..tin.tin import Tin
-from .container import ContainerEncoder, Ending
-from .given import field_of, frames_of, levels_of, options_of, placement_of_file, samples_of, taken
-from .grid_encoder import GridEncoder, GridFrames, Report, grid_file
+from .container import ContainerEncoder
+from .given import GivenField, completed, field_of, levels_of, taken
+from .grid_encoder import GridEncoder, GridFrames
+from .grid_file import Report, grid_file
 from .mesh_encoder import MeshEncoder, MeshFrames
 from .options import EncodeOptions, Isovalues, Options
 from .series import Series
@@ -53,38 +46,12 @@ def encoder_of(
     what = taken(what)
     if isinstance(what, Mesh):
         return MeshEncoder(what, levels_of(what, isovalue, asked, [what]), asked, progress)
-    return grid_encoder(field_of(what), isovalue, asked, progress)
-
-
-def grid_encoder(
-    field: Field, isovalue: Isovalues | None, options: Options, progress: Report | None = None
-) -> GridEncoder:
-    """Make the encoder of one field."""
-    isovalues = levels_of(field, isovalue, options, [field])
-    options = options_of(field, isovalue, options)
-    placement = placement_of_file(field, options)
-    samples = samples_of(field, isovalues, options, placement)
-    options = _as_smooth(options, samples, placement)
-    return GridEncoder(grid_file(samples, Series(isovalues), options, placement, report=progress), samples)
-
-
-def _as_smooth(options: Options, fields: Sequence[Samples], placement: Placement | None) -> Options:
-    """Options with the rounds of smoothing of a field at its isovalue, or without if it is too rough to be smoothed."""
-    precision = options.precision
-    if not precision.smooth:
-        if SMOOTHING in options.metadata and precision.tolerance is not None:
-            raise OptionError(f"the note {SMOOTHING} would break the promise of precision {precision.text!r}",
-                              code="metadata", remedy=f'use precision "{precision.text} smooth"')
-        return options
-    if len(fields) > 1:
-        raise OptionError("smooth applies to files of one isovalue: curves of several could cross", code="smooth",
-                          remedy="leave it out")
-    if placement is not None and placement.periodic:
-        raise OptionError("periodic axes and smooth cannot be combined", code="periodic", remedy="leave it out")
-    rounds = rounds_for(original(fields[0]), math.prod(radices(precision.offsets)))
-    if not rounds:
-        return replace(options, precision=replace(precision, smooth=False))
-    return replace(options, metadata={**options.metadata, SMOOTHING: str(rounds)})
+    field = field_of(what)
+    given, samples = completed(field, isovalue, asked, [field])
+    series = Series(given.isovalues, None, given.options.independent)
+    file = grid_file(samples, series, given.options, given.placement, report=progress)
+    # a label may be missing, which is known only then
+    return GridEncoder(file, samples if given.labels is None else [*samples])
 
 
 class Encoder:
@@ -202,7 +169,8 @@ class SeriesFrames:
         self._isovalue, self._options, self._report, self._known = isovalue, options, progress, known
         self.grid: GridFrames | None = None
         self._mesh: MeshFrames | None = None
-        self._first: Field | None = None
+        self._given: GivenField | None = None
+        self._alike: tuple[tuple[int, ...], np.dtype[Any]] = (), np.dtype(np.bool_)
         self._found: set[float] = set()
         self.count = 0
 
@@ -210,69 +178,63 @@ class SeriesFrames:
         """Refuse a series without frames, and labels that no frame has."""
         if not self.count:
             raise InputError("a series without frames", code="frames", remedy="add at least one")
-        labels = None if self._first is None else self._first.labels
-        for label in labels or ():
+        for label in (self._given.labels if self._given else None) or ():
             if label not in self._found:
                 raise InputError(f"no frame has the label {label:g}", code="label")
 
     def chunks(self, frame: Any) -> list[bytes]:
         """Return the chunks of a frame; if an error is raised, earlier frames are kept."""
-        on_mesh = isinstance(frame, Mesh) if self._first is None and self._mesh is None else self._mesh is not None
-        out = self._of_mesh(frame) if on_mesh else self._of_grid(field_of(frame))
+        if self._mesh is not None or (self.grid is None and isinstance(frame, Mesh)):
+            out = self._of_mesh(frame)
+        else:
+            out = self._of_grid(field_of(frame))
         self.count += 1
         return out
 
     def _of_grid(self, field: Field) -> list[bytes]:
-        first = self._first or field
-        if self.grid is not None:
-            self._check_alike(field, first)
-            _check_labels(field, first, self.count)
-            file = self.grid.file
-            placement = placement_of_file(first, file.options)
-            samples = samples_of(
-                Field(field.values, field.mask, labels=first.labels, missing=first.missing), file.series.isovalues,
-                file.options, placement, series=True,
-            )
-            self._found |= _inside(samples) if first.labels is not None else set()
-            return self.grid.chunks(samples)
-        isovalues = levels_of(field, self._isovalue, self._options, self._known)
-        options = options_of(field, self._isovalue, self._options)
-        placement = placement_of_file(field, options)
-        samples = samples_of(field, isovalues, options, placement, series=True)
-        options = _as_smooth(options, samples, placement)
-        series = Series(isovalues, options.interval)
-        grid = GridFrames(grid_file(samples, series, options, placement, report=self._report))
+        given, grid = self._given, self.grid
+        alike = field.shape, np.asarray(field.values).dtype
+        if given is None or grid is None:
+            given, samples = completed(field, self._isovalue, self._options, self._known, series=True)
+            series = Series(given.isovalues, given.options.interval, given.options.independent)
+            grid = GridFrames(grid_file(samples, series, given.options, given.placement, report=self._report))
+        else:
+            self._check_alike(field, given, *alike)
+            samples = given.samples(field)
+        if given.labels is not None:
+            samples = [*samples]
         out = grid.chunks(samples)
-        # the samples themselves are no longer needed
-        values = np.asarray(field.values)
-        like = np.broadcast_to(np.zeros((), values.dtype), values.shape)
-        self.grid = grid
-        self._found = _inside(samples) if field.labels is not None else set()
-        self._first = Field(like, None, field.placement, labels=field.labels, missing=field.missing)
+        if given.labels is not None:
+            self._found |= {one.isovalue for one in samples if one.signs.any()}
+        self.grid, self._given, self._alike = grid, given, alike
         return out
 
-    def _check_alike(self, field: Field, first: Field) -> None:
-        """Refuse a frame that differs from the first one in shape or type."""
-        if field.shape != first.shape:
+    def _check_alike(self, field: Field, given: GivenField, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+        """Refuse a frame that differs from the first one in shape or type, or has labels that would not be encoded."""
+        if shape != self._alike[0]:
             raise InputError(
-                f"frame {self.count} has the shape {_shape(field.shape)}, but earlier frames have "
-                f"{_shape(first.shape)}",
+                f"frame {self.count} has the shape {_shape(shape)}, but earlier frames have {_shape(self._alike[0])}",
                 code="frames", remedy="all frames of a file must have the same shape",
             )
-        found, before = np.asarray(field.values).dtype, first.values.dtype
-        if found != before:
+        if dtype != self._alike[1]:
             raise InputError(
-                f"frame {self.count} holds {found}, but earlier frames hold {before}", code="frames",
+                f"frame {self.count} holds {dtype}, but earlier frames hold {self._alike[1]}", code="frames",
                 remedy="convert all frames to the same type",
+            )
+        more = {*(field.labels or ())} - {*(given.labels or ())}
+        if more:
+            every = sorted({*more, *(given.labels or ())})
+            raise InputError(
+                f"frame {self.count} has labels that the first frame does not: {listed(sorted(more), ', ')}",
+                code="label", remedy=f"give each frame the same: labels=({listed(every, ', ')})",
             )
 
     def _of_mesh(self, frame: Any) -> list[bytes]:
-        values: Any = frame.values if isinstance(frame, Mesh) else frame
         if self._mesh is None:
             isovalues = levels_of(frame, self._isovalue, self._options, self._known)
-            self._mesh = MeshFrames(
-                frame, Series(isovalues, self._options.interval), self._options, complete=False, report=self._report
-            )
+            series = Series(isovalues, self._options.interval, self._options.independent)
+            self._mesh = MeshFrames(frame, series, self._options, complete=False, report=self._report)
+        values: Any = frame.values if isinstance(frame, Mesh) else frame
         return self._mesh.chunks(values)
 
 
@@ -285,29 +247,13 @@ class _SeriesEncoder(ContainerEncoder):
         if frames.interval is not None:
             options = Options.of(**{**vars(options), "interval": frames.interval})
         self._given = frames
-        self._frames = SeriesFrames(isovalue, options, progress, frames_of(frames))
+        # frames that can be read only once cannot be examined in advance
+        self._frames = SeriesFrames(isovalue, options, progress, frames if frames.repeatable else None)
 
-    def _pieces(self) -> Iterator[bytes]:
-        """Yield the pieces of the file without its checksum."""
-        ending = Ending()
+    def _chunks(self) -> Iterator[bytes]:
         for frame in self._given:
-            yield ending.add(self._frames.chunks(frame))
+            yield from self._frames.chunks(frame)
         self._frames.check_whole()
-        yield ending.last()
-
-
-def _check_labels(field: Field, first: Field, number: int) -> None:
-    """Refuse a frame with labels that the first one does not list, which would not be encoded."""
-    more = {*(field.labels or ())} - {*(first.labels or ())}
-    if more:
-        every = sorted({*more, *(first.labels or ())})
-        raise InputError(f"frame {number} has labels that the first frame does not: {listed(sorted(more), ', ')}",
-                         code="label", remedy=f"give each frame the same: labels=({listed(every, ', ')})")
-
-
-def _inside(samples: Sequence[Samples]) -> set[float]:
-    """The isovalues that some samples lie above, or the labels that some samples have."""
-    return {one.isovalue for one in samples if one.signs.any()}
 
 
 def _shape(shape: Sequence[int]) -> str:

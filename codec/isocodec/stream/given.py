@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,19 +14,25 @@ from numpy.typing import NDArray
 
 from isospec.container import MAX_ISOVALUES
 
+from ..deferred import dataclass
+from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import DecodedSamples, near_values
-from ..field.framed import Frames
+from ..field.isovalues import isovalues_of, range_of
 from ..field.labelling import LABELS, having, listed
 from ..field.meshed import Mesh
 from ..field.missing import filled
 from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Placement, closed, read_placement
 from ..field.sampled import Field
 from ..field.samples import Samples, check_field, isovalue_of, missing_of, without_holes
-from .isovalues import isovalues_of, range_of
+from ..grid.lattice.tables import cube_exponent
+from ..search.original import original
+from ..search.rounds import rounds_for
+from ..search.tolerance import radices
 from .options import COORDINATES_SHARE, INDEPENDENT, LEVELS, Options, Precision
-from .placing import check_axes, without_folds
-from .promise_note import PROMISE
+from .placing import without_folds
+from .plan_file import check_plan
+from .promises import PROMISE
 
 
 def taken(what: Any) -> Any:
@@ -58,18 +65,130 @@ def field_of(what: Any) -> Field:
     return found if isinstance(found, Field) else Field(found)
 
 
-def placement_of_file(field: Field, options: Options) -> Placement | None:
+@dataclass(frozen=True)
+class GivenField:
+    """A field on a grid with everything that a file of it is made from, complete: `completed` makes it.
+
+    Attributes
+    ----------
+    isovalues : list of float
+        Also those of labels.
+    options : Options
+        With all notes, the defaults of the field, and distances in cells.
+    placement : Placement or None
+        Where the samples lie, unless a note states it.
+    labels : tuple of float, or None
+    missing : str
+        As of `Field`.
+    series : bool
+        Whether the field is a frame of a series, whose frames need not all have every label.
+    """
+
+    isovalues: list[float]
+    options: Options
+    placement: Placement | None
+    labels: tuple[float, ...] | None
+    missing: str
+    series: bool = False
+
+    @property
+    def periodic(self) -> tuple[int, ...]:
+        """Periodic axes."""
+        return () if self.placement is None else self.placement.periodic
+
+    def samples(self, field: Field) -> Sequence[Samples]:
+        """Samples of a frame at each isovalue, made when they are needed; see `sampler`."""
+        sampler = self.sampler(field)
+        return _Sampled(sampler, self.isovalues) if len(self.isovalues) > 1 else [sampler(self.isovalues[0])]
+
+    def sampler(self, field: Field) -> Callable[[float], Samples]:
+        """Make a function from an isovalue to samples: missing ones filled as asked for, periodic axes closed.
+
+        Raises
+        ------
+        InputError, OptionError
+            If they cannot be encoded; the function, too.
+        """
+        values, mask = field.values, field.mask
+        if self.labels is None and self.missing != "hole":
+            gone = missing_of(values, mask)
+            if gone.any():
+                values, mask = filled(np.asarray(values), gone, self.missing, self.isovalues), None
+        bare, hole = without_holes(values, mask)
+        if self.labels is None:
+            if self.placement is not None:
+                hole = without_folds(self.placement, bare.shape, hole)
+                bare, hole = closed(bare, self.periodic), None if hole is None else closed(hole, self.periodic)
+            return lambda isovalue: check_field(bare, isovalue, self.options.precision.step, hole)
+        if bare.ndim not in (2, 3) or bare.dtype.kind not in "biuf":
+            raise InputError(f"labels of shape {bare.shape} and type {bare.dtype}", code="labels",
+                             remedy="give numbers on 2 or 3 axes")
+        without = hole if self.missing == "below" else None
+        return lambda label: _border(bare, label, hole, without, self.series)
+
+
+def completed(
+    field: Field, isovalue: object, options: Options, frames: Iterable[Any] | None = None, *, series: bool = False,
+    most: int = MAX_ISOVALUES,
+) -> tuple[GivenField, Sequence[Samples]]:
+    """Complete all that a file of a field is made from, once and for all.
+
+    Parameters
+    ----------
+    field : Field
+        For a series, the first frame.
+    isovalue : object
+        As for `encode`.
+    options : Options
+    frames : iterable, optional
+        All frames, if they are known and can be iterated over again.
+    series : bool
+    most : int
+        Largest number of isovalues.
+
+    Returns
+    -------
+    GivenField
+    sequence of Samples
+        The field at each isovalue, periodic axes closed.
+
+    Raises
+    ------
+    InputError, OptionError
+    """
+    isovalues = levels_of(field, isovalue, options, frames, most)
+    options = _options_of(field, isovalue, options)
+    given = GivenField(isovalues, options, _placement_of(field, options), field.labels, field.missing, series)
+    samples = given.samples(field)
+    shape = samples[0].signs.shape
+    options.check_data(samples[0].integer)
+    options.check_placement_note(len(shape))
+    radices(options.precision.offsets)  # refuses a tolerance out of range
+    if options.layers.written:
+        plans = options.layers.plans or options.layers.plan
+        assert plans is not None
+        check_plan(plans, isovalues, len(shape) * cube_exponent(shape), not options.independent)
+    return replace(given, options=_as_smooth(options, samples, given.periodic)), samples
+
+
+def _placement_of(field: Field, options: Options) -> Placement | None:
     """Placement of the samples of a file: the field's, unless a note states it.
 
     Axes that were taken to be periodic because of their coordinates are left open under a plan whose last mesh could
-    differ at their ends.
+    differ at their ends; others cannot be.
     """
     placement = field.placement
     if placement is None or (placement.matrix is not None and PLACEMENT in options.metadata):
         return None
-    if placement.inferred and placement.periodic:
+    if placement.periodic:
         shape = tuple(size + (axis in placement.periodic) for axis, size in enumerate(np.shape(field.values)))
         if options.layers.keeps_open(shape):
+            if not placement.inferred:
+                raise OptionError(
+                    "periodic axes and this plan cannot be combined: its last mesh could differ at the two ends of the "
+                    "axis", code="periodic", remedy="end the plan on the full grid, on a mesh by criteria, or on a "
+                    f"uniform one of a level that is a multiple of {len(shape)}",
+                )
             warnings.warn(
                 f"axis {placement.periodic[0]} is not treated as periodic, because the last mesh of the plan could "
                 "differ at its two ends",
@@ -81,7 +200,7 @@ def placement_of_file(field: Field, options: Options) -> Placement | None:
     return placement
 
 
-def options_of(field: Field, isovalue: object, options: Options) -> Options:
+def _options_of(field: Field, isovalue: object, options: Options) -> Options:
     """Complete the options for a field: its notes, defaults for its type, distances converted to cells."""
     precision = options.precision
     notes = {**field.metadata, **options.metadata}
@@ -98,6 +217,25 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
         options = _of_labels(field, replace(options, precision=precision))
         notes[LABELS] = listed(map(isovalue_of, field.labels))
     return replace(options, precision=precision, metadata=notes)
+
+
+def _as_smooth(options: Options, fields: Sequence[Samples], periodic: tuple[int, ...]) -> Options:
+    """Options with the rounds of smoothing of a field at its isovalue, or without if it is too rough to be smoothed."""
+    precision = options.precision
+    if not precision.smooth:
+        if SMOOTHING in options.metadata and precision.tolerance is not None:
+            raise OptionError(f"the note {SMOOTHING} would break the promise of precision {precision.text!r}",
+                              code="metadata", remedy=f'use precision "{precision.text} smooth"')
+        return options
+    if len(fields) > 1:
+        raise OptionError("smooth applies to files of one isovalue: curves of several could cross", code="smooth",
+                          remedy="leave it out")
+    if periodic:
+        raise OptionError("periodic axes and smooth cannot be combined", code="periodic", remedy="leave it out")
+    rounds = rounds_for(original(fields[0]), math.prod(radices(precision.offsets)))
+    if not rounds:
+        return replace(options, precision=replace(precision, smooth=False))
+    return replace(options, metadata={**options.metadata, SMOOTHING: str(rounds)})
 
 
 def in_cells(
@@ -188,7 +326,9 @@ def levels_of(
         if isovalue is not None:
             raise OptionError("a field with labels cannot have isovalues, too",
                               code="isovalue", remedy="leave them out")
-        return isovalues_of(list(first.labels), most=most) if len(first.labels) else _none()
+        if not len(first.labels):
+            raise OptionError("no labels", code="labels", remedy="give one")
+        return isovalues_of(list(first.labels), most=most)
     if isovalue is None:
         if options.layers.written and plans is not None:
             return isovalues_of(list(plans))
@@ -209,10 +349,6 @@ def levels_of(
     return found
 
 
-def _none() -> list[float]:
-    raise OptionError("no labels", code="labels", remedy="give one")
-
-
 def _ends(frames: Iterable[Any]) -> tuple[float, float]:
     """Find the least and the largest sample of all frames."""
     found = []
@@ -226,17 +362,6 @@ def _ends(frames: Iterable[Any]) -> tuple[float, float]:
     if not found:
         raise InputError("all samples are missing", code="missing")
     return min(low for low, _ in found), max(high for _, high in found)
-
-
-def samples_of(
-    field: Field, isovalues: Sequence[float], options: Options, placement: Placement | None, series: bool = False
-) -> Sequence[Samples]:
-    """Prepare the samples of a field at each isovalue; see `sampler_of`.
-
-    Those of labels, which a field may lack, are all made at once, others when they are needed.
-    """
-    sampler = sampler_of(field, isovalues, options, placement, series)
-    return [*map(sampler, isovalues)] if field.labels is not None else _Sampled(sampler, isovalues)
 
 
 class _Sampled(Sequence[Samples]):
@@ -256,71 +381,16 @@ class _Sampled(Sequence[Samples]):
         return self._last[1]
 
 
-def sampler_of(
-    field: Field, isovalues: Sequence[float], options: Options, placement: Placement | None, series: bool = False
-) -> Callable[[float], Samples]:
-    """Make a function from an isovalue to samples: missing ones filled as the field asks for, periodic axes closed.
-
-    Parameters
-    ----------
-    field : Field
-    isovalues : sequence of float
-    options : Options
-    placement : Placement or None
-    series : bool
-        Whether the field is a frame of a series, whose frames need not all have every label.
-
-    Raises
-    ------
-    InputError, OptionError
-        If it cannot be encoded; the function, too.
-    """
-    values, mask = field.values, field.mask
-    if field.labels is None and field.missing != "hole":
-        gone = missing_of(values, mask)
-        if gone.any():
-            values, mask = filled(np.asarray(values), gone, field.missing, isovalues), None
-    bare, hole = without_holes(values, mask)
-    if field.labels is None:
-        periodic = () if placement is None else placement.periodic
-        hole = without_folds(placement, bare.shape, hole)
-        check_axes(periodic, bare.shape)
-        bare, hole = closed(bare, periodic), None if hole is None else closed(hole, periodic)
-        return lambda isovalue: check_field(bare, isovalue, options.precision.step, hole)
-    if bare.ndim not in (2, 3) or bare.dtype.kind not in "biuf":
-        raise InputError(f"labels of shape {bare.shape} and type {bare.dtype}", code="labels",
-                         remedy="give numbers on 2 or 3 axes")
-    without = hole if field.missing == "below" else None
-    return lambda label: _border(bare, label, hole, without, series)
-
-
 def _border(
     values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, without: NDArray[np.bool_] | None, series: bool
 ) -> DecodedSamples:
     """The field whose contour runs half-way around the samples with a label; ``without``: those that have none."""
-    signs = having(values, label) if series else labelled(values, label)
+    signs = having(values, label)
+    if not series and not signs.any():
+        there = np.unique(values)
+        text = ", ".join(f"{value:g}" for value in there[:20]) + (" ..." if len(there) > 20 else "")
+        raise InputError(f"no sample has the label {label:g}", code="label", remedy=f"the labels are {text}")
     if without is not None:
         signs, gone = signs & ~without, None
     nothing = np.zeros(0, np.int64)
     return DecodedSamples(near_values(signs, label, nothing, np.zeros(0)), label, signs, None, gone)
-
-
-def labelled(values: NDArray[Any], label: float) -> NDArray[np.bool_]:
-    """Find the samples that have a label.
-
-    Raises
-    ------
-    InputError
-        If none has.
-    """
-    inside = having(values, label)
-    if not inside.any():
-        there = np.unique(values)
-        text = ", ".join(f"{value:g}" for value in there[:20]) + (" ..." if len(there) > 20 else "")
-        raise InputError(f"no sample has the label {label:g}", code="label", remedy=f"the labels are {text}")
-    return inside
-
-
-def frames_of(frames: Frames) -> Iterable[Any] | None:
-    """The frames of a series, if they can be examined before they are encoded; None if they can be read only once."""
-    return frames if frames.repeatable else None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +21,6 @@ from ..field.samples import interval_value
 from ..format.chunks import Envelope
 from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
 from ..format.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
-from ..format.frames import key_of
 from ..format.header import Header
 from ..mesh.before import spread_signs
 from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
@@ -29,7 +29,7 @@ from ..mesh.cut import CellHistory, history_of
 from ..mesh.hierarchy import Hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import decoded_mesh
-from .outline import check_explicit
+from .series import chain
 from .session import Session
 
 HIERARCHY_PER_CELL = 500
@@ -51,6 +51,34 @@ def coordinates_of(domain: Complex, head: DomainHead) -> NDArray[np.float64]:
         return np.asarray(np.ldexp(places * head.multiple, head.exponent))
 
 
+def code_layer(
+    strand: MeshIsovalue, head: MeshLayerHead, hierarchy: Callable[[], Any], history: Callable[[], CellHistory],
+    truth: NDArray[Any] | None = None, wanted: NDArray[np.bool_] | None = None,
+) -> None:
+    """Code a layer, which has been begun by `MeshIsovalue.read` or `MeshIsovalue.write`.
+
+    Parameters
+    ----------
+    strand : MeshIsovalue
+    head : MeshLayerHead
+    hierarchy, history : callable
+        Make the rounds of collapses of the mesh, and the cells in all of them.
+    truth, wanted : array, optional
+        The encoder's signs or numbers, and nodes of a cut.
+    """
+    match head.kind:
+        case MeshLayer.SIGNS:
+            strand.code_signs(truth)
+        case MeshLayer.LEVELS:
+            strand.code_levels(hierarchy(), head.rounds, truth)
+        case MeshLayer.CUT:
+            strand.code_cut(history(), wanted, truth)
+        case MeshLayer.OFFSETS:
+            strand.code_offsets(head.step, truth)
+        case MeshLayer.VALUES:
+            strand.code_values(head.bits, truth)
+
+
 class MeshContents:
     """Decodes the chunks of a file of values on a mesh; draws isovalues, by number, up to the events taken so far.
 
@@ -60,10 +88,6 @@ class MeshContents:
     header : Header
     mesh : (points, cells), optional
         The mesh that the file was made on, if the file does not store it: (V, d) coordinates and (T, n + 1) vertices.
-    only : collection of int, optional
-        Numbers of the isovalues to decode.
-    frame : int, optional
-        For a series, the frame to decode; if None, all frames one after the other.
 
     Attributes
     ----------
@@ -72,20 +96,11 @@ class MeshContents:
 
     kind = "mesh"
 
-    def __init__(
-        self,
-        session: Session,
-        header: Header,
-        mesh: tuple[ArrayLike, ArrayLike] | None = None,
-        only: Collection[int] | None = None,
-        frame: int | None = None,
-    ) -> None:
+    def __init__(self, session: Session, header: Header, mesh: tuple[ArrayLike, ArrayLike] | None = None) -> None:
         self.outline = session.outline
         self._session, self._header, self._budget, self._account = session, header, session.budget, session.account
         self.limits = session.limits
         self._mesh = mesh
-        self._only = only
-        self._wanted = frame
         self._domain: Complex | None = None
         self._points: NDArray[np.float64] | None = None
         self._strands: list[MeshIsovalue | None] = []
@@ -127,40 +142,34 @@ class MeshContents:
         """
         if smooth:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
-        n = self._header.n
-        found = self.strand(number, before=before)
-        notes = dict(self.outline.metadata)
-        if found is not None and found.edges is None and found.rounds is not None:
-            return self._coarse(found, notes)
-        if found is None or found.edges is None or self._domain is None or self._points is None:
+        n, notes = self._header.n, dict(self.outline.metadata)
+        found, points = self.strand(number, before=before), self._points
+        if found is None or points is None or not _begun(found):
             d = n if self.head is None else self.head.d
             return Contour(np.zeros((0, d)), np.zeros((0, n), np.int64), float("nan"), (), False,
                            own_placement(notes, d), metadata=notes)
-        leaves = found.leaves
-        points, cells = draw_cells(
-            self._points, found.domain.mesh.cell[leaves], found.domain.mirrored[leaves], found.strand.sign == 1,
-            found.edges[:, :2], self._ratio(found),
-        )
-        return Contour(points, cells, found.value, (), before or self._session.whole(self._wanted),
-                       own_placement(notes, points.shape[1]), metadata=notes)
+        (cells, mirrored), above = self._cells(found), found.strand.sign == 1
+        if found.edges is None:
+            crossed = np.flatnonzero(crossed_cells(cells, above))
+            edges = crossed_edges(cells[crossed], above)
+            ratio = np.full(len(edges), 0.5)
+        else:
+            crossed, edges, ratio = found.leaves, found.edges[:, :2], self._ratio(found)
+        drawn, pieces = draw_cells(points, cells[crossed], mirrored[crossed], above, edges, ratio)
+        complete = found.edges is not None and (before or self._session.whole(self.outline.wanted))
+        return Contour(drawn, pieces, found.value, (), complete, own_placement(notes, drawn.shape[1]), metadata=notes)
 
-    def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
-        """Draw the curve on the part of the mesh that remains after some rounds of removal."""
-        assert self._points is not None
-        (cells, mirrored), above = self._remaining(found), found.strand.sign == 1
-        crossed = crossed_cells(cells, above)
-        cells, mirrored = cells[crossed], mirrored[crossed]
-        edges = crossed_edges(cells, above)
-        points, pieces = draw_cells(self._points, cells, mirrored, above, edges, np.full(len(edges), 0.5))
-        return Contour(points, pieces, found.value, (), False, own_placement(notes, points.shape[1]), metadata=notes)
+    def _cells(self, found: MeshIsovalue) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Cells that an isovalue lies on, (T, n + 1), and which are mirrored.
 
-    def _remaining(self, found: MeshIsovalue) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Cells of the mesh, (T, n + 1), that remain after some rounds of removal; and which of them are mirrored."""
-        assert self._points is not None and found.rounds is not None and self._domain is not None
+        Without all levels, those that remain after some rounds of removal.
+        """
+        assert self._points is not None and self._domain is not None
+        if found.edges is not None or found.rounds is None:
+            return found.domain.mesh.cell, found.domain.mirrored
         cells, source = self._hierarchy.remaining(found.rounds)
-        if self._points.shape[1] == self._domain.n:
-            return cells, np.zeros(len(cells), np.bool_)
-        return cells, self._domain.mirrored[source]
+        flat = self._points.shape[1] == self._domain.n
+        return cells, np.zeros(len(cells), np.bool_) if flat else self._domain.mirrored[source]
 
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
         """Find which vertices lie above an isovalue, by number, (V,).
@@ -204,18 +213,19 @@ class MeshContents:
             If that has not been received yet.
         """
         found = self.strand(number)
-        coarse = found is not None and found.edges is None and found.rounds is not None
-        if found is None or self._points is None or (found.edges is None and not coarse):
+        if found is None or self._points is None or not _begun(found):
             raise TruncatedError("the file ends before its mesh and signs are complete", code="truncated")
-        if coarse:
-            cells, above = self._wound(*self._remaining(found)), found.strand.sign == 1
-            cells = cells if whole else cells[crossed_cells(cells, above)]
+        cells = self._wound(*self._cells(found))
+        if found.edges is None:
+            above = found.strand.sign == 1
+            crossed = np.flatnonzero(crossed_cells(cells, above))
         else:
-            cells, above = self._wound(found.domain.mesh.cell, found.domain.mirrored), self._above(number)
-            cells = cells if whole else cells[found.leaves]
+            above, crossed = self._above(number), found.leaves
+        if not whole:
+            cells = cells[crossed]
         return Tessellation(
             self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), above, found.value,
-            (), self._session.whole(self._wanted), own_placement(self.outline.metadata, self._points.shape[1]),
+            (), self._session.whole(self.outline.wanted), own_placement(self.outline.metadata, self._points.shape[1]),
             dict(self.outline.metadata),
         )
 
@@ -257,10 +267,6 @@ class MeshContents:
 
     # -- chunks ---------------------------------------------------------------------------------------------------
 
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """See `Contents.expect`."""
-        check_explicit(chunk, at, self.head is not None)
-
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`: a layer is decoded once it is complete."""
         return None, True
@@ -275,8 +281,10 @@ class MeshContents:
         event = self.outline.read(chunk, payload, behind)
         if isinstance(event, IsovalueRead):
             self._begin(event.number, event.lean)
-        if isinstance(event, FrameRead):
-            self._begin_in_frame(event)
+        if isinstance(event, FrameRead) and not self.outline.past:
+            if event.number == 0:
+                self._before, self._strands, self._leans, self._layers = self._strands, [], [], 0
+            self._begin(event.number, event.lean, event.before)
         if isinstance(event, DomainRead):
             self._begin_domain(payload, chunk.start)
         return event
@@ -332,44 +340,25 @@ class MeshContents:
             )
         return domain, coordinates
 
-    def _begin_in_frame(self, event: FrameRead) -> None:
-        """Begin an isovalue of a further frame."""
-        if self._wanted is not None and event.frame > self._wanted:
-            return
-        if event.number == 0:
-            self._before, self._strands, self._leans, self._layers = self._strands, [], [], 0
-        self._begin(event.number, event.lean, event.before)
-
-    @property
-    def _skipped(self) -> bool:
-        """Whether nothing of the current frame is needed."""
-        if self._wanted is None:
-            return False
-        first = key_of(self._wanted, self.outline.interval or 0)
-        return not first <= self.outline.frame <= self._wanted
-
     def _begin(self, number: int, lean: int | None, before: bool = False) -> None:
         """Begin an isovalue; with ``before``, it is predicted from the previous frame."""
         assert self._domain is not None
         if number >= self.limits.isovalues:
             raise LimitError(f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", clause="11.2")
         self._leans.append(None if before else lean)
-        if self._skipped or (self._only is not None and number not in self._only):
+        if not self.outline.needs(number):
             self._strands.append(None)
             return
         earlier = []
-        then = self._before[number] if before else None
-        lean = self._leans[number]
-        while lean is not None:
-            one = self._strands[lean]
-            if one is None:
-                raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded",
+        for one in chain(self._leans, number):
+            strand = self._strands[one]
+            if strand is None:
+                raise OptionError(f"isovalue {number} is predicted from isovalue {one}, which is not decoded",
                                   code="only")
-            earlier.append(one)
-            lean = self._leans[lean]
+            earlier.append(strand)
         self._work_off(self._domain)
         self._hold(1, 0)
-        isovalue = self.outline.isovalues[number]
+        isovalue, then = self.outline.isovalues[number], self._before[number] if before else None
         self._strands.append(MeshIsovalue(self._domain, isovalue, self._header.scale, earlier, then))
 
     def _hold(self, more: int, cuts: int) -> None:
@@ -395,8 +384,7 @@ class MeshContents:
         self._work_off(self._domain, len(self._history.cell))
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
-        present = None if self._skipped else self._strands[-1]
-        self.outline.begun = True
+        present = self._strands[-1] if self.outline.needs(self.outline.number) else None
         self._layers += 1
         if self._layers > LAYER_LIMIT:
             raise FormatError(f"more than {LAYER_LIMIT:,} layers", code="layers", offset=start, clause="11.1")
@@ -410,17 +398,9 @@ class MeshContents:
         if head.kind == MeshLayer.CUT:
             self._begin_cut(present)
         run = present.read(payload[at:], start + at, self._account)
-        if head.kind == MeshLayer.SIGNS:
-            present.code_signs()
-        elif head.kind == MeshLayer.LEVELS:
-            present.code_levels(self._hierarchy, head.rounds)
-        elif head.kind == MeshLayer.CUT:
-            present.code_cut(self._history)
+        code_layer(present, head, lambda: self._hierarchy, lambda: self._history)
+        if head.kind == MeshLayer.CUT:
             run.spend(len(present.domain.mesh.cell))
-        elif head.kind == MeshLayer.OFFSETS:
-            present.code_offsets(head.step)
-        else:
-            present.code_values(head.bits)
         run.end()
         return MeshLayerComplete(behind, self._layers, head.kind.name.lower(), len(payload) - at)
 
@@ -466,3 +446,8 @@ class MeshContents:
         # the cells of the mesh, at most as many at its border as they have faces, and those of patches
         self._budget.check(HISTORY_PER_CORNER * corners * (cells + faces))
         return history_of(self._hierarchy)
+
+
+def _begun(found: MeshIsovalue) -> bool:
+    """Whether some signs of an isovalue are known, of all vertices or of those of a level."""
+    return found.edges is not None or found.rounds is not None

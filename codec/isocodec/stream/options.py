@@ -22,10 +22,12 @@ from ..grid.layers.plan import Entry
 from ..search.tolerance import EXACT
 from .plan_file import CRITERIA, read_plan
 from .plan_meshes import ends_alike
-from .promise_note import STEP
+from .promises import STEP
 
 ProfileName: TypeAlias = Literal["main", "baseline"]
 """Profiles of entropy coding."""
+EffortName: TypeAlias = Literal["normal", "best"]
+"""Time that an encoder takes to search."""
 CriterionName: TypeAlias = Literal["crossing", "topology", "curvature", "distortion", "level"]
 """Criteria for coarsening a mesh."""
 PrecisionGiven: TypeAlias = "float | str | Sequence[float | Literal['exact']] | None"
@@ -38,14 +40,16 @@ Isovalues: TypeAlias = SupportsFloat | str | Sequence[SupportsFloat]
 DEFAULT_TOLERANCE = 0.05
 """Default distance, in cells, between decoded and extracted curve."""
 SEARCHED = 0.1
-"""From this tolerance on the mesh is chosen; below it nearly every crossing has to be coded anyway. In cells, or median
-edges of a mesh.
-"""
+"""Distance below which no search pays: most crossings have to be coded anyway. In cells, or median edges of a mesh."""
+WORTH_SEARCHING = 0.75
+"""From this tolerance in cells on, a search for a mesh is worth its time without being asked for."""
 COORDINATES_SHARE = 0.05
 """Coordinates of samples may take this share of a distance in the world, unless it is stated how precise they are."""
 SMOOTH = " smooth"
 """Suffix of a precision."""
 _CRITERIA = ("crossing", "topology", "curvature", "distortion", "level")
+EFFORTS = NORMAL, BEST = ("normal", "best")
+"""Efforts of encoding."""
 LEVELS, ISOVALUES, INDEPENDENT = ORDERS = ("levels", "isovalues", "independent")
 """Orders of the layers of several isovalues."""
 
@@ -56,6 +60,7 @@ class EncodeOptions(TypedDict, total=False):
     precision: PrecisionGiven
     keep_topology: bool
     profile: ProfileName
+    effort: EffortName
     layers: LayersGiven
     order: str | None
     interval: int
@@ -189,11 +194,6 @@ class Precision:
         return next((text for text, given in chosen.items() if given), "") + (SMOOTH if self.smooth else "")
 
     @property
-    def searched(self) -> float | None:
-        """The tolerance, if the encoder chooses a mesh for it."""
-        return self.tolerance if self.tolerance is not None and self.tolerance >= SEARCHED and not self.smooth else None
-
-    @property
     def offsets(self) -> float | None:
         """The distance along edges that crossings on the full grid are coded to, if one is given."""
         # moved points are up to a whole part away, less what they keep from its end
@@ -318,6 +318,8 @@ class Options:
         Whether every layer has the components of the complete curve, nested in the same way.
     profile : str
         Entropy coding profile.
+    effort : str
+        "best" also searches where that saves little.
     layers : Layers
     order : str or None
         Order of the layers of several isovalues, one of `ORDERS`; None: "levels" where possible, else "isovalues".
@@ -330,6 +332,7 @@ class Options:
     precision: Precision = Precision()
     keep_topology: bool = False
     profile: str = "main"
+    effort: str = "normal"
     layers: Layers = Layers()
     order: str | None = None
     interval: int = 0
@@ -356,6 +359,9 @@ class Options:
             raise OptionError(
                 f"unknown profile {options.profile!r}", code="profile", remedy=f"choose one of: {names}"
             )
+        if options.effort not in EFFORTS:
+            raise OptionError(f"unknown effort {options.effort!r}", code="effort",
+                              remedy=f"one of: {', '.join(EFFORTS)}")
         if options.order not in (None, *ORDERS):
             raise OptionError(f"unknown order {options.order!r}", code="order", remedy=f"one of: {', '.join(ORDERS)}")
         options._check_combined()
@@ -378,6 +384,16 @@ class Options:
         """Whether isovalues and frames are coded without prediction from earlier ones."""
         return self.order == INDEPENDENT
 
+    def searches(self, distance: float) -> bool:
+        """Whether the encoder searches for a plan that keeps to a distance in cells."""
+        return distance >= (SEARCHED if self.effort == BEST else WORTH_SEARCHING)
+
+    @property
+    def searched(self) -> float | None:
+        """The tolerance, if the encoder searches for a plan that keeps to it."""
+        tolerance = None if self.precision.smooth else self.precision.tolerance
+        return tolerance if tolerance is not None and self.searches(tolerance) else None
+
     @property
     def entropy(self) -> Profile:
         """The profile, as stored in headers."""
@@ -391,10 +407,10 @@ class Options:
                 remedy="use step=.. or a distance",
             )
 
-    def check_unused(self, kind: str, **unused: bool) -> None:
-        """Refuse options that do not apply to this kind of file; each keyword states whether that option was given."""
-        if name := next((name for name, given in unused.items() if given), ""):
-            raise OptionError(f"{name} does not apply to {kind}", code=name, remedy="leave it out")
+    def check_unused(self, kind: str, given: Mapping[str, bool]) -> None:
+        """Refuse options that do not apply to this kind of file: names, and whether each was given."""
+        if name := next((name for name, there in given.items() if there), ""):
+            raise OptionError(f"{name} does not apply to {kind}", code=name.split()[0], remedy="leave it out")
 
     def check_placement_note(self, n: int) -> None:
         """Refuse a note of a placement that a reader would ignore."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import field
 
-from isospec.container import ChunkType
+from isospec.container import ChunkType, DomainKind
 
 from ..deferred import dataclass
 from ..errors import FormatError
@@ -33,9 +33,11 @@ from ..format.events import (
     SeriesRead,
     TurnRead,
 )
-from ..format.frames import FRAME_BEFORE, is_key, read_frame, read_interval
+from ..format.frames import FRAME_BEFORE, is_key, key_of, read_frame, read_interval
 from ..format.header import Header
-from ..format.program import Layer
+from ..format.program import Layer, Progress
+from ..format.surface import TinHead
+from ..grid.lattice.tables import cube_exponent
 
 REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
 """Critical chunks that a file on a mesh cannot have."""
@@ -75,8 +77,8 @@ class Outline:
         Numbers of isovalues that have had layers since an isovalue began last.
     closed : int
         Isovalues that get no layers any more, as bits: files may have thousands of turns of thousands of isovalues.
-    begun : bool
-        Whether a chunk of layers has been read.
+    begun, placed : bool
+        Whether a chunk of layers, and one of a domain, has begun.
     coordinates : CoordinatesRecord or None
         Where the samples lie.
     shape : tuple of int
@@ -85,8 +87,16 @@ class Outline:
         Dimension of the cells, for a file on a mesh.
     domain : DomainHead or None
         Head of the domain chunk, for a file on a mesh.
+    surface : TinHead or None
+        Head of the domain chunk, for a file of a surface.
     run_of_domain : int
         Where the run of a coded mesh begins in the payload of its chunk.
+    progresses, progresses_before : list of Progress
+        States of the programs of the isovalues of a grid, in the current frame and the one before.
+    only : collection of int or None
+        Numbers of the isovalues that are to be decoded; all if None.
+    wanted : int or None
+        Number of the frame that is to be decoded; all if None.
     """
 
     isovalues: list[float] = field(default_factory=list)
@@ -106,11 +116,17 @@ class Outline:
     layered: set[int] = field(default_factory=set)
     closed: int = 0
     begun: bool = False
+    placed: bool = False
     coordinates: CoordinatesRecord | None = None
     shape: tuple[int, ...] = ()
     cells: int | None = None
     domain: DomainHead | None = None
+    surface: TinHead | None = None
     run_of_domain: int = 0
+    progresses: list[Progress] = field(default_factory=list)
+    progresses_before: list[Progress] = field(default_factory=list)
+    only: Collection[int] | None = None
+    wanted: int | None = None
 
     def begin(self, header: Header) -> None:
         """Record the header and its isovalue."""
@@ -118,19 +134,57 @@ class Outline:
         self.cells = header.cells
         self._add(header.isovalue, None)
 
-    def begin_mask(self, offset: int) -> None:
-        """Record a mask, whose chunk begins at ``offset``.
+    @property
+    def kind(self) -> str:
+        """Kind of the file, as in `FileInfo.kind`."""
+        if self.cells is not None:
+            return "mesh" if self.surface is None else "surface"
+        return "grid" if self.interval is None else "series"
+
+    @property
+    def full_level(self) -> int:
+        """Level of the full grid; 0 on a mesh."""
+        return len(self.shape) * cube_exponent(self.shape) if self.shape else 0
+
+    @property
+    def past(self) -> bool:
+        """Whether the frame that is to be decoded has been passed."""
+        return self.wanted is not None and self.frame > self.wanted
+
+    def needs(self, number: int) -> bool:
+        """Whether an isovalue of the current frame is to be decoded: nothing before a key frame is."""
+        if self.past or (self.only is not None and number not in self.only):
+            return False
+        return self.wanted is None or self.interval is None or self.frame >= key_of(self.wanted, self.interval)
+
+    def _progress(self, lean: Progress | None) -> None:
+        """Begin the programs of an isovalue."""
+        before = self.progresses or [Progress(self.full_level)]
+        self.progresses.append(before[-1].begin(lean))
+
+    def expect(self, chunk: Envelope, at: int) -> None:
+        """Check that a critical chunk, whose envelope has been read, is allowed at byte ``at``, and record it.
 
         Raises
         ------
         FormatError
-            If there already is a mask, or a second frame has begun.
+            If a mask follows another one or a frame, or a mesh (domain) does not come first or once.
         """
-        if self.frame > 0:
-            raise FormatError("a mask after the first frame", code="mask", offset=offset, clause="3.5.7")
-        if self.masked:
-            raise FormatError("a second mask", code="mask", offset=offset, clause="3.5.6")
-        self.masked = True
+        domain, mask = chunk.type == ChunkType.DOMAIN, chunk.type == ChunkType.MASK
+        if self.cells is None and mask:
+            if self.frame > 0:
+                raise FormatError("a mask after the first frame", code="mask", offset=at, clause="3.5.7")
+            if self.masked:
+                raise FormatError("a second mask", code="mask", offset=at, clause="3.5.6")
+            self.masked = True
+        elif self.cells is not None:
+            if chunk.type in REFUSED:
+                raise FormatError("not allowed in a file on a mesh", code="chunk", offset=at, clause="10.1.1")
+            if domain == self.placed:
+                what = "a second mesh (domain)" if domain else "the mesh (domain) must come first"
+                raise FormatError(what, code="domain", offset=at, clause="3.5.8")
+            self.placed = True
+        self.begun |= chunk.type in LAYER_CHUNKS
 
     def read(self, chunk: Envelope, payload: bytes, behind: int) -> Event:
         """Read a chunk other than of layers; ``behind`` is the offset after it in the file.
@@ -158,17 +212,21 @@ class Outline:
             frame, number = frame + 1, 0
         lean = read_frame(payload, start, number, is_key(frame, self.interval))
         if frame > self.frame:
+            self.progresses_before = [*self.progresses]
+            self.progresses.clear()
             self.layers.clear()
             self.promises[:] = [Promises({}, False) for _ in self.promises]
         self.frame, self.number, self.ended = frame, number, False
         self.turn = range(number, number + 1)
         before = lean == FRAME_BEFORE
+        self._progress(None if lean is None else self.progresses_before[number] if before else self.progresses[lean])
         return FrameRead(behind, frame, number, number if before else lean, before)
 
     def _add(self, isovalue: float, lean: int | None) -> None:
         self.isovalues.append(isovalue)
         self._begun.add(isovalue)
         self.leans.append(lean)
+        self._progress(None if lean is None else self.progresses[lean])
         self.number = len(self.leans) - 1
         self.turn = range(self.number, self.number + 1)
         for layered in self.layered:
@@ -266,15 +324,6 @@ READERS: Mapping[int, Reader] = {
 """Readers by type of chunk."""
 
 
-def check_explicit(chunk: Envelope, at: int, begun: bool) -> None:
-    """Check that a critical chunk is allowed in a file on a mesh; ``begun``: the domain chunk has been read.
-
-    Raises
-    ------
-    FormatError
-    """
-    if chunk.type in REFUSED:
-        raise FormatError("not allowed in a file on a mesh", code="chunk", offset=at, clause="10.1.1")
-    if (chunk.type == ChunkType.DOMAIN) == begun:
-        what = "a second mesh (domain)" if begun else "the mesh (domain) must come first"
-        raise FormatError(what, code="domain", offset=at, clause="3.5.8")
+def holds_surface(header: Header, first: int) -> bool:
+    """Whether the first byte of a domain chunk begins a surface instead of a mesh."""
+    return first >> 4 == DomainKind.POINTS and header.cells == 2

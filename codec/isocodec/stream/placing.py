@@ -76,25 +76,16 @@ class DecodedCoordinates:
         self._budget.release(self)
 
 
-def given_of(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool_] | None) -> Given:
-    """Check the coordinates of a field, and close periodic axes; ``shape`` and ``gone`` are those of the closed field.
-
-    Raises
-    ------
-    InputError
-        If they cannot be coordinates of samples.
-    """
-    return check_coordinates(*_arguments(placement, shape, gone))
-
-
 def without_folds(
-    placement: Placement | None, shape: tuple[int, ...], gone: NDArray[np.bool_] | None
+    placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool_] | None
 ) -> NDArray[np.bool_] | None:
-    """Leave cells that fold out of a field, by a sample of each that is taken for missing; a warning counts them.
+    """Check periodic axes, and leave cells that fold out of a field; a warning counts them.
+
+    A sample of each is taken for missing.
 
     Parameters
     ----------
-    placement : Placement or None
+    placement : Placement
     shape : tuple of int
         Of the field, periodic axes open.
     gone : (s0, .., sn-1) bool, optional
@@ -104,11 +95,23 @@ def without_folds(
     -------
     (s0, .., sn-1) bool or None
         Which are then.
+
+    Raises
+    ------
+    InputError
+        If the field lacks a periodic axis, or it is too short.
     """
-    if placement is None or placement.coordinates is None:
-        return gone
     periodic = placement.periodic
-    check_axes(periodic, shape)
+    for axis in periodic:
+        if axis >= len(shape):
+            raise InputError(f"axis {axis} is periodic, but the field has {len(shape)} axes", code="periodic")
+        if shape[axis] < 3:
+            raise InputError(
+                f"axis {axis} is periodic, but the field has {shape[axis]} samples along it", code="periodic",
+                remedy="a periodic axis must have at least 3 samples",
+            )
+    if placement.coordinates is None:
+        return gone
     closed_shape = tuple(size + (axis in periodic) for axis, size in enumerate(shape))
     arrays, _, _, periods, error, _ = _arguments(placement, closed_shape, None)
     if all(np.count_nonzero(np.array(array.shape) > 1) == 1 for array in arrays):
@@ -148,12 +151,18 @@ def _arguments(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bo
 def coordinates_payload(
     placement: Placement | None, shape: tuple[int, ...], gone: NDArray[np.bool_] | None
 ) -> bytes:
-    """Write the payload of the chunk of coordinates (empty without any); see `given_of`."""
+    """Write the payload of the chunk of coordinates (empty without any); for the closed field.
+
+    Raises
+    ------
+    InputError
+        If they cannot be coordinates of samples.
+    """
     if placement is None or (placement.coordinates is None and not placement.periodic):
         return b""
     from ..grid.passes.node_run import NodeGrid, encode_run
 
-    given = given_of(placement, shape, gone)
+    given = check_coordinates(*_arguments(placement, shape, gone))
     grids = [NodeGrid(array.shape, one.period) for one, array in zip(given.coordinates, given.arrays, strict=True)]
     free = [~_leant_on(needed) for needed in given.needed]
     # given values that do not matter may or may not be smooth
@@ -193,20 +202,3 @@ def _leant_on(needed: NDArray[np.bool_]) -> NDArray[np.bool_]:
                     along[place[some] + step] |= here[some]
         stride *= 2
     return out
-
-
-def check_axes(periodic: Sequence[int], shape: tuple[int, ...]) -> None:
-    """Refuse periodic axes that the field does not have, or that are too short.
-
-    Raises
-    ------
-    InputError
-    """
-    for axis in periodic:
-        if axis >= len(shape):
-            raise InputError(f"axis {axis} is periodic, but the field has {len(shape)} axes", code="periodic")
-        if shape[axis] < 3:
-            raise InputError(
-                f"axis {axis} is periodic, but the field has {shape[axis]} samples along it", code="periodic",
-                remedy="a periodic axis must have at least 3 samples",
-            )

@@ -195,16 +195,15 @@ def _counted(kind: LayerKind, what: str) -> Callable[[Line, list[str]], Sequence
     return read
 
 
-def _plain_base(at: Line, rest: list[str]) -> Sequence[object]:
-    if rest:
-        raise _wrong(at, "leaf-base takes no arguments")
-    return (LayerKind.LEAF_BASE,)
+def _bare(kind: LayerKind) -> Callable[[Line, list[str]], Sequence[object]]:
+    """Make a parser for the lines of a kind that takes nothing."""
 
+    def read(at: Line, rest: list[str]) -> Sequence[object]:
+        if rest:
+            raise _wrong(at, f"{at.text.split()[0]} takes no arguments")
+        return (kind,)
 
-def _raster(at: Line, rest: list[str]) -> Sequence[object]:
-    if rest:
-        raise _wrong(at, "raster takes no arguments")
-    return (LayerKind.RASTER,)
+    return read
 
 
 def _adaptive_base(at: Line, rest: list[str]) -> Sequence[object]:
@@ -275,9 +274,9 @@ def _number(at: Line, name: str, text: str) -> float:
 _LINES: dict[str, Callable[[Line, list[str]], Sequence[object]]] = {
     "base": _counted(LayerKind.BASE, "a level"),
     "adaptive-base": _adaptive_base,
-    "leaf-base": _plain_base,
+    "leaf-base": _bare(LayerKind.LEAF_BASE),
     "refine": _counted(LayerKind.REFINE, "a number of rounds"),
-    "raster": _raster,
+    "raster": _bare(LayerKind.RASTER),
     "adapt": _adapt,
     "values": _values,
     "offsets": _offsets,

@@ -1,18 +1,105 @@
-"""Promises of files about their curves, in words: of chunks, notes and layers (spec clauses 3.7.2, 3.7.3)."""
+"""Promises of files about their curves: of chunks, notes and layers, and in words (spec clauses 3.7.2, 3.7.3)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+from isospec.container import DomainKind
+
+from ..errors import OptionError
 from ..field.placement import COORDINATE_UNIT
 from ..field.sampled import UNIT
-from ..field.units import distance_of
+from ..field.units import distance_of, unit_of
+from ..format.chunks import Promises
+from ..format.header import Header
 from ..format.kinds import LayerKind
 from ..grid.lattice.tables import cube_exponent
-from .inspect import FileInfo
-from .promise_note import PROMISE, STEP, noted, noted_exact
+from .file_info import FileInfo, LayerInfo
+from .outline import Outline
 
+PROMISE = "promise"
+"""Name of the note with the distances that a file promises as they were asked for: ``4m,1m``."""
+STEP = "step="
+"""Prefix of a precision that is a step of values."""
+AT = " at "
+"""Precedes, in the note of a surface, the isovalues whose contours it was made for."""
 SIGNS, EXACT = "all signs", "all values exactly"
+
+
+def noted(metadata: Mapping[str, str]) -> tuple[list[str], list[float]]:
+    """Distances in the note of a file, as they were asked for, and the isovalues that it is about, of a surface.
+
+    Empty without a note, or with one that is something else.
+    """
+    text, at, values = metadata.get(PROMISE, "").partition(AT)
+    parts = [part for part in text.split(",") if part and part != "exact"]
+    try:
+        for part in parts:
+            distance_of(part)
+        return parts, [float(value) for value in values.split()] if at else []
+    except (OptionError, ValueError):
+        return [], []
+
+
+def noted_exact(metadata: Mapping[str, str]) -> bool:
+    """Whether the note of a file states distances and, after them, exact values."""
+    return metadata.get(PROMISE, "").endswith(",exact")
+
+
+def noted_at_last(metadata: Mapping[str, str]) -> float | None:
+    """The last distance in the note of a file on a mesh, in the unit of its points; None without a note, or if it has
+    another unit.
+    """
+    parts, _ = noted(metadata)
+    number, unit = distance_of(parts[-1]) if parts else (None, "")
+    return number if unit in ("", unit_of(metadata.get(COORDINATE_UNIT))) else None
+
+
+def last_promise(metadata: dict[str, str], keep: bool = False) -> dict[str, str]:
+    """The notes without that of promises; or, if it is to be kept, with the last distance alone."""
+    parts, _ = noted(metadata)
+    out = {name: text for name, text in metadata.items() if name != PROMISE}
+    return {**out, PROMISE: parts[-1]} if keep and parts else out
+
+
+def promised_on_grid(
+    layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Promises], outline: Outline, header: Header,
+    uncertain: set[int],
+) -> list[LayerInfo]:
+    """The layers with what is promised of each, but for those that may not be complete."""
+    counts: Counter[tuple[int, int]] = Counter()
+    out = []
+    for number, layer in enumerate(layers):
+        strand = layer.frame, layer.isovalue
+        counts[strand] += 1
+        within = promises[strand].within.get(counts[strand]) if strand in promises else None
+        if within is None and (layer.kind, layer.level, layer.plane) == (LayerKind.VALUES, outline.full_level, 0):
+            within = 0.0 if header.scale is None else None
+        out.append(replace(layer, within=None if number in uncertain else within))
+    return out
+
+
+def promised_on_mesh(
+    layers: Sequence[LayerInfo], outline: Outline, header: Header, complete: bool
+) -> list[LayerInfo]:
+    """The layers of a file on a mesh, the last one of each isovalue that is complete with the distance of the note."""
+    last, cut = {}, set()
+    for number, layer in enumerate(layers):
+        strand = layer.frame, layer.isovalue
+        last[strand] = number
+        cut |= {strand} if layer.kind == "cut" else set()
+    if not complete:
+        last.pop((outline.frame, outline.number), None)
+    known = outline.domain is not None and outline.domain.kind == DomainKind.KNOWN
+    distance, exact = noted_at_last(outline.metadata), noted_exact(outline.metadata)
+    out = list(layers)
+    for strand, number in last.items():
+        values = layers[number].kind == "values" and header.scale is None
+        zero = values and known and (exact or strand not in cut)
+        out[number] = replace(layers[number], within=0.0 if zero else None if exact else distance)
+    return out
 
 
 def cells_in_words(number: float | str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from ..format.kinds import LayerKind
 from ..grid.layers.plan import Entry
 from ..grid.tube.decoded import Decoded
 from ..limits import Limits
-from .container import Ending
+from .container import closed
 from .decoder import Decoder
-from .grid_encoder import GridEncoder, GridFrames, grid_file
+from .grid_encoder import GridFrames
+from .grid_file import grid_file
 from .options import Options
 from .series import Series
 
@@ -198,15 +199,18 @@ def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
     )
 
 
-def recoder_of(
-    sources: Sequence[Source], options: Options, *, kept: bool = False, promised: Sequence[float | None] | None = None
-) -> GridEncoder:
-    """An encoder of what files hold.
+def recoded_frames(
+    frames: Sequence[Sequence[Source]], interval: int | None, options: Options, *, kept: bool = False,
+    promised: Sequence[float | None] | None = None,
+) -> bytes:
+    """Encode a file of what frames of files hold.
 
     Parameters
     ----------
-    sources : sequence of Source
-        Sources of fields of the same shape, with the same missing samples.
+    frames : sequence of sequences of Source
+        By frame, sources of fields of the same shape, with the same missing samples.
+    interval : int or None
+        Interval of key frames; None if the file is not a series.
     options : Options
         The metadata include the notes of the placement.
     kept : bool
@@ -214,34 +218,12 @@ def recoder_of(
     promised : sequence of float or None, optional
         Distances that the curves of isovalues are promised to keep to those of the field; nothing if not given.
     """
-    promised = [None] * len(sources) if promised is None else promised
-    samples = [source.field for source in sources]
-    geometry = [source.geometry for source in sources] if kept else None
-    series = Series([one.isovalue for one in samples])
-    return GridEncoder(grid_file(samples, series, options, geometry=geometry, promised=promised), samples)
-
-
-def recoded_frames(
-    frames: Sequence[Sequence[Source]], interval: int | None, options: Options, *, kept: bool = False,
-    promised: Sequence[float | None] | None = None,
-) -> bytes:
-    """Encode a file of what frames of files hold; parameters as for `recoder_of`.
-
-    Parameters
-    ----------
-    interval : int or None
-        Interval of key frames; None if the file is not a series.
-    """
-    if interval is None:
-        return b"".join(recoder_of(frames[0], options, kept=kept, promised=promised))
     promised = [None] * len(frames[0]) if promised is None else promised
     samples = [[source.field for source in sources] for sources in frames]
     geometry = None
     if kept:
         # an isovalue whose curve is empty in one frame may have geometry in others
         geometry = [max((one.geometry for one in sources), key=len) for sources in zip(*frames, strict=True)]
-    series = Series([one.isovalue for one in samples[0]], interval)
-    file = grid_file(samples[0], series, options, geometry=geometry, promised=promised)
-    encoder, ending = GridFrames(file), Ending()
-    out = [ending.add(encoder.chunks(one)) for one in samples]
-    return b"".join(out) + ending.end()
+    series = Series([one.isovalue for one in samples[0]], interval, options.independent)
+    encoder = GridFrames(grid_file(samples[0], series, options, geometry=geometry, promised=promised))
+    return b"".join(closed(chain.from_iterable(map(encoder.chunks, samples))))

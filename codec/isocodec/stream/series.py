@@ -3,126 +3,86 @@
 from __future__ import annotations
 
 from bisect import bisect
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property
 
-from ..deferred import dataclass
-from ..format.frames import FRAME_BEFORE, is_key, key_of
-
-
-@dataclass(frozen=True)
-class LeanOn:
-    """An isovalue that another one is predicted from (leans on).
-
-    Attributes
-    ----------
-    number : int
-        Number of the isovalue.
-    before : bool
-        Whether it belongs to the previous frame instead of the same frame.
-    """
-
-    number: int
-    before: bool = False
-
-    @property
-    def coded(self) -> int:
-        """Number as stored in chunks: the isovalue's in the same frame, or ``FRAME_BEFORE``."""
-        return FRAME_BEFORE if self.before else self.number
+from ..format.frames import FRAME_BEFORE, is_key
+from .container import opening
 
 
 class Series:
-    """The isovalues and frames of a file in order, and what each of them is predicted from.
+    """The isovalues and frames of a file as an encoder goes through them, and what each of them is predicted from.
 
-    A file with one frame is a series without an interval. An encoder chooses what an isovalue leans on (is predicted
-    from) with `choose`, and a decoder reads it; both record it with `add`, isovalue by isovalue and frame by frame.
+    A file with one frame is a series without an interval.
 
     Parameters
     ----------
     isovalues : iterable of float
-        For an encoder, all isovalues of the file; for a decoder, those read so far. Further ones are added by
-        ``isovalues.append``.
     interval : int or None
         Frames whose number is a multiple of this are key frames; 0 if only the first is, None without a series.
+    independent : bool
+        Whether no isovalue and no frame is predicted from earlier ones.
 
     Attributes
     ----------
-    isovalues : list of float
-    interval : int or None
+    frame : int
+        Number of the current frame; -1 before the first one.
+    leans : list of int or None
+        For each isovalue of the current frame that has begun, what it is predicted from: the number of an earlier one,
+        or ``FRAME_BEFORE``.
     """
 
-    def __init__(self, isovalues: Iterable[float] = (), interval: int | None = None) -> None:
+    def __init__(
+        self, isovalues: Iterable[float], interval: int | None = None, independent: bool = False
+    ) -> None:
         self.isovalues = list(isovalues)
-        self.interval = interval
-        self._leans: list[list[LeanOn | None]] = [[]]
-        self._nearest: list[int] = []
+        self.interval, self._independent = interval, independent
+        self.frame = -1
+        self.leans: list[int | None] = []
+
+    @contextmanager
+    def next_frame(self) -> Iterator[None]:
+        """Begin a new frame; it is forgotten if it cannot be encoded."""
+        self.frame += 1
+        try:
+            yield
+        except BaseException:
+            self.frame -= 1
+            raise
 
     @property
-    def frame(self) -> int:
-        """Number of the current frame, whose isovalues are being added."""
-        return len(self._leans) - 1
+    def key(self) -> bool:
+        """Whether the current frame is a key frame."""
+        return self.interval is None or is_key(self.frame, self.interval)
 
-    @property
-    def number(self) -> int:
-        """Number of the isovalue of the current frame that was added last; -1 before the first one."""
-        return len(self._leans[-1]) - 1
+    @cached_property
+    def _nearest(self) -> list[int]:
+        return nearest_before(self.isovalues)
 
-    @property
-    def frames(self) -> int:
-        """Number of frames begun."""
-        return len(self._leans) if self._leans[-1] else self.frame
-
-    def next_frame(self) -> None:
-        """Begin a new frame; isovalues that are added from now on belong to it."""
-        self._leans.append([])
-
-    def forget_frame(self) -> None:
-        """Remove the current frame, which could not be encoded."""
-        self._leans.pop()
-        self._leans = self._leans or [[]]
-
-    def add(self, lean: LeanOn | None) -> None:
-        """Record what the next isovalue of the current frame is predicted from."""
-        self._leans[-1].append(lean)
-
-    def lean(self, number: int, frame: int = 0) -> LeanOn | None:
-        """Find what an isovalue of a frame is predicted from."""
-        return self._leans[frame][number]
-
-    def is_key(self, frame: int) -> bool:
-        """Whether a frame is a key frame."""
-        return self.interval is None or is_key(frame, self.interval)
-
-    def key_of(self, frame: int) -> int:
-        """The last key frame up to this one, where decoding has to begin."""
-        return frame if self.interval is None else key_of(frame, self.interval)
-
-    def read(self, coded: int | None, number: int) -> LeanOn | None:
-        """Decode what isovalue ``number`` is predicted from; the inverse of `LeanOn.coded`."""
-        return None if coded is None else LeanOn(number, True) if coded == FRAME_BEFORE else LeanOn(coded)
-
-    def choose(self, number: int, independent: bool) -> LeanOn | None:
-        """Choose what an encoder should predict an isovalue of the current frame from, if that helps.
+    def choose(self, number: int) -> int | None:
+        """Choose what an isovalue of the current frame should be predicted from, if that helps.
 
         That is the same isovalue of the previous frame; in key frames, and so in a file of one frame, the nearest
         earlier isovalue.
         """
-        if independent:
+        if self._independent:
             return None
-        if not self.is_key(self.frame):
-            return LeanOn(number, True)
-        if not self._nearest:
-            self._nearest = nearest_before(self.isovalues)
-        return LeanOn(self._nearest[number]) if number else None
+        if not self.key:
+            return FRAME_BEFORE
+        return self._nearest[number] if number else None
 
-    def chain(self, number: int, frame: int = 0) -> frozenset[int]:
-        """Numbers of the isovalues, in any frame, that are needed to decode this one of a frame, itself included."""
-        found: set[int] = set()
-        at: LeanOn | None = LeanOn(number)
-        while at is not None:
-            frame -= at.before
-            found.add(at.number)
-            at = self.lean(at.number, frame)
-        return frozenset(found)
+    def opening(self, number: int) -> list[bytes]:
+        """Write the chunk with which an isovalue of the current frame begins, if there is any."""
+        return opening(self.frame, number, self.isovalues[number], self.leans[number], self.interval)
+
+
+def chain(leans: Sequence[int | None], number: int) -> Iterator[int]:
+    """Yield the isovalues of a frame that one is predicted from, directly and indirectly, the nearest first."""
+    lean = leans[number]
+    while lean is not None and lean != FRAME_BEFORE:
+        yield lean
+        lean = leans[lean]
 
 
 def nearest_before(isovalues: Sequence[float]) -> list[int]:

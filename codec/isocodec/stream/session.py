@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from copy import copy
-from functools import cached_property
-from typing import TYPE_CHECKING, NoReturn, Protocol, TypeAlias
+from functools import cached_property, wraps
+from typing import TYPE_CHECKING, NoReturn, ParamSpec, Protocol, TypeAlias, TypeVar
 
 from isospec.container import ChunkType
 
@@ -20,18 +20,31 @@ if TYPE_CHECKING:
     from ..entropy.run import Account
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def within_memory(doing: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Make a function raise a `LimitError` instead of a ``MemoryError``, whose traceback would keep arrays alive."""
+
+    def made(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def run(*given: P.args, **named: P.kwargs) -> T:
+            try:
+                return function(*given, **named)
+            except MemoryError:
+                pass
+            raise out_of_memory(doing)
+
+        return run
+
+    return made
+
+
 class Contents(Protocol):
     """Meaning of chunks for one kind of file."""
 
     outline: Outline
-
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """Check that a critical chunk, whose envelope has been read, is allowed at byte ``at``.
-
-        Raises
-        ------
-        FormatError
-        """
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """Decode as much of a critical chunk as possible before its checksums are verified.
@@ -213,7 +226,7 @@ class Session:
             if not chunk.ancillary:
                 if self.cut:
                     raise FormatError("layers after a truncated run", code="cut", offset=self.at, clause="3.5.4")
-                contents.expect(chunk, self.at)
+                self.outline.expect(chunk, self.at)
                 # further layers of a frame that was marked as ended
                 self.outline.ended &= chunk.type == ChunkType.FRAME
             self._chunk = chunk

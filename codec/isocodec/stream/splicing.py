@@ -10,13 +10,13 @@ from isospec.container import ChunkType, DomainKind, MeshLayer
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.labelling import LABELS, is_of_labels, listed
-from ..format.chunks import payload_of, write_chunk, write_further
-from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_interval
+from ..format.chunks import payload_of, write_chunk
+from ..format.frames import FRAME_BEFORE
 from ..format.header import Header, read_header
-from .container import beginning as beginning_of
-from .container import with_checksum
-from .inspect import FileInfo, inspect
-from .promise_note import PROMISE, last_promise
+from .container import beginning, closed, opening
+from .file_info import FileInfo
+from .inspect import inspect
+from .promises import PROMISE, last_promise
 
 ANCILLARY = 0x80
 """Bit of a chunk's head that marks it as ancillary, so that readers may skip it."""
@@ -197,17 +197,11 @@ def _joined(
     metadata: dict[str, str],
 ) -> bytes:
     """Assemble the file from these chunks."""
-    chunks = [*shared]
-    if info.interval is not None:
-        chunks.append(write_chunk(ChunkType.SERIES, write_interval(info.interval)))
+    chunks: list[bytes] = []
     for f, strands in enumerate(frames):
         for i, strand in enumerate(strands):
-            if f:
-                key = is_key(f, info.interval or 0)
-                chunks.append(write_chunk(ChunkType.FRAME, write_frame(i, strand.lean, key)))
-            elif i:
-                chunks.append(write_chunk(ChunkType.ISOVALUE, write_further(i, strand.isovalue, strand.lean)))
-            chunks += strand.chunks
-    chunks[-1:] = [as_last(chunks[-1]) if chunks else write_chunk(ChunkType.METADATA, b"", ancillary=True, last=True)]
-    begun = beginning_of(replace(header, isovalue=frames[0][0].isovalue), metadata)
-    return b"".join(with_checksum([*begun, *chunks]))
+            chunks += [*opening(f, i, strand.isovalue, strand.lean, info.interval), *strand.chunks]
+    if not chunks and not shared:
+        chunks.append(write_chunk(ChunkType.METADATA, b"", ancillary=True))
+    begun = beginning(replace(header, isovalue=frames[0][0].isovalue), metadata, shared, info.interval)
+    return b"".join(closed([*begun, *chunks]))

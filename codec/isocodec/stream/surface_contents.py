@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,8 +22,7 @@ from ..tin.coded_tin import SurfaceLayers, decoded, encoded
 from ..tin.delaunay import delaunay, triangles
 from ..tin.rank import by_rank
 from ..tin.tin import Tin
-from .container import beginning, with_checksum
-from .outline import check_explicit
+from .container import beginning
 from .session import Session
 
 PER_POINT = 400
@@ -55,14 +53,10 @@ class SurfaceContents:
         self._counted = 0
         self.head: TinHead | None = None
 
-    def expect(self, chunk: Envelope, at: int) -> None:
-        """See `Contents.expect`."""
-        check_explicit(chunk, at, self._chunk is not None)
-        if self._chunk is not None:
-            raise FormatError("not allowed in a file of a surface", code="chunk", offset=at, clause="10.9.1")
-
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`: points are decoded only when they are asked for."""
+        if self._chunk not in (None, chunk):
+            raise FormatError("not allowed in a file of a surface", code="chunk", offset=at, clause="10.9.1")
         self._chunk = chunk
         return None, True
 
@@ -155,12 +149,11 @@ class SurfaceContents:
         return head, parts
 
 
-def write_surface(head: TinHead, parts: SurfaceLayers, layers: int, metadata: Mapping[str, str]) -> bytes:
-    """Write a file with the first ``layers`` layers of points."""
-    some = parts.first(layers)
-    payload = write_tin(replace(head, counts=head.counts[:layers])) + encoded(some, head.extent, head.largest)
-    begun = beginning(Header((), 0.0, None, Profile.MAIN, cells=2), metadata)
-    return b"".join(with_checksum([*begun, write_chunk(ChunkType.DOMAIN, payload, last=True)]))
+def surface_chunks(head: TinHead, parts: SurfaceLayers, metadata: Mapping[str, str]) -> list[bytes]:
+    """Write the header and the chunks of a file of a surface."""
+    payload = write_tin(head) + encoded(parts, head.extent, head.largest)
+    header = Header((), 0.0, None, Profile.MAIN, cells=2)
+    return beginning(header, metadata, [write_chunk(ChunkType.DOMAIN, payload)])
 
 
 def contour_of_tin(tin: Tin, isovalue: float | None) -> Contour:

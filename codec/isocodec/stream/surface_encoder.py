@@ -8,19 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from isospec.container import ChunkType, Profile
+from isospec.container import Profile
 
 from ..errors import OptionError
-from ..format.chunks import write_chunk
-from ..format.header import Header
-from ..format.surface import TinHead, write_tin
+from ..format.surface import TinHead
 from ..search.nested_points import in_layers
 from ..search.tin_fit import ChosenPoints, evenly
-from ..tin.coded_tin import SurfaceLayers, encoded
+from ..tin.coded_tin import SurfaceLayers
 from ..tin.points import Points, points_of
 from ..tin.tin import Tin
-from .container import ContainerEncoder, beginning
-from .options import Options
+from .container import ContainerEncoder
+from .options import BEST, Options
+from .surface_contents import surface_chunks
 
 
 class SurfaceEncoder(ContainerEncoder):
@@ -41,19 +40,22 @@ class SurfaceEncoder(ContainerEncoder):
     """
 
     def __init__(self, tin: Tin, options: Options) -> None:
-        _check_options(options)
+        precision = options.precision
+        options.check_unused("surfaces", {
+            "keep_topology": options.keep_topology, "layers": not options.layers.default,
+            f"profile {options.profile!r}": options.entropy != Profile.MAIN, "order": options.order is not None,
+            f"precision {precision.text!r}": precision.signs or precision.steps is not None or bool(precision.world)
+            or precision.smooth,
+            "effort": options.effort == BEST,
+        })
         if tin.coded is not None and not options.precision.default:
             raise OptionError("the values of the surface are already rounded to a step",
                               code="precision", remedy="leave it out")
-        self.header = Header((), 0.0, None, Profile.MAIN, cells=2)
         self._metadata = {**tin.metadata, **options.metadata}
         self._head, self._layers = tin.coded if tin.coded is not None else _coded(tin, options)
 
-    def _pieces(self) -> Iterator[bytes]:
-        """Yield the pieces of the file without its checksum."""
-        yield from beginning(self.header, self._metadata)
-        payload = write_tin(self._head) + encoded(self._layers, self._head.extent, self._head.largest)
-        yield write_chunk(ChunkType.DOMAIN, payload, last=True)
+    def _chunks(self) -> Iterator[bytes]:
+        yield from surface_chunks(self._head, self._layers, self._metadata)
 
 
 def surface_of(
@@ -84,17 +86,3 @@ def _coded(tin: Tin, options: Options) -> tuple[TinHead, SurfaceLayers]:
     if precision.tolerance is not None:
         step = 2 * precision.tolerance
     return surface_of(given, evenly(given, step, precision.exact), tin.shape)
-
-
-def _check_options(options: Options) -> None:
-    """Refuse options that do not apply to surfaces."""
-    precision = options.precision
-    unused = {
-        "keep_topology": options.keep_topology, "layers": not options.layers.default,
-        f"profile {options.profile!r}": options.entropy != Profile.MAIN, "order": options.order is not None,
-        f"precision {precision.text!r}": bool(
-            precision.signs or precision.steps is not None or precision.world or precision.smooth
-        ),
-    }
-    if name := next((name for name, given in unused.items() if given), ""):
-        raise OptionError(f"{name} does not apply to surfaces", code=name.split()[0], remedy="leave it out")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import replace
 
 from isospec.container import Checksum, ChunkType, write_varint
 
@@ -13,10 +14,12 @@ from ..format.events import LayerComplete
 from ..format.frames import as_last
 from ..format.program import write_program
 from ..limits import Limits
+from .container import closed
 from .decoder import Decoder
-from .inspect import FileInfo, inspect
-from .promise_note import PROMISE, last_promise
-from .surface_contents import write_surface
+from .file_info import FileInfo
+from .inspect import inspect
+from .promises import PROMISE, last_promise
+from .surface_contents import surface_chunks
 
 _CLOSING = 24
 """Upper bound on the bytes that truncation adds to those that it keeps."""
@@ -55,26 +58,35 @@ def truncate(
     if (layers is None) == (max_bytes is None):
         raise OptionError("give either layers or max_bytes", code="options")
     data = whole_bytes(data)
-    # Damaged data must not get a correct checksum.
+    # damaged data must not get a correct checksum
     info = inspect(data)
+    if layers is not None and layers < 1:
+        raise OptionError(f"layers is {layers}; it must be at least 1", code="layers")
+    enough = (layers or 0) >= len(info.layers) if max_bytes is None else len(data) <= max_bytes
+    if enough and info.complete and info.kind in ("surface", "mesh"):
+        return data
     if info.kind == "surface":
         return _first_points(data, layers, max_bytes, limits)
     if info.kind == "mesh":
-        return _first_chunks(data, layers, max_bytes)
+        return _first_chunks(data, info, layers, max_bytes)
     if layers is not None:
-        return _first_layers(data, layers, limits)
+        return _first_layers(data, info, layers, limits)
     assert max_bytes is not None
     if max_bytes >= len(data) and _decoder(data, limits).take().complete:
         return data
     short = _first_bytes(data, max_bytes, limits) if max_bytes > 0 else None
-    if short is None and max_bytes >= len(data):
+    if short is not None:
+        return short
+    if max_bytes >= len(data):
         raise TruncatedError(
             f"the file ends after {len(data)} bytes, before its curve begins", code="truncated", offset=len(data)
         )
-    if short is None:
-        raise OptionError(f"{max_bytes} bytes are too few for the header of this file and a curve", code="max-bytes",
-                          remedy="allow more bytes")
-    return short
+    raise OptionError(f"{max_bytes} bytes are too few for the header of this file and a curve", code="max-bytes",
+                      remedy="allow more bytes")
+
+
+def _too_few(received: int, remedy: str = "ask for fewer, or for a number of bytes") -> OptionError:
+    return OptionError(f"only {received} whole layers have been received", code="layers", remedy=remedy)
 
 
 def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits: Limits | None) -> bytes:
@@ -82,15 +94,11 @@ def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits
     decoder = _decoder(data, limits).take()
     head, parts = decoder.surface.received()
     there = len(parts.places)
-    if decoder.complete and ((max_bytes is not None and len(data) <= max_bytes) or (layers or 0) >= len(head.counts)):
-        return data
     if layers is not None and layers > there:
-        raise OptionError(
-            f"only {there} whole layers have been received", code="layers", remedy="ask for fewer"
-        )
-    _check_layers(layers)
+        raise _too_few(there, "ask for fewer")
     for kept in range(layers or there, 0, -1):
-        out = write_surface(head, parts, kept, last_promise(dict(decoder.metadata)))
+        some = replace(head, counts=head.counts[:kept])
+        out = b"".join(closed(surface_chunks(some, parts.first(kept), last_promise(dict(decoder.metadata)))))
         if max_bytes is None or len(out) <= max_bytes:
             return out
     raise OptionError(
@@ -99,26 +107,14 @@ def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits
     )
 
 
-def _check_layers(layers: int | None) -> None:
-    if layers is not None and layers < 1:
-        raise OptionError(f"layers is {layers}; it must be at least 1", code="layers")
-
-
-def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> bytes:
+def _first_chunks(data: bytes, info: FileInfo, layers: int | None, max_bytes: int | None) -> bytes:
     """Truncate a file on a mesh, whose layers are chunks (spec clause 10.1.1(3))."""
-    info = inspect(data)
-    if info.complete and (len(data) <= max_bytes if max_bytes is not None else (layers or 0) >= len(info.layers)):
-        return data
-    _check_layers(layers)
     there = [chunk for chunk in info.chunks if chunk.type == "layers"][: len(info.layers)]
     if layers is not None and layers > len(there):
-        raise OptionError(
-            f"only {len(there)} whole layers have been received", code="layers",
-            remedy="ask for fewer, or for a number of bytes",
-        )
+        raise _too_few(len(there))
     for chunk in reversed(there[:layers]):
         begun = _without_promise(data[: chunk.offset], info)
-        out = _closed(begun + as_last(data[chunk.offset : chunk.offset + chunk.bytes]))
+        out = _with_checksum(begun + as_last(data[chunk.offset : chunk.offset + chunk.bytes]))
         if max_bytes is None or len(out) <= max_bytes:
             return out
     raise OptionError(
@@ -147,8 +143,7 @@ def _decoder(data: bytes, limits: Limits | None) -> Decoder:
     return decoder
 
 
-def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
-    _check_layers(layers)
+def _first_layers(data: bytes, info: FileInfo, layers: int, limits: Limits | None) -> bytes:
     decoder = _decoder(data, limits)
     number = 0
     for event in decoder:
@@ -159,11 +154,7 @@ def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
     if number < layers:
         if decoder.complete:
             return data
-        raise OptionError(
-            f"only {number} whole layers have been received",
-            code="layers",
-            remedy="ask for fewer, or for a number of bytes",
-        )
+        raise _too_few(number)
     contents = decoder.grid
     run = contents.runs[-1]
     whole, part = divmod(number - run.done, len(run.turn))
@@ -173,20 +164,13 @@ def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
         # the last layer of some of the isovalues only
         kind, stated = ChunkType.CUT_LAYERS, write_varint(contents.run_symbols)
         kept = data[run.program_start : run.start]
-    payload = stated + kept + cut(contents.coder)
-    mask = _later_mask(data, run.chunk_start)
-    chunks = write_chunk(kind, payload, last=mask is None)
-    if mask is not None:
-        chunks += write_chunk(ChunkType.MASK, mask, last=True)
-    return _closed(data[: run.chunk_start] + chunks)
-
-
-def _later_mask(data: bytes, start: int) -> bytes | None:
-    """Payload of a mask after the chunk that begins at ``start``; None if there is no complete one."""
-    for chunk in inspect(data).chunks:
-        if chunk.type == "mask" and chunk.offset >= start:
-            return payload_of(data[chunk.offset : chunk.offset + chunk.bytes])
-    return None
+    chunks = [write_chunk(kind, stated + kept + cut(contents.coder))]
+    # a complete mask may follow
+    chunks += [
+        write_chunk(ChunkType.MASK, payload_of(data[chunk.offset : chunk.offset + chunk.bytes]))
+        for chunk in info.chunks if chunk.type == "mask" and chunk.offset >= run.chunk_start
+    ]
+    return b"".join(closed([data[: run.chunk_start], *chunks]))
 
 
 def _first_bytes(data: bytes, most: int, limits: Limits | None) -> bytes | None:
@@ -206,10 +190,10 @@ def _first_bytes(data: bytes, most: int, limits: Limits | None) -> bytes | None:
             if run.chunk_start + len(chunk) + CHECKSUM_BYTES <= most:
                 best = run.chunk_start, chunk
         if at == end:
-            return _closed(data[: best[0]] + best[1]) if best else None
+            return _with_checksum(data[: best[0]] + best[1]) if best else None
         decoder.feed(data[at : at + 1])
         at += 1
 
 
-def _closed(data: bytes) -> bytes:
+def _with_checksum(data: bytes) -> bytes:
     return data + Checksum.build(zlib.crc32(data))

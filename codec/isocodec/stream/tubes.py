@@ -1,8 +1,7 @@
-"""The tubes (decoded states) of a file's isovalues and of its mask, for decoders (spec 3.5.5, 3.5.6, 11.2)."""
+"""The tubes (decoded states) of a file's isovalues and of its mask, for decoders (spec 3.5.5, 3.5.6, 5.10, 11.2)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -10,17 +9,14 @@ import numpy as np
 from ..deferred import dataclass
 from ..entropy.panel import no_panel
 from ..entropy.range_coder import Coder
-from ..entropy.run import Account
 from ..errors import LimitError, OptionError
-from ..format.events import FrameRead
-from ..format.frames import key_of
 from ..format.header import Header
-from ..format.program import Progress
-from ..grid.layers.beginning import further_coder, leaning_tube, shared_coder
+from ..grid.layers.beginning import further_coder, leaning_tube, mask_tube, shared_coder
+from ..grid.layers.layer_reader import MaskReader
 from ..grid.passes.runner import Tube
-from ..limits import Budget, Limits
-from .mask_strand import MaskStrand
-from .outline import Outline
+from ..grid.tube.holes import Holes
+from ..limits import Limits
+from .session import Session
 
 _ROOM = 4096
 """Initial size, in bytes, of a coder's buffer for runs."""
@@ -67,22 +63,14 @@ class _Waiting:
 
 
 class Tubes:
-    """Tubes (decoded states), one for each isovalue read so far.
+    """Tubes (decoded states), one for each isovalue read so far, and that of the mask.
 
     Nothing is allocated for an isovalue before its first layer: until then it has the tube ``_empty``.
 
     Parameters
     ----------
-    limits : Limits
-    data : bytearray
-        The file as far as it has arrived; it grows.
-    outline : Outline
-    budget : Budget
-    account : Account
-    only : collection of int, optional
-        Numbers of the isovalues that are wanted.
-    frame : int, optional
-        Number of the frame that is wanted; all frames if not given.
+    session : Session
+    header : Header
 
     Attributes
     ----------
@@ -90,28 +78,22 @@ class Tubes:
         By isovalue; None for those that are skipped. In a series, those of the current frame, or of the one wanted.
     before : list of Tube or None
         Tubes of the previous frame, from which the current ones may be predicted.
-    progresses : list of Progress
-        State of the programs of the isovalues.
-    mask : MaskStrand
-    frame : int or None
-        As given.
+    mask : list of Tube or None
+        The tube of the mask, if its chunk has begun.
+    holes : Holes or None
+        The holes that the mask describes, if it is complete.
+    mask_reader : MaskReader or None
+        Reader of the chunk of the mask, while it comes.
     """
 
-    def __init__(
-        self, limits: Limits, data: bytearray, outline: Outline, budget: Budget, account: Account,
-        only: Collection[int] | None, frame: int | None = None,
-    ) -> None:
+    def __init__(self, session: Session, header: Header) -> None:
         self.all: list[Tube | None] = []
         self.before: list[Tube | None] = []
-        self.progresses: list[Progress] = []
-        self.mask = MaskStrand(limits, data, budget, account, self.all)
-        self._limits = limits
-        self._outline = outline
-        self._budget = budget
-        self._only = only
-        self.frame = frame
-        self._progresses_before: list[Progress] = []
-        self._header: Header | None = None
+        self.mask: list[Tube | None] = []
+        self.holes: Holes | None = None
+        self.mask_reader: MaskReader | None = None
+        self._session, self._outline, self._header = session, session.outline, header
+        self._limits, self._budget = session.limits, session.budget
         self._empty: Tube | None = None
         self._waiting: dict[int, _Waiting] = {}
         self._models_before: dict[int, _Models] = {}
@@ -124,10 +106,9 @@ class Tubes:
     @property
     def present(self) -> Tube | None:
         """A tube of the isovalues whose layers are being read; None if they are skipped."""
-        if not self.all or self.past:
+        if not self.all or self._outline.past:
             return None
-        turn = self._outline.turn
-        found = [self.all[number] for number in turn if number < len(self.all)]
+        found = [self.all[number] for number in self.turn if number < len(self.all)]
         if None in found and any(found):
             raise OptionError("layers of isovalues in turn can only be decoded together", code="only")
         return found[0] if found else None
@@ -161,77 +142,43 @@ class Tubes:
             tube.limits = self._left(number)
         return tube
 
-    @property
-    def past(self) -> bool:
-        """Whether the wanted frame has been passed."""
-        return self.frame is not None and self._outline.frame > self.frame
-
-    def _is_wanted(self, number: int) -> bool:
-        """Whether isovalue ``number`` of the current frame is to be decoded."""
-        if self._only is not None and number not in self._only:
-            return False
-        interval, frame = self._outline.interval, self.frame
-        return frame is None or interval is None or self._outline.frame >= key_of(frame, interval)
-
-    def begin(self, header: Header, lean: int | None, offset: int) -> None:
-        """Begin an isovalue, which may be predicted from an earlier one."""
+    def begin(self, lean: int | None, before: bool = False) -> None:
+        """Begin an isovalue, which may be predicted from an earlier one of its frame or of the previous one."""
+        if self._outline.past:
+            return
         number = len(self.all)
         if number >= self._limits.isovalues:
-            raise LimitError(
-                f"more than {self._limits.isovalues} isovalues", code="limit-isovalues", offset=offset, clause="11.2"
-            )
+            raise LimitError(f"more than {self._limits.isovalues} isovalues", code="limit-isovalues",
+                             offset=self._session.at, clause="11.2")
         self.settle()
-        self._header = header
-        before = self.progresses[-1] if self.progresses else Progress(0)
-        if not self._is_wanted(number):
+        if not self._outline.needs(number):
             self.all.append(None)
-            self.progresses.append(before)
             return
-        if lean is not None and self.all[lean] is None:
+        earlier = self.before if before else self.all
+        if lean is not None and (lean >= len(earlier) or earlier[lean] is None):
             raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded", code="only")
-        before = replace(before, full_level=self._nothing.full_level)
-        self.progresses.append(before.begin(None if lean is None else self.progresses[lean]))
-        self._wait(number, lean)
+        self._wait(number, lean, before)
 
     def begin_series(self) -> None:
         """Handle that the file is a series, whose first frame may not be wanted."""
         for number in range(len(self.all)):
-            if not self._is_wanted(number):
+            if not self._outline.needs(number):
                 self.all[number] = None
         self._forget()
-
-    def begin_frame(self, header: Header, event: FrameRead) -> None:
-        """Begin an isovalue of a further frame; the tubes of the previous frame are in ``before``."""
-        if self.past:
-            return
-        self.settle()
-        number, lean = event.number, event.lean
-        if not self._is_wanted(number):
-            self.all.append(None)
-            self.progresses.append(Progress(0))
-            return
-        earlier, progresses = (self.before, self._progresses_before) if event.before else (self.all, self.progresses)
-        if lean is not None and (lean >= len(earlier) or earlier[lean] is None):
-            raise OptionError(f"isovalue {number} is predicted from isovalue {lean}, which is not decoded", code="only")
-        layers = self.progresses[-1].layers if self.progresses else 0
-        before = Progress(self._nothing.full_level, layers=layers)
-        self.progresses.append(before.begin(None if lean is None else progresses[lean]))
-        self._wait(number, lean, event.before)
 
     def next_frame(self) -> None:
         """Release the previous frame, and make the current one the previous."""
         self._budget.release(*(held for tube in self.before if tube for held in (tube, tube.estimates)))
         self.settle()
-        self.before[:], self._progresses_before = self.all, list(self.progresses)
+        self.before[:] = self.all
         self._models_before = {number: waiting.models for number, waiting in self._waiting.items()}
         self.all.clear()
-        self.progresses.clear()
         self._waiting.clear()
         self._kept.clear()
         self._forget()
         self._sum[:] = sum((np.array(_size(tube)) for tube in self.before if tube), np.zeros(2, np.int64))
 
-    def _wait(self, number: int, lean: int | None, before: bool = False) -> None:
+    def _wait(self, number: int, lean: int | None, before: bool) -> None:
         """Let an isovalue begin, which leans on one of its frame or of the previous one, if on any."""
         earlier: Tube | None = None
         if lean is None:
@@ -246,16 +193,10 @@ class Tubes:
             assert earlier is not None
             models = _Models(earlier.coder, True) if before else _Models(self._models_of(lean, earlier))
         self._waiting[number] = _Waiting(models, lean, earlier, before)
-        self.all.append(self._nothing)
-
-    @property
-    def _nothing(self) -> Tube:
-        """The tube of isovalues without layers."""
         if self._empty is None:
-            assert self._header is not None
             self._empty = leaning_tube(self._header, 0.0, None, 0.0, 0, self._limits)
             self._empty.rest()
-        return self._empty
+        self.all.append(self._empty)
 
     def drop(self, number: int) -> None:
         """Forget what an isovalue would begin with, whose tube has been dropped."""
@@ -272,7 +213,6 @@ class Tubes:
 
     def _fresh(self, number: int, waiting: _Waiting) -> Tube:
         """Make the tube of an isovalue whose first layer begins."""
-        assert self._header is not None
         models, lean, isovalues = waiting.models, waiting.lean, self._outline.isovalues
         shares = models.coder is not None
         if models.coder is None:
@@ -282,15 +222,15 @@ class Tubes:
             earlier = (self.before if waiting.before else self.all)[lean]
         return leaning_tube(
             self._header, isovalues[number], earlier, 0.0 if lean is None else isovalues[lean], _ROOM,
-            self._left(number), budget=self._budget, holes=self.mask.holes, frame=waiting.before,
+            self._left(number), budget=self._budget, holes=self.holes, frame=waiting.before,
             coder=shared_coder(models.coder, _ROOM) if shares else models.coder, shares=shares,
         )
 
     def _left(self, number: int | None = None) -> Limits:
         """Limits for one more tube, or for one that goes on: all of a file together stay within the limits of one."""
         self._recount(self._at)
-        mask = self.mask.tube
-        held = self._sum - self._known.get(-1 if number is None else number, (0, 0)) + (_size(mask) if mask else 0)
+        own = self._known.get(-1 if number is None else number, (0, 0))
+        held = self._sum - own + sum((np.array(_size(tube)) for tube in self.mask if tube), np.zeros(2, np.int64))
         vertices, simplices = np.maximum((self._limits.vertices, self._limits.simplices) - held, 0).tolist()
         return replace(self._limits, vertices=vertices, simplices=simplices)
 
@@ -320,14 +260,18 @@ class Tubes:
         self._layered.clear()
         self._recount(None)
 
-    def begin_mask(self, header: Header, offset: int) -> None:
+    def begin_mask(self) -> None:
         """Begin the chunk of the mask."""
-        self._outline.begin_mask(offset)
-        self.mask.begin(header, self._left())
+        tube = mask_tube(self._header, _ROOM, self._left(), budget=self._budget)
+        self.mask.append(tube)
+        self.mask_reader = MaskReader(self._limits, self._session.data, tube, self.all, self._session.account)
 
-    def end_mask(self, header: Header) -> None:
+    def end_mask(self) -> None:
         """Use the complete mask for isovalues whose layers have not begun."""
-        self.mask.end()
+        (tube,) = self.mask
+        assert tube is not None
+        tube.rest()
+        self.mask_reader, self.holes = None, Holes(tube.state)
 
 
 def _size(tube: Tube) -> tuple[int, int]:

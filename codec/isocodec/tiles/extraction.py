@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ..errors import OptionError
 from ..field.samples import Samples
 from ..grid.tube.decoded import Decoded
-from ..stream.promise_note import last_promise
+from ..stream.promises import last_promise
 from ..stream.recoder import Source, box_of, moved_notes, source_of
-from ..stream.shared_limits import Shared
 from .layout import Index
+from .shared_limits import Shared
 from .structure import Kind
 from .tiled import TiledFile, file_of, group_chunks, plain
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import OptionError, TruncatedError
-from ..stream.promise_note import last_promise
+from ..stream.promises import last_promise
 from .head import write_head
 from .leaf import sizes_of, write_leaf
 from .tiled import TiledFile

@@ -27,12 +27,10 @@ from ..grid.tube.holes import Holes
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.promise import Promise
 from ..search.shared_sides import SharedSides
-from ..search.strategy import NotKeptError, Plan, base_of
-from ..search.tile_faces import Faces
-from ..search.tile_mesh import tile_plan
-from ..search.tile_volume import cubes_for, pitch_of, volume_plan
+from ..search.strategy import NotKeptError, Plan, base_of, exponent_of, smallest
+from ..search.tile_faces import Faces, volume_plan
 from ..search.tolerance import grid_offsets, radices
-from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
+from ..stream.options import BEST, DEFAULT_TOLERANCE, Options
 from .layout import COARSEST, Index, TileGrid
 from .structure import Head, Kind, Stage
 
@@ -70,6 +68,7 @@ class Tiling:
     def __post_init__(self) -> None:
         o = self.options
         o.check_data(np.dtype(self.dtype).kind in "biu")
+        o.check_unused("tiles", {"effort": o.effort == BEST})
         unused = {
             "layers": not o.layers.default,
             f"precision {o.precision.text!r}": o.precision.steps is not None or o.precision.smooth,
@@ -78,7 +77,7 @@ class Tiling:
         if chosen := next((name for name, given in unused.items() if given), ""):
             raise OptionError(
                 f"{chosen} and tiles cannot be combined: the meshes of tiles must be the same where they meet",
-                code="tiles", remedy=f"use exact, step=.., signs or a distance below {SEARCHED:g}",
+                code="tiles", remedy="use exact, step=.., signs or one distance",
             )
         o.check_placement_note(self.grid.n)
 
@@ -86,22 +85,22 @@ class Tiling:
     def stages(self) -> tuple[Stage, ...]:
         """Stages of each isovalue."""
         if self.searched is not None:
-            return Stage(COARSEST), Stage(0, True, True)
+            return Stage(COARSEST), Stage(0, adaptive=True)
         signs = tuple(Stage(edge) for edge in EDGES)
         return signs if self.options.precision.signs else (*signs, Stage(0, True))
 
     @property
     def searched(self) -> float | None:
         """The tolerance for which meshes are searched, or None if there is no search."""
-        precision = self.options.precision
-        if self.grid.n == 3:
-            return precision.tolerance if self.cubes else None
-        return precision.searched
+        if self.grid.n == 3 and not self.cubes:
+            return None
+        return self.options.searched
 
     def tried(self) -> list[Tiling]:
         """Tilings to try one after the other, with smaller and smaller cubes, and finally the full grid."""
-        exponents = cubes_for(self.options.precision.tolerance, COARSEST) if self.grid.n == 3 else ()
-        return [*(replace(self, cubes=exponent) for exponent in exponents), self]
+        tolerance = self.options.searched if self.grid.n == 3 else None
+        largest = 0 if tolerance is None else min(exponent_of(tolerance), COARSEST)
+        return [replace(self, cubes=exponent) for exponent in range(largest, -1, -1)]
 
     @property
     def profile(self) -> Profile:
@@ -236,7 +235,7 @@ def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
     for axis, place in faces.planes:
         values, signs = np.take(field.values, place, axis), np.take(field.signs, place, axis)
         samples = Samples(values, field.isovalue, np.asarray(signs))
-        faces.search((axis, place), samples, tolerance, pitch_of(tiling.cubes))
+        faces.search((axis, place), samples, tolerance)
     return faces
 
 
@@ -348,17 +347,9 @@ def _searched(
     """Search for a mesh that keeps a tolerance."""
     grid, tolerance = tiling.grid, tiling.searched
     assert tolerance is not None
-    sides, free = SharedSides(grid.size(index), grid.shared(index)), tiling.profile == Profile.MAIN
     coarse = grid.level(index, COARSEST)
-    base = base_of(grid.n, coarse)
-    whole: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, None)] if base < grid.level(index, 0) else [])]
-    offsets = grid_offsets(tolerance, free, sides.holds)
-    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), free, None, truth, holes,
-                      sides.holds)
-    if faces is None:
-        plan = tile_plan(promise, tolerance, coarse, sides, [*whole, *offsets])
-    else:
-        level = grid.level(index, tiling.cubes)
-        lead: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, level - base)] if base < level else [])]
-        plan = volume_plan(promise, tolerance, tiling.cubes, lead, faces, [*whole, *offsets])
-    return plan, [1 + coarse - base, None]
+    sides = None if faces else SharedSides(grid.size(index), grid.shared(index))
+    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), truth=truth, holes=holes,
+                      sides=sides)
+    plan = volume_plan(promise, tolerance, coarse, faces) if faces else smallest(promise, tolerance, False, coarse)
+    return plan, [1 + coarse - base_of(grid.n, coarse), None]

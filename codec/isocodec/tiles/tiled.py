@@ -19,14 +19,14 @@ from ..format.chunks import write_chunk, write_further, write_metadata, write_tu
 from ..format.header import HEAD_BYTES, Header, write_header
 from ..limits import Limits
 from ..storage.ranges import Fetch, Pieces, Range
-from ..stream.container import with_checksum
-from ..stream.shared_limits import Shared
+from ..stream.container import closed
 from .closing import TilePart
 from .head import read_head
 from .joining import joined
 from .layout import Index
 from .leaf import read_leaf, sizes_of
 from .numbers import wrong
+from .shared_limits import Shared
 from .structure import Head, Kind, Leaf, TileStrand
 
 KEPT = 1 << 24
@@ -499,4 +499,4 @@ def file_of(
     """Make an ``.iso`` file of a tile from chunks; its header has the isovalue of that number."""
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
     last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
-    return b"".join(with_checksum([write_header(header), mask, *chunks, last]))
+    return b"".join(closed([write_header(header), mask, *chunks, last]))

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from ..deferred import dataclass
 from ..errors import InputError, OptionError
+from ..field.isovalues import isovalues_of
 from ..field.missing import HOLE, filled
 from ..field.sampled import Field
 from ..field.samples import missing_of
 from ..storage.atomic import check_target, writing
 from ..stream.given import in_cells
-from ..stream.isovalues import isovalues_of
 from ..stream.options import Isovalues, Options, Precision
-from ..stream.promise_note import PROMISE
+from ..stream.promises import PROMISE
 from .assembly import Tiles, grid_of, merged
 from .layout import Index, TileGrid, in_order
 from .spool import Spool, begun

@@ -1,4 +1,4 @@
-"""Limits of a decoder that hold for several files together: the tiles of a tiled file (spec clause 11.2)."""
+"""Limits of a decoder that hold for all tiles of a file together (spec clause 11.2)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from ..errors import LimitError
 from ..limits import WORK_PER_BYTE, WORK_STEPS, Budget, Limits
-from .decoder import Decoder
-from .grid_contents import GridContents
+from ..stream.decoder import Decoder
+from ..stream.grid_contents import GridContents
 
 
 class Shared:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from isospec.container import MAX_ISOVALUES
 
 from ..errors import InputError, OptionError
-from ..field.samples import isovalue_of
+from .samples import isovalue_of
 
 Range = Callable[[], tuple[float, float]]
 """Finds the least and the largest sample of all frames."""

@@ -1,0 +1,99 @@
+"""Meshes for a tolerance: even ones, finer where they have to be, the full grid where that is smaller."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import isocodec
+from brute import smooth
+from isocodec.errors import OptionError
+from isocodec.field.samples import check_field
+from isocodec.grid.layers.plan import PROMISE
+from isocodec.search.promise import Promise
+from isocodec.search.steps import stepwise
+from isocodec.search.strategy import EDGE, Plan, even_mesh, exponent_of, grid_plan, mesh_of, slanted, smallest
+from isocodec.search.tolerance import grid_offsets
+from isocodec.stream.options import WORTH_SEARCHING
+from tables import looped
+
+
+def waves(side: int, n: int = 2) -> np.ndarray:
+    """A field whose curves bend everywhere alike."""
+    return sum(np.sin(2 * np.pi * axis / 14.3) for axis in np.indices((side,) * n)) * 100
+
+
+def promise_of(side: int, n: int = 2) -> Promise:
+    return Promise(check_field(waves(side, n), 20.0))
+
+
+def grid_of(promise: Promise) -> Plan:
+    return grid_plan(promise.n, promise.full_level, None)
+
+
+@looped("topology", [False, True])
+@looped(("n", "tolerance"), [(2, 0.8), (2, 1.0), (2, 1.7), (2, 3.0), (3, 1.0), (3, 2.0)])
+def test_an_even_mesh_keeps_a_promise(n: int, tolerance: float, topology: bool) -> None:
+    promise = promise_of(40 if n == 2 else 25, n)
+    found = even_mesh(promise, tolerance, topology)
+    assert found is not None
+    size, contour = promise.trial(found[1])
+    assert size == found[0] and not len(promise.excess(contour, tolerance))
+    # in one byte less it is given up
+    assert even_mesh(promise, tolerance, topology, most=size + 1) is not None
+    assert even_mesh(promise, tolerance, topology, most=size) is None
+    assert promise.trial(smallest(promise, tolerance, topology))[0] <= size
+
+
+def test_edges_of_even_meshes() -> None:
+    assert [exponent_of(tolerance) for tolerance in (0.1, 0.74, WORTH_SEARCHING, 1.49, 1.5, 3.0)] == [0, 0, 1, 1, 2, 3]
+    assert all((1 << exponent_of(tolerance)) <= EDGE * tolerance for tolerance in np.geomspace(0.5, 99, 50))
+
+
+def test_noise_takes_the_full_grid() -> None:
+    promise = Promise(check_field(np.random.default_rng(0).normal(size=(40, 40)), 0.0))
+    assert smallest(promise, WORTH_SEARCHING, False) == grid_of(promise)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_slack_at_a_slant(n: int) -> None:
+    promise = promise_of(40 if n == 2 else 21, n)
+    plain = [*grid_of(promise), *grid_offsets(0.3, True)]
+    before = promise.trial(plain)[0]
+    size, plan = slanted(promise, 0.3, grid_of(promise), (before, plain))
+    assert size < before and promise.trial(plan)[0] == size
+    assert not len(promise.excess(promise.trial(plan)[1], 0.3))
+
+
+def test_meshes_of_steps_lie_in_one_another() -> None:
+    promise = promise_of(60)
+    plan = stepwise(promise, [4.0, 2.0, 1.0, 0.3], False)
+    assert [entry[1] for entry in plan if entry[0] == PROMISE] == [4.0, 2.0, 1.0, 0.3]
+    meshes = [mesh_of([entry]) for entry in plan if entry[0] == "adapt"]
+    assert len(meshes) == 3
+    for coarse, fine in pairwise(meshes):
+        assert (fine.inside <= coarse.inside).all() and (fine.inside < coarse.inside).any()
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_samples_on_the_isovalue(n: int) -> None:
+    """Crossings at the very ends of edges, next to implied edges: still a promise kept."""
+    field = np.rint(2 * smooth((21,) * n if n == 2 else (11, 12, 9), 4)).astype(np.float64)
+    assert (field == 0).any()
+    promise = Promise(check_field(field, 0.0))
+    for tolerance in (0.25, 0.5, 1.0):
+        for effort in ("normal", "best"):
+            found = isocodec.decode(isocodec.encode(field, 0.0, precision=tolerance, effort=effort))
+            assert not len(promise.excess(found, tolerance))
+
+
+def test_effort() -> None:
+    field = waves(60)
+    plain, best = (len(isocodec.encode(field, 20.0, precision=0.3, effort=effort)) for effort in ("normal", "best"))
+    assert best < plain
+    with pytest.raises(OptionError, match="effort"):
+        isocodec.encode(field, 20.0, effort="some")
+    with pytest.raises(OptionError, match="effort"):
+        isocodec.encode(isocodec.thin(field, to=30), effort="best")
