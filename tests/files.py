@@ -66,6 +66,14 @@ def whole(name):
     return events, decoder.symbols, decoder.contour(), state_of(decoder.grid._tube)
 
 
+def fed(data, limits=None, **options):
+    """A decoder that has taken a whole file."""
+    decoder = Decoder(limits, **options)
+    decoder.feed(data)
+    decoder.close()
+    return decoder
+
+
 def same_drawing(a, b):
     return (
         np.array_equal(a.points, b.points) and np.array_equal(a.cells, b.cells)

@@ -1,4 +1,4 @@
-"""Run the heavy tests of what has changed: figures, packaging, zoo and others, whose sources hardly ever do.
+"""Run the heavy tests of what has changed: packaging, zoo and others, whose sources hardly ever do.
 
 ``python tools/heavy_changed.py [COMMIT]`` compares with a commit, by default with the last merge.
 """
@@ -14,12 +14,10 @@ ROOT = Path(__file__).parents[1]
 SOURCES = {
     "test_bench": ("tools/bench",),
     "test_docs": ("README.md", "docs/", "codec/isocodec/api/", "codec/isocodec/cli/"),
-    "test_engines": ("codec/isocodec/io/", "codec/isocodec/tiles/workers.py"),
-    "test_figures": ("tools/figures/", "codec/isocodec/drawing/"),
     "test_fuzz": ("conformance/isoconform/",),
-    "test_growth": ("tools/growth.py",),
     "test_kernel_builds": ("tools/kernels/",),
     "test_kernel_library": ("tools/kernels/", "codec/isocodec/kernel/"),
+    "test_labelled": ("codec/isocodec/io/", "codec/isocodec/tiles/workers.py"),
     "test_packaging": ("pyproject.toml", "tools/kernels/"),
     "test_terminal": ("codec/isocodec/cli/", "codec/isocodec/errors.py", "codec/isocodec/io/"),
     "test_typing": ("codec/isocodec/__init__.py", "codec/isocodec/api/"),

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
 import inspect
-import json
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -13,7 +10,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -22,16 +18,12 @@ from numpy.typing import NDArray
 
 import isocodec
 from brute import examples
-from commands import ok, run
 from isocodec import Contour, Field, Frames, IsoFile
 from isocodec.api.operations import ViewOptions
-from isocodec.cli import main
 from isocodec.errors import IsoError, OptionError
 from isocodec.field.labelling import caption, is_of_labels
 from isocodec.field.placement import Placement
-from isocodec.io.formats import FORMATS
-from isocodec.plotting import panels
-from isocodec.verbs import PART, Edit
+from isocodec.verbs import Edit
 from libraries import Late
 from tables import looped
 
@@ -345,154 +337,17 @@ def package_bands(case: Case) -> None:
     refused(lambda: isocodec.bands(case.file.contours()), "bands do not apply to labels" if case.n == 2 else "")
 
 
-# -- verbs -----------------------------------------------------------------------------------------------------------
-
-
-def verb_encode(case: Case) -> None:
-    out = case.folder / "b.iso"
-    words = [word for label in case.labels for word in ("--label", label)]
-    words += ["--frames"] if case.kind == "series" else []
-    ok("encode", case.source, "-o", out, *words)
-    holds(isocodec.open(out), case)
-
-
-def verb_decode(case: Case) -> None:
-    for what, suffix in (("labels", "npy"), ("above", "npy"), ("curve", "npz"), ("valid", "npy"), ("mesh", "vtu")):
-        assert "isovalue" not in ok("decode", case.path, "-o", case.folder / f"{what}.{suffix}", "--what", what)
-    assert np.array_equal(np.load(case.folder / "labels.npy"), case.truth())
-    assert np.array_equal(np.load(case.folder / "above.npy"), case.frames[0] == 3)
-    assert {*map(tuple, np.load(case.folder / "curve.npz")["points"].tolist())} >= crossings(case.frames[0] == 3)
-
-
-def verb_edit(case: Case) -> None:
-    out = case.folder / "b.iso"
-    assert f"{len(case.labels)} label" in ok("edit", case.path, "-o", out, "--profile", "baseline")
-    holds(isocodec.open(out), case)
-    assert "labels cannot be merged" in run("edit", case.path, case.path, "-o", out).stderr
-
-
-def verb_info(case: Case) -> None:
-    said = ok("info", case.path, "--statistics")
-    assert "isovalue" not in said and all(f"Bits, label {label}\n" in said for label in case.labels)
-    assert [line.split()[1] for line in said.splitlines() if line.startswith("label ")] == [*map(str, case.labels)]
-    assert json.loads(ok("info", case.path, "--json"))["isovalues"] == list(case.labels)
-
-
-def verb_verify(case: Case) -> None:
-    frame = ["--frame", 1] if case.kind == "series" else []
-    said = ok("verify", case.path, case.source, *frame).splitlines()
-    assert [line.split(":")[0] for line in said] == [f"label {label}" for label in case.labels]
-    assert all("0 wrong signs" in line for line in said)
-
-
-def verb_plot(case: Case) -> None:
-    assert "isovalue" not in ok("plot", case.path, "-o", case.folder / "a.png", "--steps", 1)
-    result = run("plot", case.path, "-o", case.folder / "map.svg", "--map")
-    assert (result.exit_code, "two axes" in result.stderr) == ((0, False) if case.n == 2 else (2, True))
-    assert case.n == 3 or f"{len(case.labels)} label" in result.stdout
-
-
-def verb_thin(case: Case) -> None:
-    result = run("thin", case.path, "-o", case.folder / "a.ply", "--points", 9)
-    assert result.exit_code == 3 and len(result.stderr.splitlines()) == 1
-
-
-# -- options of verbs that choose a part -----------------------------------------------------------------------------
-
-
-def decoded(case: Case, *words: object, what: str = "labels") -> Any:
-    """What ``decode`` writes of labels, or its error."""
-    out = case.folder / "o.npy"
-    out.unlink(missing_ok=True)
-    result = run("decode", case.path, "-o", out, "--what", what, *words)
-    assert result.exit_code in (0, 2, 5), result.output
-    assert " isovalue" not in result.stderr
-    return np.load(out) if result.exit_code == 0 else result.stderr
-
-
-def option_decode_frame(case: Case) -> None:
-    last = len(case.frames) - 1
-    assert np.array_equal(decoded(case, "--frame", last), case.truth(last))
-    assert "no frame 2" in decoded(case, "--frame", 2)
-
-
-def option_decode_partial(case: Case) -> None:
-    assert np.array_equal(decoded(case, "--partial"), case.truth())
-    for cut, words in ((1, ["--partial"]), (1, []), (len(case.data) // 2, ["--partial"])):
-        short = case.folder / "short.iso"
-        short.write_bytes(case.data[:-cut])
-        result = run("decode", short, "-o", case.folder / "p.npy", "--what", "labels", *words)
-        # of a series the first frame is wanted, which is whole
-        allowed = (0, 2, 5) if words else (0,) if case.kind == "series" else (5,)
-        assert result.exit_code in allowed and (not words or cut > 1 or result.exit_code == 0)
-        if result.exit_code == 0:
-            labels = isocodec.open(short).isovalues
-            assert np.array_equal(np.load(case.folder / "p.npy"), case.truth(labels=labels))
-            assert case.kind == "series" or "before it is complete" in result.stderr
-
-
-def option_decode_isovalue(case: Case) -> None:
-    assert "--isovalue" in decoded(case, "--isovalue", 3)
-    for label in case.labels:
-        assert np.array_equal(decoded(case, "--isovalue", label, what="above"), case.frames[0] == label)
-    assert "no label 1" in decoded(case, "--isovalue", 1, what="above")
-
-
-def option_decode_part(name: str) -> Callable[[Case], None]:
-    """A part of the samples cannot be asked for; of curves it can."""
-
-    def cell(case: Case) -> None:
-        value = ",".join(["1:3"] * case.n) if name == "window" else len(case.data) if name == "max-bytes" else 1
-        for what in ("labels", "above"):
-            assert f"--{name} does not apply" in decoded(case, f"--{name}", value, what=what)
-        ok("decode", case.path, "-o", case.folder / "o.npz", f"--{name}", value)
-
-    return cell
-
-
-def option_edit(name: str, value: Callable[[Case], object], check: Callable[[IsoFile, Case], None]) -> Any:
-    def cell(case: Case) -> None:
-        result = run("edit", case.path, "-o", case.folder / "e.iso", f"--{name}", value(case))
-        assert result.exit_code == 0 and " isovalue" not in result.output
-        check(isocodec.open(case.folder / "e.iso"), case)
-        lost = {*case.labels} - {*isocodec.open(case.folder / "e.iso").isovalues}
-        reached = "does not reach " + " and ".join(f"label {label}" for label in case.labels if label in lost)
-        assert (reached in result.stderr) == bool(lost and name != "isovalue")
-
-    return cell
-
-
-def option_plot_frame(case: Case) -> None:
-    if case.n == 3:
-        return
-    ok("plot", case.path, "-o", case.folder / "a.png", "--steps", 1, "--frame", len(case.frames) - 1)
-    assert run("plot", case.path, "-o", case.folder / "a.png", "--frame", 2).exit_code == 2
-
-
-OPTIONS: dict[str, Callable[[Case], None]] = {
-    "decode --frame": option_decode_frame, "decode --partial": option_decode_partial,
-    "decode --isovalue": option_decode_isovalue,
-    **{f"decode --{name}": option_decode_part(name) for name in ("layers", "max-bytes", "window", "within")},
-    "edit --layers": option_edit("layers", lambda case: 1, lambda file, case: None),
-    "edit --size": option_edit("size", lambda case: len(case.data) - 1, right_or_refused),
-    "edit --window": option_edit("window", lambda case: ",".join(["2:4"] * case.n),
-                                 lambda file, case: holds(file, case, box=(slice(2, 5),) * case.n)),
-    "edit --isovalue": option_edit("isovalue", lambda case: case.labels[-1],
-                                   lambda file, case: holds(file, case, case.labels[-1:])),
-    "plot --frame": option_plot_frame,
-}
-
-
 # -- the table -------------------------------------------------------------------------------------------------------
 
 CELLS: dict[str, Callable[[Case], None]] = {
     f"{group} {rest}": cell for name, cell in globals().items()
-    for group, _, rest in [name.partition("_")] if group in ("member", "view", "edit", "package", "verb")
+    for group, _, rest in [name.partition("_")] if group in ("member", "view", "edit", "package")
     and inspect.isfunction(cell) and rest
-} | OPTIONS
+}
 AS_OTHERS = {
     *(f"member {name}" for name in ("kind", "size", "data", "promise", "shape", "frames", "metadata", "placement",
-                                    "crs", "complete", "contours", "each_frame", "surface", "statistics")),
+                                    "crs", "complete", "contours", "each_frame", "surface", "statistics", "mesh_given",
+                                    "on")),
     *(f"view {name}" for name in ("frame", "layers", "max_bytes", "within", "through_holes", "partial", "progress")),
     "package save", "package open", "package decode",
 }
@@ -503,16 +358,11 @@ NOT_OF_FILES = {"Contour", "Decoder", "Encoder", "Field", "Frames", "IsoError", 
 
 
 def test_the_table_is_whole() -> None:
-    """Over the lists that the code has: a new member, parameter, verb or option has no cell yet."""
+    """Over the lists that the code has: a new member or parameter has no cell yet."""
     rows = [f"member {name}" for name in vars(IsoFile) if not name.startswith("_")]
     rows += [f"view {name}" for name in ViewOptions.__annotations__]
     rows += [f"edit {each.name}" for each in fields(Edit)]
     rows += [f"package {name}" for name in isocodec.__all__ if name not in NOT_OF_FILES]
-    rows += [f"verb {name}" for name in main.commands]
-    rows += [
-        f"{name} {option.opts[0]}" for name, command in main.commands.items() for option in command.params
-        if isinstance(option, click.Option) and option.heading == PART  # type: ignore[attr-defined]
-    ]
     assert sorted(rows) == sorted({*CELLS, *AS_OTHERS}) and not AS_OTHERS & {*CELLS}
 
 
@@ -523,62 +373,6 @@ def test_cells(row: str, kind: str, n: int, tmp_path: Path) -> None:
 
 
 # -- words -----------------------------------------------------------------------------------------------------------
-
-WHAT = {"contour": "curve", "areas": "areas", "mask": "above", "labels": "labels", "mesh": "mesh"}
-WRITTEN = [
-    (held[:-1], suffix, int(held[-1])) for one in FORMATS for held in one.holds.split()
-    if held[:-1] in WHAT and held[-1] > "1" for suffix in one.suffixes
-]
-
-
-def unpacked(path: Path) -> bytes:
-    """The bytes of a file, those of its parts if it is an archive."""
-    data = path.read_bytes()
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            return b"".join([name.encode() + archive.read(name) for name in archive.namelist()])
-    return gzip.decompress(data) if path.suffix == ".gz" else data
-
-
-@pytest.mark.parametrize(("content", "suffix", "n"), WRITTEN)
-def test_files_of_other_programs_say_label(content: str, suffix: str, n: int, tmp_path: Path) -> None:
-    """No file says isovalue, but the archive that is read back by the names of its arrays."""
-    case = Case("several", n, tmp_path)
-    said = run("decode", case.path, "-o", tmp_path / f"o{suffix}", "--what", WHAT[content])
-    assert said.exit_code == 0 and " isovalue" not in said.output, said.output
-    for path in tmp_path.glob("o*"):
-        data = unpacked(path)
-        assert suffix == ".npz" or not (b"isovalue" in data or b"ISO_" in data)
-    if content == "contour" and suffix in (".glb", ".obj", ".3mf", ".svg"):
-        assert all(f"label {label}".encode() in data for label in LABELS)
-
-
-def test_pictures_say_label(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    said: list[str] = []
-    before = panels.picture_file
-
-    def seen(figure: Any, *more: Any) -> bytes:
-        said.extend(text.get_text() for text in figure.findobj(matplotlib.text.Text))
-        return before(figure, *more)
-
-    monkeypatch.setattr(panels, "picture_file", seen)
-    for n in SHAPES:
-        case = Case("several", n, tmp_path)
-        ok("decode", case.path, "-o", tmp_path / "decoded.png")
-        ok("plot", case.path, "-o", tmp_path / "steps.png", "--steps", 1)
-    assert not [text for text in said if "isovalue" in text]
-    assert {"label 3", "label -2", "label 300", "label"} <= {*said} and any("3 labels" in text for text in said)
-
-
-def test_words_in_notebooks_and_tables(tmp_path: Path) -> None:
-    file = Case("several", 2, tmp_path).file
-    for text in (repr(file), file._repr_html_(), file.contour()._repr_html_()):
-        assert "label" in text and "isovalue" not in text
-    assert "label" in file.contour().to_geodataframe() and "isovalue" not in file.contour().to_geodataframe()
-    assert set(file.contour(-2).to_pyvista().cell_data["label"]) == {-2}
-    ok("decode", Case("several", 2, tmp_path).path, "-o", tmp_path / "a.geojson", "--attribute", "organ")
-    found = json.loads((tmp_path / "a.geojson").read_text())["features"]
-    assert {feature["properties"]["organ"] for feature in found} == {*LABELS}
 
 
 def test_captions() -> None:

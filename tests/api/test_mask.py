@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import examples
-from commands import BALL, HILLS, fails, ok, run
+from commands import HILLS, run
 from isocodec import Decoder, Limits
 from isocodec.drawing import rows as masks
 from isocodec.drawing.rows import MaskRows
@@ -111,59 +111,3 @@ def test_samples_are_limited():
     with pytest.raises(LimitError) as caught:
         isocodec.open(data, limits=Limits(samples=HILLS.size - 1)).above()
     assert caught.value.code == "limit-samples"
-
-
-@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
-def test_volumes_of_labels_lie_where_the_volume_did(tmp_path: Path, suffix: str) -> None:
-    affine = nibabel.affines.from_matvec(np.diag([-2.0, 1.5, 3.0]), [90.0, -12.5, 7.0])
-    nibabel.save(nibabel.Nifti1Image(BALL, affine), tmp_path / "in.nii.gz")
-    ok("encode", tmp_path / "in.nii.gz", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--precision", "signs")
-    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / f"m{suffix}")
-    image = nibabel.load(tmp_path / f"m{suffix}")
-    assert np.array_equal(np.asarray(image.dataobj), BALL > 60.5) and np.allclose(image.affine, affine)
-    assert np.allclose(image.get_qform(), affine) and image.header["qform_code"] == 2
-    data = (tmp_path / f"m{suffix}").read_bytes()
-    assert suffix == ".nii" or data[4:8] == bytes(4), "no time of day: the same mask, the same bytes"
-
-
-def test_volumes_whose_place_is_odd_or_unknown(tmp_path: Path) -> None:
-    """Sheared axes, which quaternions cannot tell; what no form tells nibabel makes up, of both files alike."""
-    sheared = np.array([[2.0, 0.5, 0, 1], [0, 3, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
-    for name, affine in (("sheared", sheared), ("none", None)):
-        image = nibabel.Nifti1Image(BALL, affine)
-        nibabel.save(image, tmp_path / f"{name}.nii")
-        ok("encode", tmp_path / f"{name}.nii", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--precision", "signs")
-        ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
-        assert np.allclose(nibabel.load(tmp_path / "out.nii").affine, nibabel.load(tmp_path / f"{name}.nii").affine)
-    isocodec.save(tmp_path / "in.iso", BALL, 60.5)
-    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
-    assert nibabel.load(tmp_path / "out.nii").header["sform_code"] == 0
-
-
-def test_refusals(tmp_path: Path) -> None:
-    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
-    assert ".nii.gz" in fails(
-        2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.svg",
-    )
-    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz")
-    plane = nibabel.load(tmp_path / "m.nii.gz")
-    assert np.array_equal(np.squeeze(np.asarray(plane.dataobj)), HILLS > 100.5)
-    (tmp_path / "m.nii.gz").unlink()
-    (tmp_path / "coarse.iso").write_bytes(isocodec.encode(HILLS, 100.5, precision=1))
-    assert "tolerance below 0.1" in fails(
-        2, "decode", "--what", "above", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy",
-    )
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["coarse.iso", "in.iso"]
-
-
-def test_truncated_files_and_several_isovalues(tmp_path: Path) -> None:
-    data = isocodec.encode(HILLS, [100.5, 60.5])
-    (tmp_path / "in.iso").write_bytes(data)
-    result = run("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
-    assert result.exit_code == 0 and "choose another with --isovalue: 60.5" in result.stderr
-    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--isovalue", 60.5)
-    assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 60.5)
-    (tmp_path / "cut.iso").write_bytes(data[:-10])
-    assert "--partial" in fails(5, "decode", "--what", "above", tmp_path / "cut.iso", "-o", tmp_path / "n.npy")
-    result = run("decode", "--what", "above", tmp_path / "cut.iso", "-o", tmp_path / "n.npy", "--partial")
-    assert result.exit_code == 0 and np.array_equal(np.load(tmp_path / "n.npy"), HILLS > 100.5)

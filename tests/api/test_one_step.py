@@ -175,16 +175,6 @@ def test_options_of_iso_do_not_apply_to_other_formats(tmp_path: Path, option: li
     assert option[0] in fails(2, "encode", tmp_path / "in.npy", "-o", tmp_path / "a.gpkg", "--isovalue", 60.5, *option)
 
 
-def test_errors_name_the_input_and_leave_the_output(tmp_path: Path) -> None:
-    np.save(tmp_path / "in.npy", HILLS / 3)
-    (tmp_path / "a.gpkg").write_bytes(b"before")
-    for more in (["--precision", "exact"], ["--isovalue", "inf"]):
-        line = fails(3 if "inf" in more else 2, "encode", tmp_path / "in.npy", "-o", tmp_path / "a.gpkg", "--isovalue",
-                     60.5, *more)
-        assert "in.npy" in line
-    assert (tmp_path / "a.gpkg").read_bytes() == b"before"
-
-
 def test_drawings_are_released_one_by_one(tmp_path: Path) -> None:
     """While a map is written, one contour is alive; progress rises, and ends at its total when the file is there."""
     alive, most, seen = weakref.WeakSet[Contour](), [0], list[tuple[int, int]]()

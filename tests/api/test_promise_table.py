@@ -151,7 +151,7 @@ def test_edits_promise_what_is_true(precision: Any, edit: dict[str, Any], promis
     assert kept(edited) == {None if promise is None else True}
 
 
-@looped("layers", range(1, 18))
+@looped("layers", range(1, 18, 3))
 def test_the_first_layers_of_steps(layers: int) -> None:
     """Only where a step ends something is promised."""
     data = encoded(field(None), VALUE, precision="2m,0.5m,exact")

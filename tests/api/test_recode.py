@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,8 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import examples
-from commands import BALL, HILLS, fails, ok
+from commands import BALL, HILLS
+from explicit_meshes import plane
 from files import picture
 from grids import polar
 from isocodec.errors import InputError, OptionError
@@ -109,18 +109,6 @@ def test_distances_are_kept(precision: str, tolerance: float) -> None:
         assert apart(isocodec.decode(made), isocodec.decode(data)) <= tolerance + 1e-9
 
 
-def test_distances_of_surfaces() -> None:
-    """As far as points all over the triangles tell, a tenth of a cell from one to the next on grid cells."""
-    data = isocodec.encode(BALL, 55.5)
-    coarse = isocodec.open(data).edited(precision=0.25)
-    assert len(coarse) < len(data)
-    before, after = isocodec.decode(data), isocodec.decode(coarse)
-    weights = np.array([(i, j, 30 - i - j) for i in range(31) for j in range(31 - i)]) / 30
-    dense = [(weights @ contour.points[contour.cells]).reshape(-1, 3) for contour in (before, after)]
-    there, back = KDTree(dense[0]).query(dense[1])[0].max(), KDTree(dense[1]).query(dense[0])[0].max()
-    assert 0 < max(there, back) < 0.25 + 0.1
-
-
 @looped("precision", PRECISIONS)
 @looped("name", FIELDS)
 def test_the_searches_start_from_the_curve_of_the_file(name: str, precision: str) -> None:
@@ -213,7 +201,7 @@ def test_merged(profile: str) -> None:
         assert len(made) < sum(map(len, files))
 
 
-@examples(30)
+@examples(12)
 @given(
     st.integers(0, 10_000), st.sampled_from([{}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 0.2}]),
 )
@@ -226,6 +214,18 @@ def test_merged_whatever_the_field(seed: int, options: dict[str, Any]) -> None:
     for profile in ("main", "baseline"):
         after = isocodec.open(isocodec.merge(files, profile=profile)).contours()
         assert all(map(same, after, map(isocodec.decode, files)))
+
+
+def test_files_on_one_mesh() -> None:
+    """Of three files the isovalues lean on those that they leant on before."""
+    mesh = plane(2, 200)
+    values = np.rint(mesh[0].sum(axis=1)).astype(int)
+    files = [isocodec.encode(isocodec.Mesh(*mesh, values), [low + 0.5, low + 2.5]) for low in (60, 90, 120)]
+    assert all(isocodec.open(file, mesh=mesh).info.leans == [None, 0] for file in files)
+    made = isocodec.open(isocodec.merge(files), mesh=mesh)
+    assert made.info.leans == [None, 0, None, 2, None, 4]
+    before = [contour for file in files for contour in isocodec.open(file, mesh=mesh).contours()]
+    assert all(map(same, made.contours(), before))
 
 
 def test_not_of_one_field() -> None:
@@ -253,27 +253,6 @@ def test_not_of_one_field() -> None:
 
 
 # ---- Command line ---------------------------------------------------------------------------------------------------
-
-
-def test_commands(tmp_path: Path, hills: Path) -> None:
-    one, two, out = tmp_path / "1.iso", tmp_path / "2.iso", tmp_path / "out.iso"
-    ok("encode", hills, "-o", one, "--isovalue", 80.5)
-    ok("encode", hills, "-o", two, "--isovalue", 120.5, "--precision", "exact")
-    said = ok("edit", one, "-o", out, "--profile", "baseline")
-    assert f"{out.stat().st_size} of {one.stat().st_size} bytes" in said
-    assert same(
-        isocodec.decode(out), isocodec.decode(one),
-    ) and isocodec.open(out.read_bytes()).info.profile == "baseline"
-    ok("edit", one, "-o", out, "--precision", 1)
-    assert apart(isocodec.decode(out), isocodec.decode(one)) <= 1 + 1e-9
-    assert "2 isovalues" in ok("edit", one, two, "-o", out)
-    assert isocodec.open(out).isovalues == (80.5, 120.5)
-    fails(2, "edit", one, "-o", out, "--precision", "exact")
-    fails(2, "edit", one, one, "-o", tmp_path / "twice.iso")
-    fails(2, "edit", one, "-o", out, "--precision", -1)
-    (tmp_path / "no.iso").write_bytes(b"no")
-    fails(4, "edit", tmp_path / "no.iso", "-o", out, "--profile", "baseline")
-    assert not (tmp_path / "twice.iso").exists()
 
 
 @looped("asked", [[80.5, 60.5], [60.5, 80.5], [100.5, 80.5, 80.5], [100.5]], ids=str)

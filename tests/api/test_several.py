@@ -14,7 +14,6 @@ from isocodec.errors import OptionError, TruncatedError
 from libraries import Late
 
 shapely = Late("shapely")
-shape_of = Late("shapely.geometry.shape")
 
 ISOVALUES = [60.5, 100.5, 80.5]
 
@@ -63,23 +62,6 @@ def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> N
         isocodec.open(data).contours(max_bytes=0)
 
 
-def test_areas_of_higher_isovalues_lie_within_those_of_lower_ones(several: Path, tmp_path: Path) -> None:
-    out = tmp_path / "areas.geojson"
-    ok("decode", several, "-o", out, "--what", "areas")
-    features = json.loads(out.read_text())["features"]
-    areas = {feature["properties"]["isovalue"]: shape_of(feature["geometry"]) for feature in features}
-    assert areas[60.5].area > areas[80.5].area > areas[100.5].area > 0
-    for low, high in ((60.5, 80.5), (80.5, 100.5)):
-        assert shapely.difference(areas[high], areas[low]).area == pytest.approx(0, abs=1e-9)
-
-
-@pytest.mark.parametrize("options", [["--layers", 3], []])
-def test_others_are_named_where_only_one_is_written(several: Path, tmp_path: Path, options: list[object]) -> None:
-    out = tmp_path / ("one.svg" if options else "one.npz")
-    result = run("decode", several, "-o", out, *options)
-    assert result.exit_code == 0 and "choose another with --isovalue: 100.5 or 80.5" in result.stderr
-
-
 def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: Path) -> None:
     several.write_bytes(data[: len(data) * 2 // 3])
     out = tmp_path / "cut.geojson"
@@ -126,10 +108,3 @@ def test_intervals_that_fit_no_file(tmp_path: Path) -> None:
     np.save(path, np.full((3, 3), np.nan))
     assert "missing" in fails(3, "encode", path, "-o", out, "--interval", 1, "--missing", "below")
     assert not out.exists()
-
-
-def test_one_warning_of_all_isovalues_that_are_samples(tmp_path: Path) -> None:
-    np.save(tmp_path / "hills.npy", HILLS)
-    result = run("encode", tmp_path / "hills.npy", "-o", tmp_path / "out.iso", "--interval", 20)
-    assert result.exit_code == 0
-    assert result.stderr.count("warning:") == 1 and "one of " in result.stderr

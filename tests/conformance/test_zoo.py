@@ -5,19 +5,14 @@ The whole zoo runs with ``make zoo``; here a few of it.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from isoconform.dump import dump
 from isoconform.manifest import read_manifest
-from tables import looped
+from tables import heavy, looped
 from zoo.check import TABLE, VECTORS, check, table
-from zoo.command import USAGE_ERROR, main
-from zoo.misreadings import Change, RottenError, by_name, changed, load, plant
+from zoo.misreadings import Change, RottenError, changed, load
 
 MISREADINGS = load()
 BY_NAME = {m.name: m for m in MISREADINGS}
@@ -39,7 +34,7 @@ def test_vectors_and_table_are_those_of_the_manifest():
     assert TABLE.read_text(encoding="utf-8") == table()
 
 
-@pytest.mark.parametrize("name", PLANTED)
+@pytest.mark.parametrize("name", [PLANTED[0], *heavy(*PLANTED[1:])])
 def test_planted_decoder_is_caught(name):
     finding = check(BY_NAME[name])
     assert finding.caught, finding.reason
@@ -52,14 +47,6 @@ def test_decoder_that_agrees_is_not_caught():
     assert finding.reason == "it agrees with the vector"
 
 
-def test_decoder_that_falls_over_is_not_caught():
-    """It was planted badly."""
-    broken = Change("codec/isocodec/stream/session.py", "if len(self.data) > self.at:", "if nothing_of_this_name:")
-    finding = check(replace(BY_NAME["bytes-after-the-end"], changes=(broken,)))
-    assert not finding.caught
-    assert "NameError" in finding.reason
-
-
 @pytest.mark.parametrize(("old", "new", "what"), [
     ("no such text", "another", "stands 0 times"),
     ("import", "export", "times"),
@@ -69,32 +56,3 @@ def test_change_that_does_not_fit_is_refused(old, new, what):
     misreading = replace(MISREADINGS[0], changes=(Change("spec/isospec/container.py", old, new),))
     with pytest.raises(RottenError, match=what):
         changed(misreading)
-
-
-def test_unknown_names_are_refused(capsys):
-    with pytest.raises(RottenError, match="no-such-thing"):
-        by_name(MISREADINGS, ["no-such-thing"])
-    assert main(["plant", "no-such-thing", "anywhere"]) == USAGE_ERROR
-    assert "no-such-thing" in capsys.readouterr().err
-
-
-def test_list_and_planting_change_one_file(tmp_path, capsys):
-    assert main(["--list", "--only", "varint-10-bytes"]) == 0
-    assert "3.2.1(3)" in capsys.readouterr().out
-    plant(BY_NAME["varint-10-bytes"], tmp_path)
-    assert "MAX_VARINT = 10" in (tmp_path / "isospec" / "container.py").read_text()
-    root = TABLE.parent.parent
-    for package in ("codec/isocodec", "conformance/isoconform"):
-        for source in (root / package).rglob("*.py"):
-            copy = tmp_path / Path(package).name / source.relative_to(root / package)
-            assert copy.read_bytes() == source.read_bytes()
-
-
-def test_decoder_answers_as_dump_does():
-    """Of a file that it does not misread, the reference's text; of another one, another."""
-    for vector, same in (("plane_noise_5x3", True), ("plane_second_branch", False)):
-        path = VECTORS / f"{vector}.iso"
-        command = [sys.executable, str(TABLE.parent / "zoo"), "decoder", "second-branch-last-points", str(path)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0
-        assert (done.stdout == dump(path.read_bytes()).text) is same

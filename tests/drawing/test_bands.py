@@ -15,7 +15,6 @@ from libraries import Late
 shapely = Late("shapely")
 
 VALUES = [60.5, 100.5, 20.5, 140.5]
-UTM = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
 
 
 def shapes(found: list[isocodec.Band]) -> list[shapely.Geometry]:

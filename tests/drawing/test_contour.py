@@ -15,7 +15,6 @@ from isocodec.drawing.contour import Contour
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
 from isocodec.drawing.window import reaching
-from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from tables import looped
 
@@ -36,20 +35,6 @@ def test_cells_whose_leaves_are_not_all_there_are_left_out(shape):
     assert corners(part) < corners(whole)
     if len(shape) == 2:
         assert sum(len(line) - 1 for line in part.lines) == len(part.cells)
-
-
-@looped("full", [True, False])
-@looped("shape", [(5, 7), (4, 6, 9), (1, 6), (1, 1, 1)])
-@looped("values", [True, False])
-def test_nothing_to_draw(shape, full, values):
-    leaves = leaves_of(np.zeros(shape), values=values, size=1 if full else 2, bisections=0 if full else 1)
-    contour = draw(leaves)
-    n = len(shape)
-    assert contour.points.shape == contour.cells.shape == (0, n)
-    assert contour.points.dtype == np.float64 and contour.cells.dtype == np.int64
-    if n == 2:
-        assert contour.lines == []
-        assert contour.__geo_interface__ == {"type": "MultiLineString", "coordinates": ()}
 
 
 signs_2d = hnp.arrays(bool, hnp.array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=7))
@@ -83,25 +68,6 @@ def test_geo_interface_has_columns_as_x():
     assert [(y, x) for x, y in line] == [tuple(p) for p in contour.lines[0].tolist()]
     shapely = pytest.importorskip("shapely.geometry")
     assert shapely.shape(contour).bounds == pytest.approx((11.8, 1.3, 16.2, 5.7), abs=0.1)
-
-
-def test_surfaces_have_no_lines_and_no_geo_interface():
-    contour = draw(leaves_of(ball((6, 6, 6), (2.4, 2.6, 2.5), 1.4)))
-    with pytest.raises(OptionError, match="isocontour"):
-        _ = contour.lines
-    assert not hasattr(contour, "__geo_interface__")
-
-
-@pytest.mark.parametrize("shape", [(5,), (2, 2, 2, 2)])
-def test_other_dimensions_are_refused(shape):
-    with pytest.raises(OptionError, match="2 or 3"):
-        draw(leaves_of(noise(shape)))
-
-
-def test_contours_are_immutable():
-    contour = Contour(np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), 0.0, (3, 3))
-    with pytest.raises(AttributeError):
-        contour.isovalue = 1.0  # type: ignore[misc]
 
 
 @looped("matrix", [None, [[0, 2, 1], [2, 0, 3]], [[0, 2, 1], [-2, 0, 3]], [[1, 0.5, 0], [0, -3, 1]]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brute import noise
-from drawings import check_manifold, check_winding, leaves_of, rows_of
+from drawings import check_manifold, check_winding, leaves_of
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.leaves import Leaves
 from tables import looped
@@ -24,17 +24,6 @@ def test_simplex_drawing_is_a_manifold_with_the_high_values_inside(shape, bisect
         check_manifold(contour)
         if closed:
             check_winding(contour, leaves)
-
-
-def test_simplex_drawing_interpolates_along_the_edge_as_published():
-    # x0 = (0, 0) at 3, the others at -1: crossings at 3/4 of both edges from x0.
-    leaves = Leaves(
-        (5, 5), 0.0, rows_of([[0, 0], [4, 0], [4, 4]], [True, False, False]),
-        np.array([3.0, -1, -1]), np.array([[0, 1, 2]]), np.array([0]), False,
-        np.zeros((0, 2), np.int64), np.empty(0), np.empty(0, np.int64),
-    )
-    contour = draw(leaves)
-    assert contour.points[contour.cells].tolist() == [[[3.0, 0.0], [3.0, 3.0]]]
 
 
 # --- where the points lie --------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from isocodec import Decoder, Limits, encode
+from isocodec import Decoder, encode
 from isocodec.drawing import clipping
 from isocodec.drawing.clipping import clipped
 from isocodec.drawing.snapshot import drawing_bytes
@@ -90,22 +90,6 @@ def test_a_complete_file_holds_no_more_than_drawing_needs(n: int) -> None:
     assert not st.below.size and not st.active.size and not tube.estimates._beside.around.size
     assert decoder.memory < 0.6 * before
     assert decoder.memory >= state_bytes(st, tube._mark)
-
-
-def test_limits_of_drawing_hold() -> None:
-    data = encode(field(3, NOISE), 0.5)
-    whole = Decoder()
-    whole.feed(data)
-    needed = whole.take().memory + drawing_bytes(whole.grid.tubes[0])
-    most = max(whole.budget.peak, needed)
-    enough = Decoder(Limits(memory=most))
-    enough.feed(data)
-    assert len(enough.take().contour().cells)
-    if needed > whole.budget.peak:
-        short = Decoder(Limits(memory=needed - 1))
-        short.feed(data)
-        with pytest.raises(LimitError):
-            short.take().contour()
 
 
 def test_one_piece_in_very_many_cells_is_refused() -> None:

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from brute import ball, noise
-from drawings import as_set, check_manifold, check_winding, euler, leaves_of, torus
+from drawings import as_set, check_manifold, euler, leaves_of, torus
 from isocodec.drawing.drawing import draw
 from libraries import Late
-from tables import looped
 
 measure = Late("skimage.measure")
 
@@ -63,16 +62,6 @@ def test_lines_cover_every_segment_once_and_are_closed_unless_they_end_at_the_bo
         assert len(as_set(line, 12)) == len(line) - closed
 
 
-def test_a_single_high_sample_is_wound_counter_clockwise_in_the_plane_of_axis_0_and_axis_1():
-    field = np.full((3, 3), -1.0)
-    field[1, 1] = 3.0
-    (line,) = draw(leaves_of(field)).lines
-    # Crossings 3/4 of the way from the middle to its four neighbours; shoelace area of that square is +2 * 0.75 ** 2.
-    assert as_set(line, 9) == {(0.25, 1.0), (1.0, 0.25), (1.75, 1.0), (1.0, 1.75)}
-    (x0, y0), (x1, y1) = line[:-1].T, line[1:].T
-    assert (x0 * y1 - x1 * y0).sum() / 2 == pytest.approx(1.125)
-
-
 # --- n = 3, full grid ------------------------------------------------------------------------------------------------
 
 
@@ -102,15 +91,6 @@ def test_all_patterns_in_all_mirror_images_are_watertight():
     centres = contour.points[(halves % 2 == 1).sum(1) != 1]
     in_cubes = ((centres % 3 > 1) & (centres % 3 < 2)).all(1)
     assert in_cubes.sum() == 14 * 8
-
-
-@looped("seed", range(5))
-@looped("shape", [(12, 11), (7, 6, 8)])
-def test_what_is_above_lies_inside(shape, seed):
-    leaves = leaves_of(noise(shape, seed, rim_below=True))
-    contour = draw(leaves)
-    check_manifold(contour)
-    check_winding(contour, leaves)
 
 
 def test_tunnel_is_drawn_as_a_tube():

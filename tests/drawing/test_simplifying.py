@@ -1,6 +1,5 @@
 """Simplified lines: within the distance both ways, apart from one another, on the same side of each other."""
 
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -89,8 +88,3 @@ def test_refused(distance, why):
         simplified([*Traced(field(1), [0.0])], distance)
     with pytest.raises(OptionError, match="surfaces"):
         simplified([*Traced(Field(np.random.default_rng(0).normal(size=(5, 5, 5))), [0.0])], 1)
-
-
-def test_each_segment_follows_the_one_before():
-    (made,) = simplified([*Traced(field(5), [0.1])], 1.0).contours
-    assert all((a[1:] == b[:1]).all() for walk in made.walks for a, b in pairwise(np.stack([walk[:-1], walk[1:]], 1)))

@@ -11,7 +11,6 @@ import grids
 import isocodec
 from brute import ball, noise, smooth
 from isocodec.drawing import smoothing
-from isocodec.drawing.smoothing import ROUNDS, SMOOTHING, rounds_of
 from isocodec.errors import OptionError
 from isocodec.field.placement import Placement
 from isocodec.stream.inspect import inspect
@@ -59,18 +58,6 @@ def test_what_follows_from_what_is_told_stays(shape, plan):
     assert not np.array_equal(
         isocodec.decode(data, layers=signs).points, isocodec.decode(data, layers=signs, smooth=True).points
     )
-
-
-@looped(("precision", "room"), [("exact", 0), (0.05, 0.5 / 11), (None, 0.5 / 11), (0.08, 0.5 / 7)])
-@looped("shape", [(23, 30), (9, 11, 10)])
-def test_points_stay_in_their_parts(shape, precision, room):
-    """But for points in the middles of cells, which are between their neighbours anyway."""
-    field = np.rint(100 * (noise(shape) + smooth(shape, 5))).astype(int)
-    plain, moved = both(field, 10.5, precision=precision)
-    told = (plain.points % 1 != 0).sum(axis=1) <= 1
-    assert told.mean() > 0.9
-    way = np.abs(moved.points - plain.points)[told].max(axis=1)
-    assert way.max() <= room and (room == 0 or (way > 0.5 * room).mean() > 0.1)
 
 
 def test_layers_half_told():
@@ -126,12 +113,6 @@ def test_one_round(shape, parts):
         assert np.allclose(moved.points[v], expected, atol=1e-6), v
 
 
-def test_nothing_to_smooth():
-    for shape in ((5, 5), (5, 5, 5)):
-        plain, moved = both(np.zeros(shape), 1, precision="signs")
-        assert len(plain.points) == len(moved.points) == 0
-
-
 # --- files that ask for it -------------------------------------------------------------------------------------------
 
 TURN = np.broadcast_to(np.linspace(0, 6.2, 40)[:, None], (40, 41))
@@ -162,12 +143,6 @@ def test_notes_of_other_forms_are_ignored(text):
     field = ROUND[2][0]
     data = isocodec.encode(field, 0, precision="signs", metadata={"smoothing": text})
     assert np.array_equal(isocodec.decode(data).points, isocodec.decode(data, smooth=False).points)
-
-
-def test_notes_state_up_to_64_rounds():
-    assert [rounds_of({SMOOTHING: text}) for text in ("1", "9", "10", "64")] == [1, 9, 10, 64]
-    assert rounds_of({SMOOTHING: "64"}, False) == 0
-    assert rounds_of({}, True) == rounds_of({SMOOTHING: "65"}, True) == ROUNDS
 
 
 REFUSED = {

@@ -8,17 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import blobs, clamped, examples, exponent, meshes, mixed_leaves, volumes
+from brute import blobs, examples, meshes, mixed_leaves, volumes
 from commands import BALL, HILLS
-from isocodec.drawing.tessellation import Tessellation, tessellated
+from files import fed
+from isocodec.drawing.tessellation import Tessellation
 from isoconform.meshes import chosen
-
-
-def decoder_of(data: bytes, **options) -> isocodec.Decoder:
-    decoder = isocodec.Decoder(**options)
-    decoder.feed(data)
-    decoder.close()
-    return decoder
 
 
 @st.composite
@@ -32,7 +26,7 @@ def check_mesh(case, n: int) -> None:
     shape, mesh, seed = case
     field = blobs(shape, seed)
     plan = [("adaptive_base", 0, chosen(shape, mesh))]
-    decoder = decoder_of(isocodec.encode(field, 0.5, layers=plan))
+    decoder = fed(isocodec.encode(field, 0.5, layers=plan))
     whole = decoder.grid.mesh()
     corners = whole.points[whole.cells]
     assert volumes(corners).min() > 0
@@ -74,19 +68,10 @@ def test_meshes_in_space(case) -> None:
     check_mesh(case, 3)
 
 
-@pytest.mark.parametrize("shape, level", [((5, 9), 3), ((4, 6, 3), 5), ((3, 3, 3), 3)])
-def test_uniform_meshes_are_those_of_a_level(shape: tuple[int, ...], level: int) -> None:
-    none = np.zeros((0, len(shape)), np.int64)
-    points, cells, levels = tessellated(shape, exponent(shape), level, none, lambda size: None)
-    assert set(levels) == {level}
-    found = {frozenset(map(tuple, corners)) for corners in points[cells].tolist()}
-    assert found == {frozenset(map(tuple, corners)) for corners in clamped(shape, level).tolist()}
-
-
 @pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
 def test_on_the_full_grid_signs_are_those_of_all_samples(field: np.ndarray, isovalue: float) -> None:
-    mesh = decoder_of(isocodec.encode(field, isovalue)).grid.mesh()
+    mesh = fed(isocodec.encode(field, isovalue)).grid.mesh()
     assert len(mesh.points) == field.size
     assert np.array_equal(mesh.above, field[tuple(mesh.points.T)] > isovalue)
-    nothing = decoder_of(isocodec.encode(field, -1)).grid.mesh()
+    nothing = fed(isocodec.encode(field, -1)).grid.mesh()
     assert nothing.above.all()

@@ -6,8 +6,6 @@ scipy say what is right.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,10 +18,8 @@ from hypothesis import strategies as st
 import isocodec
 from brute import examples
 from isocodec import Contour
-from isocodec.drawing.areas import areas_of
 from isocodec.drawing.separation import NEAR_END, single
 from libraries import Late
-from tables import looped
 
 ndimage = Late("scipy.ndimage")
 shapely = Late("shapely")
@@ -178,18 +174,6 @@ def test_files_of_surfaces(name: str, suffix: str, placement: str, tmp_path: Pat
     assert mesh.is_watertight and mesh.body_count == pieces(contour)
 
 
-@looped("name", ["lone sample, below", "corner", "border", "saddle of equals", "random 1"])
-@looped("suffix", [".gpkg", ".fgb", ".shp", ".geojson", ".parquet"])
-def test_files_of_lines(name: str, suffix: str, tmp_path: Path) -> None:
-    geopandas = pytest.importorskip("geopandas")
-    contour = contour_of(PLANE[name], "exact")
-    isocodec.save(tmp_path / f"curve{suffix}", contour)
-    read = geopandas.read_parquet if suffix == ".parquet" else geopandas.read_file
-    lines = shapely.get_parts(read(tmp_path / f"curve{suffix}").geometry.values)
-    assert len(lines) == len(contour.lines)
-    assert shapely.is_valid(lines).all() and (shapely.length(lines) > 0).all()
-
-
 @pytest.mark.parametrize("n", [2, 3])
 def test_points_move_by_no_more_than_is_said(n: int) -> None:
     """On the edges of their samples, at most ``2**-21`` from where linear interpolation puts them."""
@@ -201,25 +185,6 @@ def test_points_move_by_no_more_than_is_said(n: int) -> None:
     wanted = low[on] + ((2 - a) / (b - a))[:, None] * (high - low)[on]
     moved = np.abs(contour.points[on] - wanted).max(axis=1)
     assert np.allclose(moved, np.where((a == 2) | (b == 2), NEAR_END, 0), atol=1e-12)
-
-
-def _torn(data: bytes) -> Iterator[Contour]:
-    for end in range(len(data) // 3, len(data), max(len(data) // 12, 1)):
-        yield isocodec.open(data[:end]).contour(2, partial=True)
-
-
-@pytest.mark.heavy
-@pytest.mark.parametrize("n", [2, 3])
-@pytest.mark.parametrize("smooth", [False, True])
-def test_beginnings_of_files(n: int, smooth: bool) -> None:
-    """Estimates of values may lie on the wrong side, so that points would be limited to the ends of edges."""
-    rng = np.random.default_rng(3)
-    field = ndimage.uniform_filter(rng.integers(0, 80, (25,) * n), 5 - n) // 10 - 1
-    data = isocodec.encode(field, 2, precision=[2, "exact"])
-    found = [len(contour.points) for contour in _torn(data) if apart(contour.points)]
-    assert len(found) == len(list(_torn(data))) and max(found) > 10
-    drawn = isocodec.open(data).contour(2, smooth=smooth)
-    assert apart(drawn.points)
 
 
 @pytest.mark.parametrize("n", [2, 3])
@@ -274,29 +239,6 @@ def test_rings_are_nested_as_shapely_nests_them(
     # every face belongs to one side
     other = shape_of(contour.areas(above=not above))
     assert chosen.area + other.area == pytest.approx(np.prod(np.subtract(shape, 1)))
-
-
-@looped("field", [
-    lambda y, x: np.maximum(abs(y - 40), abs(x - 40)) % 4,
-    lambda y, x: (y + x) % 7,
-    lambda y, x: (y % 4 == 1) * (x % 4 == 1) * 4 * (x > 20) + 4 * (x < 3),
-    lambda y, x: 2 + 2 * np.sin(np.hypot(y - 40, x - 33) / 2 + np.arctan2(y - 40, x - 33)),
-], ids=["frames", "bands", "dots", "spiral"])
-@looped("above", [True, False])
-def test_deep_and_wide_nests(field: Callable[..., Any], above: bool) -> None:
-    contour = contour_of(np.round(field(*np.mgrid[:81, :83])).astype(np.int16), "exact")
-    wanted, chosen, faces = rebuilt(contour, above)
-    assert chosen.is_valid and len(chosen.geoms) == faces and chosen.symmetric_difference(wanted).area < 1e-6
-
-
-def test_work_of_many_rings_is_linear() -> None:
-    """As many points and twice as many rings take as many lines, crossings and steps: no pair of rings is looked at."""
-    field = np.zeros((400, 400), np.uint8)
-    field[1::4, 1::4] = 9
-    contour = isocodec.decode(isocodec.encode(field, 4.5, precision="exact"))
-    for above, count in ((True, 10_000), (False, 1)):
-        area = areas_of(replace(contour), above=above)
-        assert len(area.geoms) == count and shapely.get_num_interior_rings(area.geoms[0]) == (0 if above else 10_000)
 
 
 # ---- Single precision ----

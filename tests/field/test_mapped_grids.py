@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-import zlib
 from collections.abc import Callable
 from typing import Any
 
@@ -20,16 +19,13 @@ from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.coordinates import MOST_PERIOD
 from isocodec.field.mapped import Coordinate
 from isocodec.field.placement import Placement
-from isocodec.format.chunks import write_chunk
 from isocodec.format.coordinate_record import CoordinatesRecord, read_coordinates, write_coordinates
 from isocodec.format.events import CoordinatesRead
 from isocodec.grid.passes.node_run import NodeGrid, decode_run, encode_run
-from isospec.container import ChunkType
 from libraries import Late
 from places import on_nodes
 from tables import looped
 
-shapely = Late("shapely")
 trimesh = Late("trimesh")
 
 Array = grids.Array
@@ -68,42 +64,6 @@ def test_axes_of_uneven_steps() -> None:
     # a mesh grid of them is the same to the last byte
     both = np.meshgrid(east, south)
     assert isocodec.encode(grids.placed(field, both), 0.1) == isocodec.encode(grids.placed(field, [south, east]), 0.1)
-
-
-@looped("options", [{}, {"precision": "signs"}, {"precision": "step=0.01"}, {"profile": "baseline"}])
-@looped("grid", [grids.polar, grids.cylinder])
-def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[str, Any]) -> None:
-    """What ends at one end of a periodic axis goes on at the other, at the same place."""
-    field, arrays = grid()
-    data = isocodec.encode(grids.placed(field, arrays, periodic=1), 0.05, **options)
-    contour = isocodec.decode(data)
-    assert contour.shape[1] == field.shape[1] + 1 and contour.placement is not None and contour.placement.closes
-    last = contour.shape[1] - 1
-    ends = [contour.placed[contour.points[:, 1] == at] for at in (0, last)]
-    assert len(ends[0]) == len(ends[1]) > 0
-    order = [end[np.lexsort(end.T)] for end in ends]
-    assert np.array_equal(*order)
-    # and it is the curve of the field without a seam: turned by some samples it is the same one
-    rolled = [np.roll(a, 7, axis=1) for a in arrays]
-    turned = isocodec.decode(
-        isocodec.encode(grids.placed(np.roll(field, 7, axis=1), rolled, periodic=1, error=1e-4), 0.05, **options)
-    )
-    fine = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1, error=1e-4), 0.05, **options))
-    cell = np.diff(arrays[0], axis=0).max() if field.ndim == 2 else 0.1
-    for one, other in ((turned, fine), (fine, turned)):
-        distances = np.linalg.norm(one.placed[:, None] - other.placed[None], axis=2).min(axis=1)
-        assert distances.max() < 0.1 * cell + 1e-3 * 3
-
-
-def test_signs_do_not_need_them() -> None:
-    """Without the chunk the file decodes to the same points; a chunk that is no such chunk is skipped."""
-    field, arrays = grids.rotated_pole()
-    data = isocodec.encode(grids.placed(field, arrays, periods=360), 0.1)
-    plain = isocodec.encode(field, 0.1)
-    assert np.array_equal(isocodec.decode(data).points, isocodec.decode(plain).points)
-    assert isocodec.decode(plain).placement is None
-    chunk = next(each for each in isocodec.open(data).info.chunks if each.type == "coordinates")
-    assert len(data) - len(plain) == chunk.bytes
 
 
 def test_pieces_and_truncation() -> None:
@@ -230,24 +190,6 @@ def test_options_without_coordinates() -> None:
     assert np.abs(contour.placed - contour.points[:, ::-1]).max() < 0.005
 
 
-def test_curves_close_across_the_seam() -> None:
-    """A ring around the centre is one closed line in the world."""
-    field, arrays = grids.polar()
-    contour = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1), 0.05))
-    (line,) = contour.__geo_interface__["coordinates"]
-    assert line[0] == line[-1] and len(line) == len(contour.points)
-    assert len(contour.lines) == 1 and contour.lines[0][0].tolist() != contour.lines[0][-1].tolist()
-    ring = shapely.Polygon(line)
-    above, below = (shapely.geometry.shape(contour.areas(above=side)) for side in (True, False))
-    assert above.is_valid and below.is_valid and len(below.geoms) == len(above.geoms) == 1
-    assert len(above.geoms[0].interiors) == len(below.geoms[0].interiors) == 1
-    radius = np.hypot(*arrays)
-    turn = 60 * np.sin(2 * np.pi / 60) / 2
-    whole = turn * (radius[-1, 0] ** 2 - radius[0, 0] ** 2)
-    assert above.area + below.area == pytest.approx(whole, rel=1e-3)
-    assert below.area == pytest.approx(ring.area - turn * radius[0, 0] ** 2, rel=1e-2)
-
-
 @pytest.mark.parametrize("options", [{}, {"precision": 0.5}, {"precision": "1,0.3", "keep_topology": True}])
 def test_surfaces_close_across_the_seam(options: dict[str, Any]) -> None:
     """A pipe is one surface with the two ends of its axis."""
@@ -298,9 +240,6 @@ def test_a_chunk_that_is_none(at: int, byte: int) -> None:
     if at == 2:
         payload[3] = 0xF0
     assert read_coordinates(bytes(payload), (5, 6)) is None
-    field = grids.polar()[0]
-    data = isocodec.encode(field, 0.05)
-    assert data
 
 
 def test_sizes_are_bounded_by_bytes() -> None:
@@ -350,19 +289,6 @@ def test_any_bytes(run: bytes, period: int) -> None:
     record = read_coordinates(payload, (13, 11))
     assert record is not None
     decode_run(record.run, [NodeGrid(one.counts((13, 11)), one.period) for one in record.coordinates], Account())
-
-
-def test_a_run_that_is_none_is_ignored() -> None:
-    field = grids.polar()[0]
-    plain = isocodec.encode(field, 0.05)
-    header = len(plain) - sum(c.bytes for c in isocodec.open(plain).info.chunks)
-    both = Coordinate((0, 1), 0.0, 1.0), Coordinate((1,), 0.0, 1.0)
-    record = CoordinatesRecord((), both, bytes(range(200, 250)) * 9)
-    chunk = write_chunk(ChunkType.COORDINATES, write_coordinates(record), ancillary=True)
-    data = plain[:header] + chunk + plain[header:-4]
-    data += zlib.crc32(data).to_bytes(4, "big")
-    assert isocodec.decode(data).placement is None
-    assert np.array_equal(isocodec.decode(data).points, isocodec.decode(plain).points)
 
 
 @pytest.mark.parametrize("grid", [grids.rotated_pole, grids.polar, grids.cylinder])

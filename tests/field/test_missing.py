@@ -104,17 +104,9 @@ def test_on_the_command_line(tmp_path: Path) -> None:
         result = run("encode", dem, "-o", out, "--isovalue", 80.5, "--missing", way)
         assert result.exit_code == 0 and "missing" not in result.stderr
         assert out.read_bytes() == isocodec.encode(filled(field, HOLE, way, [80.5]), 80.5)
-
-    np.save(tmp_path / "dem.npy", np.where(HOLE, np.nan, field))
-    ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5)
-    assert out.read_bytes() == isocodec.encode(isocodec.Field(field, mask=HOLE), 80.5)
-    ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--missing", "below")
-    assert out.read_bytes() == isocodec.encode(filled(field, HOLE, "below", [80.5]), 80.5)
     np.save(tmp_path / "dem.npy", field)
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--missing", "nearest", "--nodata", "-9999")
     assert out.read_bytes() == isocodec.encode(filled(field, HOLE, "nearest", [80.5]), 80.5)
-    ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--nodata", "-9999")
-    assert out.read_bytes() == isocodec.encode(isocodec.Field(field, mask=HOLE), 80.5)
     assert "all samples" in fails(
         3, "encode", tiff(tmp_path / "sea.tif", np.zeros((4, 4)), "0"), "-o", out, "--isovalue", 1, "--missing", "below"
     )

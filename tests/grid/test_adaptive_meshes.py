@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from brute import examples, meshes, mixed_leaves, sign_fields
+from files import fed
 from isocodec.drawing import snapshot
 from isocodec.grid.lattice.vertex_set import finest_level, has
 from isocodec.stream.decoder import Decoder
@@ -21,13 +22,6 @@ UNEVEN_POINTS = [(0, 0), (7, 5), (9, 4), (11, 6), (12, 2)]
 UNEVEN_MESH = frozenset([(0, 8), (4, 0), (4, 4), (8, 0), (8, 8)])
 
 
-def decoded(data: bytes) -> Decoder:
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
-    return decoder
-
-
 def leaves_of(decoder: Decoder) -> list[tuple[int, bytes]]:
     """Leaves of a decoder's state by level and positions, as often as they are there."""
     leaves = snapshot.leaves_of(decoder.grid._tube, 0.5, lambda number, above: number)
@@ -37,7 +31,7 @@ def leaves_of(decoder: Decoder) -> list[tuple[int, bytes]]:
 
 def check(data: bytes, encoder: Encoder, field: NDArray[np.bool_], mesh: Mesh) -> Decoder:
     """Decoder and encoder agree; the leaves are those of recursive bisection, each once."""
-    decoder = decoded(data)
+    decoder = fed(data)
     assert decoder.grid.state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()
     found = leaves_of(decoder)
     assert len(found) == len(set(found))
@@ -120,4 +114,4 @@ def test_inference_along_an_edge_cut_unevenly():
     mesh = chosen(field.shape, UNEVEN_MESH)
     encoder = encoder_of(field, 0.5, layers=[("adaptive_base", 0, mesh), ("refine", None)])
     data = b"".join(encoder)
-    assert decoded(data).grid.state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()
+    assert fed(data).grid.state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()

@@ -10,16 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import examples, sign_fields, smooth
+from brute import examples, sign_fields
 from isocodec.entropy.context_layout import rates
 from isocodec.entropy.mixer import MOST_MIX, blended, clear, see
 from isocodec.entropy.network import weighed
 from isocodec.entropy.range_coder import DECODE, ENCODE, Coder, CoderRegisters, finish, start
-from isocodec.grid.lattice.order import in_order
-from isocodec.grid.lattice.store import get
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.models.contexts import CONTEXTS
-from isocodec.grid.models.neighbourhood import look_around, survey
 from isocodec.grid.models.network_rows import (
     AROUND,
     BASE_NET,
@@ -40,9 +37,7 @@ from isocodec.grid.models.network_rows import (
     VALUE_ROWS,
 )
 from isocodec.grid.models.trained import shipped_models
-from isocodec.grid.tube.state import learn
 from isocodec.search.strategy import grid_plan
-from isocodec.stream.encoder import encoder_of
 from isospec.tables import (
     HIDDEN,
     KINDS,
@@ -54,7 +49,6 @@ from isospec.tables import (
     shipped,
     unpacked,
 )
-from tables import looped
 
 # -- tables ----------------------------------------------------------------------------------------------------------
 
@@ -265,58 +259,3 @@ def test_both_profiles_decode_to_the_same(n, data):
     if plans[0] == plans[1]:
         assert found == drawn(files[0])
     assert [pieces(c) for c in main] == [pieces(c) for c in baseline]
-
-
-@pytest.mark.parametrize("n", [2, 3])
-def test_main_is_the_default_and_smaller(n):
-    """On smooth fields by a tenth at least, headers included."""
-    field = smooth((90, 80) if n == 2 else (26, 24, 28), 4)
-    for options in ({"precision": "signs"}, {"precision": 0.05}):
-        small = isocodec.encode(field, 0.1, **options)
-        assert isocodec.open(small).info.profile == "main"
-        assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
-
-
-def _three(position):
-    """A position along three axes, as kernels take it."""
-    return [np.int64(x) for x in (*position, 0)[:3]]
-
-
-@looped("shape", [(150, 141), (34, 3), (19, 17, 140), (2, 9, 12)])
-@looped("back", [1, 4])
-def test_copied_part_of_the_board_keeps_up_with_it(shape, back):
-    """Around all middles of a block that follow one another, with vertices that become known, images beyond the box."""
-    n, full = len(shape), len(shape) * cube_exponent(shape)
-    encoder = encoder_of(smooth(shape, 5), 0.1, layers=[("base", 0), ("refine", full - back)])
-    assert b"".join(encoder)
-    tube = encoder.frame.strands[0].tube
-    rng = np.random.default_rng(back)
-    g, far = int(tube.state.counters.edge) // 2, {2: 7, 3: 4}[n]
-    last = (np.array(shape) - 1) // g + 1
-    middles = [w for w in rng.integers(0, last + 1, (3000, n)) if w[0] % 2]
-    middles = np.array(middles)[in_order(np.array(middles))]
-    active = np.zeros((len(middles), 5), np.int32)
-    active[:, :n] = middles
-    tube.state = tube.state._replace(active=active)
-    tube.state.counters.active = len(active)
-    copies = 0
-    for number in rng.choice(len(middles), 20):
-        tube.state.counters.coded = number
-        new = np.minimum(rng.integers(0, last + 1, (4, n)) * g, np.array(shape) - 1)
-        new[0] = np.minimum(middles[number] * g, np.array(shape) - 1)
-        tube._grow()
-        for x in new:
-            position = _three(x)
-            if not get(tube.state.known, *position):
-                learn(tube.state, *position, np.int64(rng.integers(2)))
-        while not survey(tube.state):
-            tube._grow()
-        state, w = tube.state, _three(middles[number])
-        before = state.window.copy()
-        at = look_around(state, *w)
-        copies += not np.array_equal(state.window, before)
-        for step in [np.zeros(n, int), *rng.integers(-far, far + 1, (20, n))]:
-            p = [int(a + b) + 32 for a, b in zip(w, step, strict=False)]
-            there = step @ {2: [80, 1], 3: [1280, 80, 1]}[n]
-            assert state.near[at + there] == get(state.board, *_three(p))
-    assert copies > 0

@@ -53,15 +53,6 @@ def signs_of(shape: tuple[int, int], seed: int) -> NDArray[np.bool_]:
     return field
 
 
-def page() -> NDArray[np.bool_]:
-    """A page of text."""
-    image = Image.new("L", (300, 200), 255)
-    draw = ImageDraw.Draw(image)
-    for i in range(12):
-        draw.text((5, 3 + 16 * i), "Row by row, letters come again and again. " * 2, 0, ImageFont.load_default(12))
-    return np.asarray(image) > 128
-
-
 def decoded(data: bytes) -> Decoder:
     decoder = Decoder()
     decoder.feed(data)
@@ -86,15 +77,6 @@ def test_bytes_of_a_small_file() -> None:
 
 
 BYTES = "8949534f0000040502210410c54a15edabe1fe"
-
-
-def test_only_where_asked_for_by_name() -> None:
-    found = page()
-    usual, asked = isocodec.encode(found, precision="signs"), isocodec.encode(found, layers=RASTER)
-    assert {layer.kind for layer in isocodec.open(usual).info.layers} == {"base", "refine"}
-    assert [layer.kind for layer in isocodec.open(asked).info.layers] == ["raster"]
-    assert (isocodec.open(asked).above() == found).all()
-    assert len(asked) < 0.8 * len(usual)
 
 
 # --- against brute force --------------------------------------------------------------------------------------------
@@ -194,21 +176,6 @@ def _events(data: bytes):
 def _file(shape: tuple[int, ...], run: bytes, *steps: tuple[int, int]) -> bytes:
     start = write_header(Header(shape, 0.5, profile=Profile.MAIN))
     return bytes(File(start, (layers(steps_of(*(steps or ((Operation.REFINE, 0),))), run),)))
-
-
-@looped(("shape", "steps", "clause"), [
-    ((9, 9, 9), (), "5.12"),
-    ((1 << 20, 1 << 20), (), "5.12"),
-    ((1 << 24, 17), (), "5.12"),
-    ((9, 9), ((Operation.BASE, 15), (Operation.REFINE, 0)), "3.6"),
-    ((9, 9), ((Operation.REFINE, 0), (Operation.REFINE, 0)), "3.6"),
-    ((9, 9), ((Operation.REFINE, 0), (Operation.BASE, 1)), "3.6"),
-    ((9, 9), ((Operation.REFINE, 0), (Operation.ADAPT, 1)), "3.6"),
-])
-def test_files_with_raster_layers_where_there_may_be_none(shape, steps, clause) -> None:
-    with pytest.raises(FormatError) as caught:
-        decoded(_file(shape, bytes(range(40)), *steps))
-    assert caught.value.clause == clause
 
 
 @pytest.mark.parametrize("shape", [(1 << 14, 1 << 14), (1 << 24, 16), (16, 1 << 24)])

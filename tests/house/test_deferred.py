@@ -11,7 +11,7 @@ import pytest
 
 from isocodec import deferred
 from isocodec.deferred import dataclass
-from isocodec.io.cost import Cost
+from isocodec.io.in_turn import Choice
 from tables import looped
 
 
@@ -72,7 +72,7 @@ def test_pickled_objects_are_whole_in_another_process():
         "import pickle, sys; one = pickle.loads(bytes.fromhex(sys.argv[1]));"
         "print(repr(one) == sys.argv[2], one == type(one)(1, 2))"
     )
-    one = Cost(1, 2)
+    one = Choice(1, 2)
     command = [sys.executable, "-c", code, pickle.dumps(one).hex(), repr(one)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.stdout == "True True\n", done.stderr

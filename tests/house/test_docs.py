@@ -22,7 +22,6 @@ import isocodec
 from brute import INTERPRETED
 from commands import run
 from home import ROOT
-from isocodec.cli import main
 from tables import looped
 
 DOCS = ROOT / "docs"
@@ -149,22 +148,3 @@ def test_the_readme_is_short() -> None:
 def test_pages_stand_alone() -> None:
     """A page takes no piece of another one: its source is what readers of the repository see."""
     assert [page.name for page in PAGES if "--8<--" in page.read_text(encoding="utf-8")] == []
-
-
-def test_the_pictures_are_made_by_commands_that_there_are(
-    checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What ``tools/demo.py`` runs for the pictures of these pages and for its own files is parsed, not carried out."""
-    monkeypatch.syspath_prepend(ROOT / "tools")
-    demo = importlib.import_module("demo")
-    drawn, asked = tmp_path / "docs", []
-    shutil.copytree(demo.ROOT / "docs", drawn, ignore=shutil.ignore_patterns("*.md", "site"))
-    picture = (drawn / "steps.png").read_bytes()
-    for name, value in (("DOCS", drawn), ("OUT", tmp_path / "out"), ("half_round", lambda _: picture),
-                        ("smoothing", lambda _: picture), ("run", lambda *words: asked.append([*map(str, words)]))):
-        monkeypatch.setattr(demo, name, value)
-    demo.leave_docs()
-    demo.leave_files()
-    assert {words[0] for words in asked} == {"encode", "decode", "plot"}
-    for verb, *words in asked:
-        main.commands[verb].make_context(verb, words)

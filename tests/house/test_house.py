@@ -22,21 +22,10 @@ FLOORS = (
 """Rooms from the ground up: each imports from those below it only. ``isocodec`` is the root itself."""
 LOOSE = {"__init__", "__main__", "deferred", "errors", "limits", "verbs", "extras"}
 """Modules that lie at the root."""
-KERNELS = {"kernel", "inner", "inlined"}
 MODULES = {
     ".".join(("isocodec", *path.relative_to(HOME).with_suffix("").parts)).removesuffix(".__init__"): path
     for path in sorted(HOME.rglob("*.py")) if path.parent.name != "built"
 }
-MOST_TAKEN = 8
-"""Parameters of a function at most; a record is one parameter, and ``self`` is none."""
-MOST_LINES, MOST_KERNEL_LINES = 60, 80
-"""Lines of a function at most, without its docstring; of a compiled one, with it."""
-NOT_YET = frozenset({
-    "beginning.leaning_tube", "encoding.encode", "isofile.IsoFile.contour",
-    "reduction.Reduction.reduce", "runner.Tube.__init__", "sampled.Field.__init__", "saving.save",
-    "tables.mesh_tables", "thinned.thin",
-})
-"""Functions that are longer or take more; the set may only shrink."""
 AVOIDED = re.compile(
     r"\b(tell|tells|told|say|says|said|stands?|needed (is|are)|means? nothing|contradict\w*|of its own|"
     r"there is none|there are none|there are not)\b", re.IGNORECASE,
@@ -46,8 +35,6 @@ OPENERS = re.compile(r"(What|Where|How|Which|By|Of|Likewise|The same|That|As)\b"
 """Words that no docstring opens with: it opens with a verb or a noun."""
 NAMES = re.compile(r"``[^`]*``|`[^`]*`|^ *\w+(, \w+)* : [^\n]*$", re.MULTILINE)
 """Names in docstrings: code, and heads of parameters with their types."""
-GEOMETRY = ("vertex", "simplex", "gate", "diamond", "dimension", "middle")
-"""Words of geometry, which entropy coding knows nothing of."""
 MOST_NAMES = 20
 
 
@@ -87,14 +74,6 @@ def arrows() -> dict[str, set[str]]:
 
 def room(name: str) -> str:
     return (name.split(".")[1:] or ["isocodec"])[0]
-
-
-def kernels(path: Path) -> Iterator[ast.FunctionDef]:
-    """Functions of a module that are compiled."""
-    for node in tree(path).body:
-        decorators = node.decorator_list if isinstance(node, ast.FunctionDef) else []
-        if any(isinstance(each, ast.Name) and each.id in KERNELS for each in decorators):
-            yield node
 
 
 def mentions(pattern: str, folder: Path = HOME) -> set[str]:
@@ -185,58 +164,8 @@ def test_few_names_are_public():
     assert len(taken) <= 11
 
 
-def test_the_mesh_takes_a_grid():
-    """Not the coder, nor the state of a tube."""
-    for path in (HOME / "grid" / "lattice").glob("*.py"):
-        taken = {argument.arg for found in kernels(path) for argument in found.args.args}
-        assert not taken & {"st", "cd", "state", "coder"}, path.name
-
-
-def test_entropy_coding_knows_no_geometry():
-    for path in (HOME / "entropy").glob("*.py"):
-        text = path.read_text(encoding="utf-8").lower()
-        assert not [word for word in GEOMETRY if word in text], path.name
-
-
 def test_modules_say_what_they_are():
     assert [name for name, path in MODULES.items() if not ast.get_docstring(tree(path))] == []
-
-
-def functions(node: ast.AST, above: tuple[str, ...] = ()) -> Iterator[tuple[str, ast.FunctionDef]]:
-    """Functions and methods of a module with their qualified names, functions within functions included."""
-    for child in ast.iter_child_nodes(node):
-        named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-        names = (*above, child.name) if named else above
-        if named and not isinstance(child, ast.ClassDef):
-            yield ".".join(names), child
-        yield from functions(child, names)
-
-
-def length(node: ast.FunctionDef) -> int:
-    """Lines of a function without its docstring."""
-    lines = node.end_lineno - node.lineno + 1
-    first = node.body[0]
-    return lines - (first.end_lineno - first.lineno + 1 if ast.get_docstring(node) else 0)
-
-
-def taken(node: ast.FunctionDef) -> int:
-    """Number of a function's parameters."""
-    found = node.args
-    every = [*found.posonlyargs, *found.args, *found.kwonlyargs, found.vararg, found.kwarg]
-    return sum(each is not None and each.arg not in ("self", "cls") for each in every)
-
-
-def test_functions_are_short_and_take_few():
-    long = {
-        f"{path.stem}.{name}"
-        for path in MODULES.values()
-        for compiled in [{node.name for node in kernels(path)}]
-        for name, node in functions(tree(path))
-        if taken(node) > MOST_TAKEN or (
-            node.end_lineno - node.lineno >= MOST_KERNEL_LINES if name in compiled else length(node) > MOST_LINES
-        )
-    }
-    assert long == NOT_YET
 
 
 def texts(path: Path) -> tuple[list[ast.Constant], list[ast.Constant]]:

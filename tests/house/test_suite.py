@@ -7,18 +7,14 @@ import re
 import sys
 from itertools import combinations, product
 
-import numpy as np
 import pytest
 
-import isocodec
-from encoded import encoded
 from home import ROOT
 
 sys.path.insert(0, str(ROOT / "tools"))
 
 import slips
 from heavy_changed import SOURCES
-from libraries import Late
 from tables import covering, looped
 
 HEADS = {
@@ -54,12 +50,6 @@ def test_no_library_is_loaded_by_a_head() -> None:
     assert found == []
 
 
-def test_late_libraries_are_what_they_stand_for() -> None:
-    late = Late("numpy.ndarray")
-    assert isinstance(np.zeros(3), late) and not isinstance(3, late)
-    assert Late("numpy.linalg").norm([3, 4]) == Late("numpy.hypot")(3, 4) == 5
-
-
 @looped("strength", [1, 2])
 def test_rows_that_cover_a_table(strength: int) -> None:
     """All that columns have together anywhere, in far fewer rows, also of tables that lack some."""
@@ -84,11 +74,3 @@ def test_rows_in_one_test_name_the_case_that_fails() -> None:
         table(more="c")
     assert caught.value.__notes__ == ["in the case of {'a': 5, 'b': 6}"]
     assert seen[0] == ("c", 1, 2) and seen[-1] == ("c", 5, 6)
-
-
-def test_files_are_encoded_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    field = np.hypot(*np.mgrid[:9, :11])
-    data = encoded(field, 4.5, precision="signs")
-    assert data == isocodec.encode(field, 4.5, precision="signs")
-    monkeypatch.setattr(isocodec, "encode", None, raising=False)
-    assert encoded(field, 4.5, precision="signs") == data

@@ -60,45 +60,28 @@ except IsoError as error:
 WRONG = '''
 import numpy as np
 import isocodec
-from isocodec.stream.options import EncodeOptions
 field = np.zeros((4, 4))
 data = b""
 contour = isocodec.decode(data)
 isocodec.encode(field, 1.0, profile="mian")  # profile
 isocodec.encode(field, 1.0, layers=2.5)  # layers
 isocodec.encode(field, 1.0, precision=[4, "exakt"])  # exakt
-isocodec.encode(field, 1.0, tolerence=1)  # tolerence
 isocodec.encode(field, {1.0: 2})  # Argument 2
 isocodec.encode(field, 1.0, keep_topology="yes")  # keep_topology
 isocodec.encode(field, 1.0, metadata={"step": 3})  # entry
 isocodec.encode(isocodec.Frames([field]), 1.0, profil="main")  # profil
-isocodec.encode(isocodec.Frames([field]), 1.0, profile="best")  # profile
 isocodec.Encoder(1.0, precison="exact")  # precison
-isocodec.Encoder(1.0, profile="best")  # profile
 isocodec.encode(isocodec.Field(field, label=[1]))  # label
 isocodec.save("a.iso", field, 1.0, tile="32")  # tile
 isocodec.Mesh(np.zeros((3, 2)), None, np.zeros(3), stored="coder")  # stored
-isocodec.thin(field, criterion="AT9")  # criterion
-isocodec.open(data).edited(profile="best")  # profile
-isocodec.merge([data], profile=1)  # profile
 isocodec.save("a.iso", field, 1.0, exakt=True)  # exakt
-isocodec.save("a.iso", field, 1.0, profile="best")  # profile
 isocodec.save("a.iso", field, 1.0, precision=["fine"])  # fine
 isocodec.open("a.iso", limit=3)  # limit
-isocodec.open("a.iso", limits=3)  # limits
 isocodec.decode(data, layer=3)  # layer
-isocodec.decode(data, layers="all")  # layers
-isocodec.decode(data, smooth=2.5)  # smooth
 isocodec.open(data).edited(layer=2)  # layer
-isocodec.open(data).contours(layer=2)  # layer
 isocodec.open(data).verify(field, within=[3])  # within
-isocodec.verify(data, field)  # verify
-contour.areas(abov=True)  # abov
 isocodec.encod(field, 1.0)  # encod
-isocodec.Limits(memori=3)  # memori
 contour.point  # point
-contour.to_geodataframe(crs=3)  # crs
-EncodeOptions(exakt=True)  # exakt
 '''
 
 

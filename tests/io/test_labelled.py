@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import isocodec
+from commands import fails
 from isocodec.errors import InputError, OptionError
+from isocodec.io.opener import Choice, load
 
 ROWS, COLUMNS = 6, 9
 RAMP = np.add.outer(np.arange(ROWS) * 10, np.arange(COLUMNS))
@@ -259,6 +261,7 @@ GAP = np.where(np.arange(ROWS)[:, None] == 2, -999, NODES[1])
     ("la, lo are left out, since its axes", {**mapped(EPSG), "la": (("y", "x"), NODES[1], NORTH),
                                              "lo": (("y", "x"), NODES[0], EAST)}),
     ("scale_factor is ignored", {"v": (("y", "x"), RAMP, {"scale_factor": "ten"})}),
+    ("scale_factor is ignored", {"v": (("y", "x"), RAMP, {"scale_factor": 0.0})}),
     ("grid mapping is left out", mapped({"grid_mapping_name": "none_such"})),
     *((f"{name}.*left out.*--spacing", {"v": (("y", "x"), RAMP, {name: [0.5, 0.25]})})
       for name in ("element_size_um", "gridSpacing", "Origin", "pixel_size")),
@@ -361,7 +364,7 @@ def test_what_is_no_field_is_refused_with_a_remedy(tmp_path: Path) -> None:
         (tmp_path / "a.grib2", {}, "cdo -f nc copy"), (tmp_path / "none.zarr", {}, "complete"), (cut, {"key": "v"}, ""),
         (xarray.DataArray(np.zeros((2, 2, 3, 4)), dims=("t", "z", "y", "x")), {}, "two or three: choose .* --frame"),
         (xarray.DataArray(np.full((3, 4), "a")), {}, "not real numbers"),
-        (xarray.DataArray(np.ones((3, 4)), attrs={"valid_range": [1, 2, 3]}), {}, "as attributes"),
+        (xarray.DataArray(np.ones((3, 4)), attrs={"valid_range": [1, 2, 3]}), {}, "has 3 numbers instead"),
     ):
         with pytest.raises(InputError, match=words):
             isocodec.read(source, **choice)
@@ -376,3 +379,29 @@ def test_pandas() -> None:
     field: Any = isocodec.read(table)
     assert np.allclose(places(field), GRID) and field.crs == DEGREES
     assert isocodec.encode(table, 30.5) == isocodec.encode(field, 30.5)
+
+
+def test_zarr_without_names_or_larger_than_memory(tmp_path: Path) -> None:
+    """Coordinates are read without the samples: here of a store of which no chunk is there."""
+    import zarr
+
+    values = STACK[1]
+    zarr.open(str(tmp_path / "a.zarr"), mode="w", shape=values.shape, chunks=(1, 4, 4), dtype="f4")[:] = values
+    assert np.array_equal(isocodec.read(tmp_path / "a.zarr", frame=1).values, values[1])
+    group, size = zarr.open_group(str(tmp_path / "b.zarr"), mode="w"), 40_000
+    group.create_array("z", shape=(size, size), chunks=(1000, 1000), dtype="float32", dimension_names=("y", "x"))
+    for name, start, step in [("y", 9e6, -30.0), ("x", 4e5, 30.0)]:
+        group.create_array(name, data=start + step * np.arange(size), dimension_names=(name,))
+    large: Any = load(tmp_path / "b.zarr", Choice(), lazy=True)
+    assert large.placement.matrix.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
+
+
+@pytest.mark.heavy
+def test_tiles_of_damaged_zarr(tmp_path: Path) -> None:
+    """Errors of other processes name the file, too."""
+    import zarr
+
+    field = np.random.default_rng(1).integers(0, 9, (40, 40))
+    zarr.open(str(tmp_path / "a.zarr"), mode="w", shape=field.shape, chunks=(20, 20), dtype=field.dtype)[:] = field
+    next(each for each in (tmp_path / "a.zarr" / "c").rglob("*") if each.is_file()).write_bytes(b"nothing")
+    fails(3, "encode", tmp_path / "a.zarr", "-o", tmp_path / "b.iso", "--isovalue", 4.5, "--tile", 128)

@@ -108,6 +108,11 @@ def test_what_is_nothing_unknown_or_damaged(tmp_path: Path) -> None:
             isocodec.read(tmp_path / f"a{suffix}")
         assert str(caught.value).startswith(str(tmp_path)) and "\n" not in str(caught.value)
         assert "0x" not in str(caught.value)  # where VTK keeps its objects
+    for suffix in KINDS:
+        path = written(tmp_path, suffix)
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+        with pytest.raises(InputError, match=rf"^{path}: cannot be read as .*: \w+"):
+            isocodec.read(path)
 
 
 @looped("suffix, choice", [

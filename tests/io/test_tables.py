@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import isocodec
-from isocodec.errors import OptionError
+from isocodec.errors import InputError, OptionError
 from isocodec.field.placement import RAS, Placement
 from isocodec.io import map_tables as tables
 from isocodec.io.formats import Areas
@@ -40,8 +40,7 @@ def test_a_row_is_a_line_with_columns_of_choice() -> None:
     assert set(table.isovalue) == {80.5} and table.crs.to_epsg() == 32631
     assert table.closed.tolist() == [walk[0] == walk[-1] for walk in contour.walks]
     assert np.array_equal(coordinates(table.geometry), np.concatenate([contour.along(walk) for walk in contour.walks]))
-    table = tables.lines(content("curves"), "height", index=[80.5])
-    assert set(table.height) == {60.5, 80.5} and (table["index"] == (table.height == 80.5)).all()
+    assert set(tables.lines(content("curves"), "height").height) == {60.5, 80.5}
     assert len(tables.lines([content("no curve")])) == 0
     field = isocodec.Field(np.digitize(bumps(), [30, 60]).astype(np.uint8), labels="all")
     assert "label" in tables.lines(isocodec.open(isocodec.encode(field)).contours())
@@ -57,7 +56,7 @@ def test_areas_and_bands_make_up_the_field() -> None:
     assert np.array_equal(bands.to_m, [60.5, 80.5, np.nan], equal_nan=True)
 
 
-@pytest.mark.parametrize("name", ["geometry", "closed", "Index", "FID", ""])
+@pytest.mark.parametrize("name", ["geometry", "Closed", "FID", ""])
 def test_names_that_are_taken_are_refused(name: str, tmp_path: Path) -> None:
     for what, attribute in (("curve", name), ("above", name), ("bands", f"{name},high"), ("bands", "high,High")):
         with pytest.raises(OptionError, match="--attribute"):
@@ -194,11 +193,16 @@ def test_what_has_no_system_is_said(tmp_path: Path, place: str, word: str) -> No
 
 
 def test_an_unknown_system_names_the_remedy(tmp_path: Path) -> None:
-    contour = content("curve", "utm")
-    contour = dataclasses.replace(contour, placement=dataclasses.replace(contour.placement, crs="EPSG:999999"))
-    for suffix in (".gpkg", ".geojson", ".parquet"):
-        with pytest.raises(OptionError, match="no reference system"):
-            written(tmp_path, suffix, contour)
+    """Also one that GDAL alone does not know."""
+    satellite = pyproj.CRS.from_user_input("+proj=nsper +h=3000000 +lat_0=-20 +lon_0=145").to_wkt()
+    for crs, suffixes, words in (("EPSG:999999", (".gpkg", ".geojson", ".parquet"), "no reference system"),
+                                 (satellite, (".gpkg", ".shp"), r"GDAL does not know.*write \.parquet")):
+        contour = content("curve", "utm")
+        contour = dataclasses.replace(contour, placement=dataclasses.replace(contour.placement, crs=crs))
+        for suffix in suffixes:
+            with pytest.raises(OptionError, match=words):
+                written(tmp_path, suffix, contour)
+    written(tmp_path, ".parquet", contour)
 
 
 @pytest.mark.parametrize("suffix", [".geojson", ".fgb", ".parquet"])
@@ -216,6 +220,21 @@ def test_planes_in_a_body_have_heights_and_whole_areas(tmp_path: Path, suffix: s
     assert shapely.area(flat).sum() == pytest.approx(29 * 39)
     if suffix == ".geojson":
         assert json.loads(path.read_text())["space"] == RAS
+
+
+@pytest.mark.parametrize("seed", [8, 24, 57])
+def test_bands_on_turned_planes_are_valid(seed: int) -> None:
+    """From above and within the plane, where the last digits of coordinates would make rings touch."""
+    rng = np.random.default_rng(seed)
+    field = rng.integers(0, 9, rng.integers(6, 31, 2))
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0][:, :2] * rng.uniform(0.3, 3, 2)
+    corner = rng.uniform(-200, 200, 3)
+    placed = isocodec.Field(field, placement=Placement(np.column_stack([axes, corner]), crs=RAS))
+    shapes = tables.areas(isocodec.open(isocodec.encode(placed, [2.5, 6.5])).contours(), "bands").geometry
+    flat = shapely.transform(shapes.to_numpy(), lambda at: np.pad((at - corner) @ np.linalg.pinv(axes).T, (
+        (0, 0), (0, 1))), include_z=True)
+    assert shapes.is_valid.all() and shapely.is_valid(flat).all()
+    assert shapely.area(flat).sum() == pytest.approx(np.prod(np.subtract(field.shape, 1)))
 
 
 @pytest.mark.parametrize("suffix", [".pmtiles", ".mbtiles"])
@@ -238,7 +257,7 @@ def test_other_layers_of_a_geopackage_stay(tmp_path: Path) -> None:
     assert set(geopandas.list_layers(path).name) == {"old", "areas"}
     assert set(geopandas.read_file(path, layer="old").isovalue) == {60.5, 80.5}
     path.write_bytes(b"something else")
-    with pytest.raises(OSError, match=r"cannot be written as \.gpkg"):
+    with pytest.raises(InputError, match=rf"{path.name} exists, and is no GeoPackage.*write to another name"):
         written(tmp_path, ".gpkg", ("curve", "utm"))
     assert path.read_bytes() == b"something else" and [*tmp_path.iterdir()] == [path]
 

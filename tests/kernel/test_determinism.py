@@ -21,7 +21,6 @@ from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
 from isocodec.kernel.types import Registers
-from isocodec.stream.encoder import encoder_of
 from isocodec.tin.delaunay import delaunay, remove
 from isocodec.tin.rank import by_rank
 from make_goldens import CASES, PATH, SMALL, digests
@@ -167,21 +166,6 @@ def test_compiled_kernels_do_what_their_source_says(twice):
     triangulation, _ = delaunay(*np.ascontiguousarray(points[by_rank(*points.T)].T))
     assert sum(remove(triangulation, v) for v in range(30)) > 10
     assert twice == {f"{found.module}.{found.name}" for found in kernels()}
-
-
-@pytest.mark.skipif(INTERPRETED, reason="nothing is compiled")
-def test_rows_are_weighed_alike(twice):
-    """Weights as large as they may be, sums of either sign, totals that nearly take 32 bits."""
-    field = np.rint(100 * smooth((9, 11), 3)).astype(np.int64)
-    rng = np.random.default_rng(1)
-    encoder = encoder_of(field, 0.5, precision="exact", layers=2)
-    tube = encoder.frame.strands[0].tube
-    blend = tube.coder.blend
-    weight = rng.integers(-64, 57, blend.weight.shape).astype(blend.weight.dtype)
-    out = rng.integers(-(1 << 14), 1 << 14, blend.out.shape).astype(blend.out.dtype)
-    tube.coder = tube.coder._replace(blend=blend._replace(weight=weight, out=out))
-    assert b"".join(encoder) != isocodec.encode(field, 0.5, precision="exact", layers=2)
-    assert "isocodec.grid.passes.values.values" in twice
 
 
 @looped("name", SMALL)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import threading
 from pathlib import Path
 
 import pytest
@@ -41,22 +40,6 @@ def names(home: Path) -> set[str]:
     return {path.name for path in home.iterdir()}
 
 
-def test_what_was_built_is_found_again(home: Path) -> None:
-    assert cache.hit("one") is None
-    assert [make("one"), make("one"), make("two"), make("one")] == [False, True, False, True]
-    assert cache.hit("one") == home / "one"
-    assert names(home) == {"one", "one.lock", "two", "two.lock"}
-
-
-def test_the_folder_is_its_owners_alone(home: Path) -> None:
-    mask = os.umask(0)
-    try:
-        make("one")
-    finally:
-        os.umask(mask)
-    assert home.stat().st_mode & 0o777 == (home / "one").stat().st_mode & 0o777 == 0o700
-
-
 @pytest.mark.parametrize("mode", [0o770, 0o702, 0o710, 0o704])
 def test_a_folder_that_others_may_use_is_none(home: Path, mode: int, capsys: pytest.CaptureFixture[str]) -> None:
     """Neither is what lies there taken, nor is anything put there; the build goes on, and says so."""
@@ -71,35 +54,12 @@ def test_a_folder_that_others_may_use_is_none(home: Path, mode: int, capsys: pyt
     assert cache.hit("one")
 
 
-def test_nor_is_a_link(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "elsewhere").mkdir(mode=0o700)
-    home.parent.mkdir(parents=True)
-    home.symlink_to(tmp_path / "elsewhere")
-    assert not make("one")
-    assert "not a folder of your own" in capsys.readouterr().err
-    assert not list((tmp_path / "elsewhere").iterdir())
-
-
 def test_a_build_that_fails_leaves_nothing(home: Path) -> None:
     with pytest.raises(ZeroDivisionError), cache.entry("one") as (place, _):
         (place / "kernels").write_text("half")
         raise ZeroDivisionError
     assert cache.hit("one") is None and names(home) == {"one.lock"}
     assert not make("one")
-
-
-def test_two_at_once(home: Path) -> None:
-    """The second one waits, and finds what the first one built; another build does not."""
-    found: list[bool] = []
-    second = threading.Thread(target=lambda: found.append(make("one")))
-    with cache.entry("one") as (place, kept):
-        second.start()
-        assert not kept and not make("two")
-        second.join(0.3)
-        assert second.is_alive() and not found
-        (place / "kernels").write_text("built")
-    second.join(10)
-    assert found == [True]
 
 
 def test_a_checkout_gets_its_library_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

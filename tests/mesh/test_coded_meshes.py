@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,16 +10,15 @@ import pytest
 import isocodec
 from brute import HEAVY, INTERPRETED
 from explicit_meshes import components, crossings, euler, plane, space, torus
+from files import fed
 from isocodec import Decoder, IsoError, Mesh, decode, encode
 from isocodec.entropy.run import Account
-from isocodec.errors import FormatError, InputError, OptionError
-from isocodec.format.domain import DomainHead, read_domain, write_domain
+from isocodec.errors import InputError, OptionError
 from isocodec.mesh.mesh_run import decoded_mesh, encoded_mesh
 from isocodec.mesh.quantised import quantised
-from isospec.container import DomainKind
 from tables import looped
 
-MANY = 4 if INTERPRETED else 60 if HEAVY else 6
+MANY = 60 if HEAVY else 6
 MAKERS = {"plane": plane, "space": space, "surface": lambda seed: torus(6 + seed % 5, 5)}
 
 
@@ -93,9 +91,7 @@ def test_errors_of_meshes():
     points = points + [7e5, 5e6]
     for error in (5.0, 0.3, 0.01):
         data = encode(Mesh(points, cells, values_of(points, 2), stored="whole", error=error), 0.5)
-        decoder = Decoder()
-        decoder.feed(data)
-        decoder.close()
+        decoder = fed(data)
         there = decoder.on_mesh._points
         distance = np.sqrt(((points[:, None] - there[None]) ** 2).sum(axis=2))
         assert distance.min(axis=1).max() <= error and distance.min(axis=0).max() <= error
@@ -115,7 +111,7 @@ def test_damaged(name):
     data = encode(Mesh(*given, values, stored="whole"), int(np.median(values)) + 0.5, precision=0.1)
     rng = np.random.default_rng(1)
     ended = set()
-    for _ in range(20 if INTERPRETED else 400 if HEAVY else 150):
+    for _ in range(20 if INTERPRETED else 400 if HEAVY else 60):
         wrong = bytearray(data)
         for _ in range(rng.integers(1, 4)):
             wrong[rng.integers(8, len(wrong) - 4)] = rng.integers(256)
@@ -151,20 +147,3 @@ def test_random_runs():
         assert (np.sort(found.mesh.cell, axis=1)[:, 1:] != np.sort(found.mesh.cell, axis=1)[:, :-1]).all()
         assert len(same_cells(found.mesh.cell)) == len(found.mesh.cell)
     assert len(ended) > 2 or INTERPRETED
-
-
-def test_what_a_file_claims():
-    """Numbers of vertices and cells are bounded by the bytes that came, before anything is allocated."""
-    head = DomainHead(DomainKind.CODED, 2, 0, 5, 3, b"", 1, (0, 0), (9, 9))
-    assert read_domain(write_domain(head, 2), 2, 0)[0] == head
-    for wrong in (
-        {"vertices": 1 << 20}, {"cells": 1 << 20}, {"cells": 0}, {"vertices": 2}, {"extent": (9, 1 << 25)},
-        {"extent": (0, 9)}, {"multiple": 0}, {"multiple": 1 << 21}, {"origin": (1 << 41, 0)}, {"exponent": 2000},
-        {"d": 4},
-    ):
-        with pytest.raises(FormatError) as caught:
-            read_domain(write_domain(replace(head, **wrong), 2), 2, 0)
-        assert caught.value.clause == "3.5.8"
-    for size in range(len(write_domain(head, 2))):
-        with pytest.raises(FormatError):
-            read_domain(write_domain(head, 2)[:size], 2, 0)

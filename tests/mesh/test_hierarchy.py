@@ -13,13 +13,13 @@ from brute import HEAVY
 from explicit_meshes import Mesh, plane, space, torus
 from isocodec.errors import OptionError
 from isocodec.mesh.complex import Complex, complex_of
-from isocodec.mesh.hierarchy import LEAST, MOST_STAR, Hierarchy, hierarchy_of
+from isocodec.mesh.hierarchy import Hierarchy, hierarchy_of
 from libraries import Late
 
 Delaunay = Late("scipy.spatial.Delaunay")
 
 Cell = frozenset[int]
-COMPLEXES = range(300) if HEAVY else range(0, 100, 4)
+COMPLEXES = range(300) if HEAVY else range(0, 100, 8)
 """Seeds of random complexes of each kind; the later ones are larger."""
 
 
@@ -153,34 +153,6 @@ def test_any_cut_is_a_complex(kind: str) -> None:
     assert gone > vertices // 6
 
 
-@pytest.mark.parametrize("kind", MESHES)
-def test_nodes_of_a_round_do_not_touch(kind: str) -> None:
-    """So any part of a round is a cut; none has more cells than a vertex may have that goes."""
-    for seed in range(20):
-        domain, _ = complex_of(*MESHES[kind](seed))
-        for each in hierarchy_of(domain).rounds:
-            assert not set(each.vertex.tolist()) & set(each.face.ravel().tolist())
-            assert not set(each.vertex.tolist()) & set(each.target.tolist())
-            assert np.diff(each.first).max() <= MOST_STAR[domain.n]
-
-
-def lattice(side: int) -> Mesh:
-    """Cubes cut into six tetrahedra each."""
-    axis = np.arange(side)
-    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3).astype(float)
-    step = side ** np.array([2, 1, 0])
-    base = np.stack(np.meshgrid(*[np.arange(side - 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) @ step
-    orders = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
-    corner = np.concatenate([np.zeros((6, 1), int), np.cumsum(step[orders], axis=1)], axis=1)
-    return points, (base[:, None, None] + corner).reshape(-1, 4)
-
-
-def test_regular_meshes_come_down_to_a_few_cells() -> None:
-    for mesh in (lattice(9), torus(60, 30), plane(1, 3000, 1.0)):
-        hierarchy = hierarchy_of(complex_of(*mesh)[0])
-        assert hierarchy.left <= LEAST
-
-
 def test_exact_where_positions_are_far_apart() -> None:
     """Tetrahedra across a box of 2**29 units, with determinants far beyond 64 bits, stay positive."""
     points = np.rint(np.random.default_rng(3).random((400, 3)) * (1 << 29))
@@ -197,18 +169,3 @@ def test_a_mesh_may_be_too_large_for_its_unit() -> None:
     points = np.array([[0, 0], [1 << 30, 0], [0, 1]])
     with pytest.raises(OptionError, match="too large for its unit"):
         hierarchy_of(complex_of(points, [[0, 1, 2]], 0)[0])
-
-
-def test_work_grows_with_the_mesh_alone() -> None:
-    """A vertex that all triangles have does not make each of them look at all others."""
-    work = []
-    for count in (1000, 4000):
-        angle = np.arange(count) * 2 * np.pi / count
-        rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (1 + 0.1 * np.cos(9 * angle))[:, None]
-        points = np.concatenate([[[0, 0]], rim])
-        around = np.arange(count)
-        cells = np.stack([np.zeros(count, int), 1 + around, 1 + (around + 1) % count], axis=1)
-        heard: list[int] = []
-        hierarchy_of(complex_of(points, cells)[0], lambda work, held, heard=heard: heard.append(work))
-        work.append(sum(heard))
-    assert work[1] < 8 * work[0]

@@ -8,19 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
-from test_delaunay import by_definition
 
 import isocodec
-from brute import examples
+from explicit_meshes import crossings, pieces
 from isocodec import Encoder, Mesh
 from isocodec.errors import InputError
-from isocodec.mesh.coded_points import delaunay_complex, triangulated
-from isocodec.mesh.complex import neighbours
-from isocodec.mesh.nudging import broken_share, conditions_of, in_circle, nudged
-from isocodec.tin.rank import by_rank
+from isocodec.mesh.coded_points import triangulated
 from libraries import Late
 from tables import looped
 
@@ -86,17 +80,8 @@ def values_at(points: Points, rng: np.random.Generator) -> NDArray[np.float64]:
 
 def drawn(points: Points, cells: NDArray[Any], values: NDArray[Any]) -> Any:
     """The contour of a triangulation, triangle by triangle."""
-    out = []
-    for cell in cells:
-        above = values[cell] > ISOVALUE
-        if above.all() or not above.any():
-            continue
-        one = int(np.flatnonzero(above == (above.sum() == 1))[0])
-        a = cell[one]
-        share = [(ISOVALUE - values[a]) / (values[b] - values[a]) for b in (cell[one - 1], cell[one - 2])]
-        ends = [points[b] for b in (cell[one - 1], cell[one - 2])]
-        out.append([points[a] + s * (b - points[a]) for s, b in zip(share, ends, strict=True)])
-    return shapely.multilinestrings([shapely.linestrings(piece) for piece in out])
+    found, crossed = (of((points, cells), values, ISOVALUE) for of in (crossings, pieces))
+    return shapely.multilinestrings([shapely.linestrings([found[edge] for edge in edges]) for edges in crossed])
 
 
 def apart(data: bytes, wanted: Any) -> float:
@@ -187,51 +172,6 @@ def test_errors_that_are_asked_for() -> None:
                 ))
                 far = cKDTree(points).query(file.mesh(whole=True).points)[0]
                 assert far.max() <= error * (1 + 1e-9)
-
-
-@examples(60)
-@given(seed=st.integers(0, 9999), size=st.sampled_from([3, 5, 50, 1 << 15, 1 << 23]))
-def test_circles(seed: int, size: int) -> None:
-    """Determinants of whole numbers, and ranks where they are 0."""
-    rng = np.random.default_rng(seed)
-    rows = []
-    while len(rows) < 30:
-        at = rng.integers(0, size, (4, 2))
-        if rng.random() < 0.5:
-            at[2:] = at[[0, 1]] + rng.integers(0, size, 2)
-            at = at[[0, 1, 3, 2]]
-        u, v = at[1] - at[0], at[2] - at[0]
-        area = int(u[0]) * int(v[1]) - int(u[1]) * int(v[0])
-        if area and len(np.unique(at, axis=0)) == 4:
-            rows.append(at if area > 0 else at[[0, 2, 1, 3]])
-    wanted = []
-    for row in rows:
-        order = by_rank(*row.T)
-        numbers = sorted(np.argsort(order)[:3].tolist())
-        found = by_definition([(int(x), int(y)) for x, y in row[order]])
-        wanted.append(tuple(numbers) not in {tuple(sorted(each)) for each in found})
-    assert in_circle(np.array(rows)).tolist() == wanted
-
-
-@examples(25)
-@given(seed=st.integers(0, 9999), unit=st.sampled_from([0.1, 0.03, 0.01]))
-def test_moved_points_have_the_triangles(seed: int, unit: float) -> None:
-    rng = np.random.default_rng(seed)
-    points = rng.random((60, 2))
-    cells = triangulated(points, np.zeros(60)).cells
-    points = triangulated(points, np.zeros(60)).points
-    conditions = conditions_of(cells, neighbours(cells), np.ones(len(cells), np.bool_))
-    position = np.rint(points / unit).astype(np.int64)
-    extent = position.max(axis=0) + 2
-    moved = nudged(points / unit, position, extent.tolist(), 1.5, conditions)
-    if moved is None:
-        return
-    assert broken_share(moved, conditions) == 0
-    assert np.hypot(*(moved - points / unit).T).max() <= 1.5
-    assert (moved >= 0).all() and (moved < extent).all()
-    order = by_rank(*moved.T)
-    found = order[delaunay_complex(moved[order], 1.0).mesh.cell]
-    assert set(map(tuple, np.sort(found, axis=1).tolist())) == set(map(tuple, np.sort(cells, axis=1).tolist()))
 
 
 def test_triangles_that_are_too_thin() -> None:

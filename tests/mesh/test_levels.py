@@ -9,14 +9,8 @@ import pytest
 
 import isocodec
 from explicit_meshes import Mesh, components, plane, space, torus
-from isocodec.errors import FormatError
-from isocodec.format.chunks import write_chunk
-from isocodec.format.events import DomainRead
 from isocodec.mesh.complex import complex_of
 from isocodec.mesh.hierarchy import hierarchy_of
-from isocodec.mesh.isovalue import MeshIsovalue
-from isospec.container import ChunkType
-from tables import looped
 
 
 def curve(
@@ -95,18 +89,6 @@ def big_torus(seed: int, count: int, kept: float) -> Mesh:
     return points, cells[: int(kept * len(cells))]
 
 
-def test_a_walk_where_it_is_much_shorter() -> None:
-    """Unless levels are asked for."""
-    mesh = plane(1, 40, 1.0)
-    above = mesh[0][:, 0] > 50
-    kinds = [
-        {layer.kind for layer in isocodec.open(isocodec.encode(
-            isocodec.Mesh(*mesh, above.astype(int), progressive=each), 0.5, precision="signs",
-        )).info.layers} for each in (None, True, False)
-    ]
-    assert kinds == [{"signs"}, {"levels"}, {"signs"}]
-
-
 def test_meshes_in_the_file_have_levels_where_asked() -> None:
     for mesh, stored in ((plane(2, 300, 1.0), "whole"), (space(2, 80, 1.0), "coded"), (torus(20, 12), "whole")):
         values = np.sin(mesh[0] / (np.ptp(mesh[0]) / 7)).sum(axis=1)
@@ -117,36 +99,3 @@ def test_meshes_in_the_file_have_levels_where_asked() -> None:
         ]
         points = [{tuple(p) for p in one.points} for one in found]
         assert points[0] == points[1] and len(found[0].cells) == len(found[1].cells)
-
-
-@looped("layers, clause", [
-    ([(3, 99)], "10.1.3"), ([(3, 1), (3, 1)], "10.1.3"), ([(3, 1), (1, 5)], "10.1.3"),
-    ([(3, 1), (0,)], "10.1.3"), ([(0,), (3, 0)], "10.1.3"), ([(3,)], "10.1.3"),
-])
-def test_layers_that_may_not_come(layers: list[tuple[int, ...]], clause: str) -> None:
-    """More rounds than there are; the same number again; geometry or a walk before all are back."""
-    mesh = plane(1, 200, 1.0)
-    values = np.arange(len(mesh[0])) % 7
-    decoder = isocodec.Decoder(mesh=mesh)
-    decoder.feed(isocodec.encode(isocodec.Mesh(*mesh, values, progressive=True), 9.5, precision="signs"))
-    (read,) = (event for event in decoder if isinstance(event, DomainRead))
-    wrong = isocodec.Decoder(mesh=mesh)
-    wrong.feed(decoder.data[: read.offset])
-    # above all values: nothing but zeros is told, which so short a run has
-    for layer in layers:
-        wrong.feed(write_chunk(ChunkType.LAYERS, bytes(layer) + run_of_nothing(mesh, layer)))
-    with pytest.raises(FormatError) as caught:
-        list(wrong)
-    assert caught.value.clause == clause
-
-
-def run_of_nothing(mesh: Mesh, layer: tuple[int, ...]) -> bytes:
-    """The run of a layer in which all vertices lie below."""
-    strand = MeshIsovalue(complex_of(*mesh)[0], 9.5)
-    run = strand.write()
-    none = np.zeros(len(mesh[0]), np.bool_)
-    if layer == (0,):
-        strand.code_signs(none)
-    elif layer == (3, 1):
-        strand.code_levels(hierarchy_of(strand.domain), 1, none)
-    return run.end()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,12 +9,11 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import INTERPRETED, examples
-from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.api.files import frames_of
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
-from isospec.container import LAYER_LIMIT, ChunkType
+from isospec.container import ChunkType
 
 ISOVALUES = [20.5, 31.5]
 KINDS = {"plane": plane, "space": space, "surface": lambda seed: torus()}
@@ -98,22 +95,6 @@ def test_a_mesh_in_the_file_is_there_once():
     assert isocodec.open(data).info.interval == 0 and len(isocodec.open(data).info.frames) == 4
 
 
-def test_leaning_pays():
-    """On a field that moves slowly: signs, offsets and values take less than they would alone."""
-    mesh = plane(1, 2000, kept=1)
-    x, y = mesh[0].T / 10
-    values = np.array([np.sin(x + 0.05 * t) + np.cos(1.3 * y - 0.04 * t) for t in range(5)])
-    for precision, progressive, most in (
-        ("signs", None, 0.7), ("signs", False, 0.7), (None, None, 0.9), ("step=0.01", None, 0.9),
-    ):
-        alone, series = (
-            sum(len(isocodec.encode(isocodec.Mesh(*mesh, each, progressive=progressive), 0.2, precision=precision))
-                for each in frames)
-            for frames in (values, [values])
-        )
-        assert series < most * alone
-
-
 def test_any_piece_of_a_file():
     """Fed in pieces, cut anywhere, or begun at a key frame."""
     mesh = plane(2)
@@ -158,22 +139,6 @@ def test_wrong_series():
         assert error.value.clause == "3.5.7"
 
 
-def test_commands(tmp_path):
-    mesh = plane(4)
-    values = moving(mesh)
-    np.savez(tmp_path / "flow.npz", points=mesh[0], cells=mesh[1], depth=values)
-    flow, out = tmp_path / "flow.npz", tmp_path / "flow.iso"
-    ok("encode", flow, "-o", out, "--key", "depth", "--isovalue", 20.5, "--frame-interval", 2)
-    assert json.loads(ok("info", out, "--json"))["interval"] == 2
-    ok("decode", out, "-o", tmp_path / "one.npz", "--mesh", flow, "--frame", 3)
-    wanted = isocodec.decode(out, frame=3, mesh=mesh)
-    assert np.array_equal(np.load(tmp_path / "one.npz")["points"], wanted.points)
-    assert "0 to 3" in fails(2, "decode", out, "-o", tmp_path / "x.npz", "--mesh", flow, "--frame", 9)
-    assert "--frames" in fails(
-        2, "encode", flow, "-o", tmp_path / "x.iso", "--key", "depth", "--isovalue", 20.5, "--frames"
-    )
-
-
 @pytest.mark.skipif(INTERPRETED, reason="a large mesh")
 def test_frames_of_nothing_are_work():
     """Two bytes begin a frame, for which the whole mesh is looked at."""
@@ -191,22 +156,6 @@ def test_frames_of_nothing_are_work():
     with pytest.raises(isocodec.errors.LimitError) as caught:
         list(decoder)
     assert caught.value.code == "limit-work"
-
-
-@pytest.mark.heavy
-def test_more_layers_than_a_frame_may_have():
-    """Even of an isovalue that is skipped."""
-    mesh = plane(3)
-    data = isocodec.encode(isocodec.Mesh(*mesh, moving(mesh)[0], progressive=False), 20.5, precision="signs")
-    first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.format.events.DomainRead))
-    decoder = isocodec.Decoder(mesh=mesh, only=())
-    layer = write_chunk(ChunkType.LAYERS, b"\0")
-    decoder.feed(data[:first] + layer * LAYER_LIMIT)
-    assert len(list(decoder)) == LAYER_LIMIT + 2
-    decoder.feed(layer)
-    with pytest.raises(FormatError) as caught:
-        list(decoder)
-    assert caught.value.clause == "11.1"
 
 
 def _events(data, mesh):

@@ -16,7 +16,7 @@ from isocodec import Mesh as Valued
 from isocodec.errors import OptionError
 from isocodec.search.mesh_cuts import MeshContour
 from libraries import Late
-from tables import looped
+from tables import heavy, looped
 
 pyvista = Late("pyvista")
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="slow in Python, and the same")
@@ -80,7 +80,7 @@ def whole_of(mesh: Mesh, values: NDArray[np.float64], isovalue: float) -> isocod
     return isocodec.open(data, mesh=mesh).contour()
 
 
-@pytest.mark.parametrize("kind", MESHES)
+@pytest.mark.parametrize("kind", ["plane", "surface", *heavy("space")])
 def test_small_distances_are_kept_without_a_search(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Below a tenth of the median edge, alone and in steps; above, the search reports what it tries."""
     mesh = MESHES[kind](3)
@@ -114,8 +114,8 @@ def test_small_distances_are_kept_without_a_search(kind: str, monkeypatch: pytes
 @pytest.mark.parametrize("kind", MESHES)
 def test_distances_are_kept(kind: str, edges: float) -> None:
     """Both ways; a file of signs and offsets of the whole mesh takes no fewer bytes."""
-    smaller = 0
-    for seed in range(3):
+    smaller, seeds = 0, 3 if HEAVY else 1
+    for seed in range(seeds):
         mesh = MESHES[kind](seed)
         values, distance = hills(mesh[0], seed), edges * edge_of(mesh)
         data = isocodec.encode(Valued(*mesh, values), VALUE, precision=distance)
@@ -127,25 +127,7 @@ def test_distances_are_kept(kind: str, edges: float) -> None:
         whole = isocodec.encode(Valued(*mesh, values, progressive=False), VALUE, precision=distance)
         assert len(data) <= len(whole) + 8
         smaller += len(data) < len(whole)
-    assert smaller == 3 or edges < 4
-
-
-@pytest.mark.parametrize("kind", MESHES)
-def test_steps(kind: str) -> None:
-    """Each layer keeps its distance; text with a unit means the same."""
-    mesh = MESHES[kind](5)
-    values, edge = hills(mesh[0], 5), edge_of(mesh)
-    steps = (8 * edge, 3 * edge, 0.5 * edge)
-    data = isocodec.encode(Valued(*mesh, values), VALUE, precision=steps)
-    original, file = whole_of(mesh, values, VALUE), isocodec.open(data, mesh=mesh)
-    # each cut, with its offsets if it has any, ends where the chunk of the next one begins
-    chunks = [chunk for chunk in file.info.chunks if chunk.type == "layers"]
-    kinds = [layer.kind for layer in file.info.layers]
-    begins = [chunk.offset for chunk, kind in zip(chunks, kinds, strict=True) if kind == "cut"]
-    assert len(begins) == 3
-    for step, end in zip(steps, [*begins[1:], len(data)], strict=True):
-        contour = isocodec.open(data[:end], mesh=mesh).contour(partial=True)
-        assert max(farthest(contour, original), farthest(original, contour)) <= step * (1 + 1e-6)
+    assert smaller == seeds or edges < 4
 
 
 @pytest.mark.cover(1)
@@ -192,7 +174,7 @@ def shape_of(contour: isocodec.Contour) -> tuple[int, int, int]:
 def test_topology_is_kept(kind: str, precision: str) -> None:
     """In every layer, on meshes with borders and noise of the size of a cell."""
     makers = {"plane": lambda s: plane(s, 120, 0.93), "surface": surface, "space": lambda s: space(s, 80, 0.95)}
-    for seed in range(300 if HEAVY else 8):
+    for seed in range(300 if HEAVY else 4):
         mesh = makers[kind](seed)
         rng = np.random.default_rng(seed)
         values = hills(mesh[0], seed) + rng.normal(size=len(mesh[0])) * (0.5 if seed % 3 else 3)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,8 +13,8 @@ from test_delaunay import by_definition
 
 import isocodec
 from brute import examples
-from commands import fails, ok
 from explicit_meshes import crossings
+from files import fed
 from home import ROOT
 from isocodec import Contour, Encoder, Mesh
 from isocodec.errors import InputError, OptionError
@@ -64,16 +62,9 @@ def values_at(points: NDArray[Any], seed: int) -> NDArray[np.int64]:
     return np.where(np.arange(len(points)) == seed % len(points), 55, 5)
 
 
-def decoded(data: bytes) -> isocodec.Decoder:
-    decoder = isocodec.Decoder()
-    decoder.feed(data)
-    decoder.close()
-    return decoder
-
-
 def crossed_in(data: bytes, number: int, points: NDArray[Any]) -> Triangles:
     """Triangles of a file that an isovalue crosses, by the given points nearest to their vertices."""
-    on_mesh = decoded(data).on_mesh
+    on_mesh = fed(data).on_mesh
     mesh = on_mesh.mesh(number, whole=False)
     given = np.asarray(points, np.float64)
     nearest = np.abs(mesh.points[:, None] - given[None]).sum(axis=2).argmin(axis=1)
@@ -165,21 +156,6 @@ def test_the_triangles_of_another_library(
             assert max(far.min(axis=1).max(), far.min(axis=0).max()) < 0.02
     domain = isocodec.open(data).info.domain
     assert domain is not None and domain.vertices == max(len(needed), 3)
-
-
-@pytest.mark.parametrize("isovalue", [300.0, 450.0])
-def test_the_contour_of_matplotlib(isovalue: float) -> None:
-    points, values = survey(1500)
-    data = isocodec.encode(Mesh(points, None, values), isovalue, precision=0.5)
-    file = isocodec.open(data)
-    theirs = Figure().subplots().tricontour(
-        matplotlib.tri.Triangulation(*points.T, Delaunay(points).simplices), values, [isovalue]
-    )
-    lines = shapely.union_all([shapely.LineString(line) for path in theirs.get_paths()
-                               for line in path.to_polygons(closed_only=False) if len(line) > 1])
-    ours = shapely.union_all([shapely.LineString(line) for line in file.contour().lines])
-    assert shapely.hausdorff_distance(ours, lines, densify=0.01) <= 0.5
-    assert file.promise is not None and file.verify(Mesh(points, None, values))[0].kept
 
 
 def survey(count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -289,17 +265,3 @@ def test_points_that_fill_a_lattice(options: dict[str, Any]) -> None:
         assert len(file.contour().cells) > 100 and file.info.domain
         assert stored == "delaunay" or file.info.domain.vertices == len(points)
         assert {one.kept for one in file.verify(Mesh(points, None, values))} <= {True, None}
-
-
-def test_commands(tmp_path: Path) -> None:
-    points, values = survey(300)
-    np.savetxt(tmp_path / "a.csv", np.column_stack([points, values]), delimiter=",", header="x,y,z", comments="")
-    given = ("encode", tmp_path / "a.csv", "--key", "z", "--isovalue", 400)
-    ok(*given, "-o", tmp_path / "few.iso")
-    ok(*given, "-o", tmp_path / "same.iso", "--stored", "delaunay")
-    ok(*given, "-o", tmp_path / "all.iso", "--stored", "whole")
-    few, all_ = (json.loads(ok("info", tmp_path / name, "--json")) for name in ("few.iso", "all.iso"))
-    assert (tmp_path / "few.iso").read_bytes() == (tmp_path / "same.iso").read_bytes()
-    assert few["bytes"] < all_["bytes"]
-    ok("decode", tmp_path / "few.iso", "-o", tmp_path / "mesh.geojson", "--what", "mesh")
-    assert "choose one of: delaunay, whole" in fails(2, *given, "-o", tmp_path / "x.iso", "--stored", "coded")

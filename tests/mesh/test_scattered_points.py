@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
 from libraries import Late
 from tables import looped
@@ -19,10 +18,6 @@ def scattered(seed, count=80, side=1000):
     rng = np.random.default_rng(seed)
     points = np.unique(rng.integers(0, side, (count, 2)), axis=0)
     return rng.permutation(points).astype(np.float64), rng.integers(0, 60, len(points))
-
-
-def sets(cells):
-    return {frozenset(cell) for cell in np.asarray(cells).tolist()}
 
 
 def test_grids_and_duplicates():
@@ -77,14 +72,3 @@ def test_hostile_points():
             isocodec.decode(bytes(bad))
         except IsoError as error:
             assert isinstance(error, FormatError) and error.clause
-
-
-def test_commands(tmp_path):
-    points, values = scattered(6)
-    np.savetxt(tmp_path / "a.csv", np.column_stack([points, values]), delimiter=",", header="x,y,depth", comments="")
-    ok("encode", tmp_path / "a.csv", "-o", tmp_path / "a.iso", "--key", "depth", "--isovalue", 20.5)
-    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson")
-    ok("thin", tmp_path / "a.csv", "-o", tmp_path / "b.npz", "--points", 20, "--key", "depth")
-    assert len(np.load(tmp_path / "b.npz")["points"]) == 20
-    line = fails(3, "encode", tmp_path / "a.csv", "-o", tmp_path / "x.iso", "--key", "z", "--isovalue", 20.5)
-    assert "depth" in line and not (tmp_path / "x.iso").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 import isocodec
 from brute import HEAVY, INTERPRETED
-from files import NAMES, files, same_drawing, whole
+from files import NAMES, fed, files, same_drawing, whole
 from isocodec import Decoder
 from isocodec.drawing.snapshot import state_of
 from isocodec.errors import FormatError, OptionError, TruncatedError
@@ -83,22 +84,6 @@ class Feeding(RuleBasedStateMachine):
 
 TestFeeding = Feeding.TestCase
 TestFeeding.settings = settings(max_examples=5 if INTERPRETED else 150 if HEAVY else 25, stateful_step_count=40)
-
-
-@looped("name", NAMES)
-def test_byte_by_byte(name):
-    """Events, with their offsets, come when their last byte is there, and are those of the whole file."""
-    decoder, events = Decoder(), []
-    for i, byte in enumerate(files()[name]):
-        decoder.feed(bytes([byte]))
-        fresh = list(decoder)
-        # A symbol may be certain before the coder's window of four bytes is full; the offset counts the window.
-        # Two checksums may follow on a chunk.
-        assert all(i + 1 - 8 <= event.offset <= i + 1 + 4 for event in fresh)
-        events += fresh
-    decoder.close()
-    assert events == whole(name)[0]
-    assert same_drawing(decoder.contour(), whole(name)[2])
 
 
 @looped("name", NAMES)
@@ -202,16 +187,9 @@ def test_truncate_to_layers(name):
         isocodec.open(data).edited(layers=0)
 
 
-def closed(data: bytes) -> Decoder:
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
-    return decoder
-
-
 def all_of_prefixes(data: bytes) -> Iterator[bytes]:
     """For each prefix that tells some symbols a file of all of them."""
-    for length in range(0, len(data), 1 if HEAVY else 5):
+    for length in range(0, len(data), 1 if HEAVY else 11):
         with suppress(OptionError, TruncatedError):
             yield isocodec.open(data[:length]).edited(size=len(data) + 100)
 
@@ -220,14 +198,16 @@ def all_of_prefixes(data: bytes) -> Iterator[bytes]:
 def test_truncate_to_bytes(name):
     """As many symbols as fit: a valid file, not too long, which draws what some prefix near that length does."""
     data = files()[name]
-    prefixes = []
-    for length in range(len(data) + 1):
+
+    @cache
+    def prefix(length):
         decoder = Decoder()
         decoder.feed(data[:length])
-        prefixes.append((decoder.take().contour(), decoder.symbols))
-    kept = [(len(file), closed(file).symbols) for file in all_of_prefixes(data)]
+        return decoder.take()
+
+    kept = [(len(file), fed(file).symbols) for file in all_of_prefixes(data)]
     fits = False
-    for size in range(1 if HEAVY else 1 + (len(data) - 1) % 5, len(data) + 1, 1 if HEAVY else 5):
+    for size in range(1 if HEAVY else 1 + (len(data) - 1) % 11, len(data) + 1, 1 if HEAVY else 11):
         try:
             short = isocodec.open(data).edited(size=size)
         except OptionError:
@@ -235,14 +215,14 @@ def test_truncate_to_bytes(name):
             continue
         fits = True
         assert len(short) <= size
-        decoder = closed(short)
+        decoder = fed(short)
         contour = decoder.contour()
         assert decoder.complete and contour.complete == (short == data)
         most = max((sum(symbols.values()) for length, symbols in kept if length <= size), default=0)
         assert sum(decoder.symbols.values()) >= most
         # The checksum, the chunk's length and the number of symbols have to fit too: 4 + 1 + 3 and some.
         near = range(size, max(size - 24, 0), -1)
-        assert any(prefixes[i][1] == decoder.symbols and same_drawing(prefixes[i][0], contour) for i in near)
+        assert any(prefix(i).symbols == decoder.symbols and same_drawing(prefix(i).contour(), contour) for i in near)
         assert isocodec.open(short).edited(size=len(short)) == short
     assert fits and isocodec.open(data).edited(size=len(data) + 5) == data
     for none in (0, -1):
@@ -336,9 +316,7 @@ def test_encoder_yields_as_it_goes():
     assert len(pieces) > 3  # header, two runs of 2**16 bytes or more, checksum
     assert max(map(len, pieces)) < sum(map(len, pieces)) * 0.9
     assert [done for done, _ in seen] == list(range(1, len(source.frame.layers) + 1))
-    decoder = Decoder()
-    decoder.feed(b"".join(pieces))
-    decoder.close()
+    fed(b"".join(pieces))
 
 
 def test_a_search_says_that_it_goes_on():

@@ -17,7 +17,6 @@ import isocodec
 from brute import examples
 from isocodec import Field, Frames, Mesh
 from isocodec.errors import TruncatedError
-from isocodec.field.meshed import StoredName
 from isocodec.stream.options import ProfileName
 from isoconform.raster import letters
 from libraries import Late
@@ -94,13 +93,6 @@ def with_holes(field: NDArray[np.int32]) -> NDArray[np.float64]:
     return np.where(missing, np.nan, field)
 
 
-def on_mesh(field: NDArray[np.int32], stored: StoredName) -> Mesh:
-    """Values of a field at random places in it, with Delaunay cells."""
-    points = np.random.default_rng(0).random((6000, 2)) * (np.array(field.shape) - 1)
-    values = map_coordinates(field.astype(float), points.T, order=1)
-    return Mesh(points, Delaunay(points).simplices, values, stored=stored)
-
-
 LEVELS = (20.5, -35.5, 70.5)
 PRECISIONS = (None, "signs", "exact")
 ENCODERS: dict[str, Callable[..., bytes]] = {
@@ -152,14 +144,3 @@ def test_tiles(tmp_path: Path, shape: tuple[int, ...], tile: int, profile: Profi
     data = path.read_bytes()
     assert len(data) >= LEAST_BYTES * math.prod(isocodec.open(data).info.tiles or ())
     check(data)
-
-
-@pytest.mark.parametrize("stored", [name for name in get_args(StoredName) if name != "known"])
-def test_meshes_in_files_come_first(stored: StoredName) -> None:
-    """The exception that README's limits name: their first bytes draw nothing."""
-    mesh = on_mesh(smooth((60, 80), 4.0, 0), stored)
-    if stored == "delaunay":
-        mesh = Mesh(mesh.points, None, mesh.values)
-    data = isocodec.encode(mesh, LEVELS[0])
-    assert len(drawn(data, len(data), None, ()))
-    assert not len(drawn(data, len(data) // SHARE, None, ()))

@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import isocodec
+from files import fed
 from isocodec import Contour, Decoder, Encoder, Frames, encode
 from isocodec.errors import FormatError, InputError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
@@ -113,21 +114,6 @@ def test_any_layers(options: dict[str, Any]):
         assert points(isocodec.decode(data, frame=number)) == points(curves[0])
 
 
-@pytest.mark.parametrize("piece", [1, 7, 1000])
-def test_bytes_may_come_in_any_pieces(piece: int):
-    data = encode(Frames(moving(4, 24)), [ISOVALUE, 25], interval=3)
-    whole, parts = Decoder(), Decoder()
-    whole.feed(data)
-    events = list(whole)
-    found = []
-    for i in range(0, len(data), piece):
-        parts.feed(data[i : i + piece])
-        found += list(parts)
-    assert found == events
-    frames = [(e.frame, e.number, e.before) for e in events if isinstance(e, FrameRead)]
-    assert frames == [(1, 0, True), (1, 1, True), (2, 0, True), (2, 1, True), (3, 0, False), (3, 1, False)]
-
-
 def test_a_frame_needs_none_before_its_interval():
     frames = moving(7)
     data = encode(Frames(frames), ISOVALUE, interval=3, precision="signs")
@@ -146,26 +132,11 @@ def test_a_frame_needs_none_before_its_interval():
         isocodec.decode(whole, frame=0)
 
 
-def test_frames_that_are_not_wanted_take_no_memory():
-    frames = moving(8)
-    data = encode(Frames(frames), ISOVALUE, interval=4, precision="signs")
-    held = {}
-    for number in (0, 3, 4, 7):
-        decoder = Decoder(frame=number)
-        decoder.feed(data)
-        decoder.close()
-        held[number] = sum(decoder.symbols.values())
-    assert held[0] < held[3] and held[4] < held[7]
-    assert held[4] < 1.5 * held[0]
-
-
 def test_memory_is_that_of_two_frames():
     few, many = moving(3), np.concatenate([moving(3)] * 8)
     most = []
     for frames in (few, many):
-        decoder = Decoder()
-        decoder.feed(encode(Frames(frames), ISOVALUE, precision="signs"))
-        decoder.close()
+        decoder = fed(encode(Frames(frames), ISOVALUE, precision="signs"))
         most.append(decoder.memory)
         assert len(decoder.grid.layers) < 20 and len(decoder.grid.runs) == 1
     assert most[1] < 1.2 * most[0]
@@ -197,15 +168,6 @@ def test_holes_are_those_of_all_frames():
     frames[3, 20, 20] = np.nan
     with pytest.raises(InputError, match="missing"):
         encode(Frames(frames), ISOVALUE, precision="signs")
-
-
-def test_a_moving_curve_takes_little():
-    frames = moving(10, 64)
-    alone = sum(len(isocodec.encode(frame, ISOVALUE, precision="signs")) for frame in frames)
-    assert len(encode(Frames(frames), ISOVALUE, precision="signs")) < 0.6 * alone
-    # frames that are all alike next to nothing
-    still = [frames[0]] * 10
-    assert len(encode(Frames(still), ISOVALUE, precision="signs")) < 3.5 * alone / 10
 
 
 def test_piece_by_piece_and_at_once():
@@ -264,30 +226,6 @@ def test_frames_that_are_not_there():
         isocodec.decode(single, frame=1)
 
 
-def test_a_frame_is_written_as_its_type_says():
-    data = encode(Frames(moving(3, 8)), [ISOVALUE, 20], interval=2, precision="signs")
-    info = isocodec.open(data).info
-    kinds = [chunk.type for chunk in info.chunks]
-    # the second isovalue of a key frame leans on the first
-    assert kinds == ["series", "layers", "isovalue", "layers", *["frame", "layers"] * 4]
-    first, second, last = (info.chunks[number].offset for number in (0, 4, 10))
-    assert data[first : first + 3] == bytes([13, 1, 2])
-    assert data[second : second + 2] == bytes([9, 0])
-    assert [frame.offset for frame in info.frames[1:]] == [second, info.chunks[8].offset]
-    assert data[last : last + 3] == bytes([9, 1, 1])
-    assert [frame.leans for frame in info.frames] == [[None, 0], [None, None], [None, 0]]
-
-
-def test_frames_begin_with_a_chunk_of_their_own():
-    data = encode(Frames(moving(3, 8)), ISOVALUE, precision="signs")
-    frame = isocodec.open(data).info.chunks[2]
-    bad = with_checksum(data[: frame.offset] + data[frame.offset + frame.bytes :])
-    for read in (isocodec.decode, lambda data: isocodec.open(data).info):
-        with pytest.raises(FormatError, match="second base") as caught:
-            read(bad)
-        assert caught.value.clause == "3.6"
-
-
 @cache
 def promised(t: int, isovalue: float, precision: float | tuple[float, ...]) -> list[float]:
     """What a file of a frame alone promises."""
@@ -319,33 +257,3 @@ def test_promises_of_each_frame_are_kept(precision: Any, isovalues: list[float],
             elif isinstance(event, PromisesRead):
                 events.append((place, list(event.promises.within.values())))
     assert dict(events) == wanted and len(events) == len(wanted)
-
-
-@looped(
-    ("number", "chunk"),
-    [
-        (0, b"\x0d\x00"), (0, b"\x0d\x02\x05\x05"), (0, b"\x0d\x02\x80\x05"), (0, b"\x0d\x01\x05\x0d\x01\x05"),
-        (0, b"\x8d\x01\x05"), (0, b"\x09\x00"), (0, b"\x09\x01\x05"), (2, b"\x09\x01\x01"), (2, b"\x09\x02\x00\x00"),
-        (2, b"\x09\x00\x05\x02\x00\x01"), (2, b"\x09\x00\x07\x01\x00"), (2, b"\x09\x00\x0d\x01\x05"),
-        (2, b"\x0d\x01\x05"), (2, b"\x89\x00"), (2, b"\x8d\x00"),
-    ],
-)
-def test_malformed_chunks(number: int, chunk: bytes):
-    data = encode(Frames(moving(2, 8)), ISOVALUE, interval=5, precision="signs")
-    place = isocodec.open(data).info.chunks[number]
-    end = place.offset + (place.bytes if number == 0 else 0)
-    bad = with_checksum(data[: place.offset] + chunk + data[end:])
-    with pytest.raises(FormatError) as caught:
-        isocodec.decode(bad)
-    assert caught.value.clause in ("3.5.7", "3.5.2")
-    with pytest.raises(FormatError):
-        _ = isocodec.open(bad).info
-
-
-def test_frames_behind_layers():
-    data = isocodec.encode(moving(1, 8)[0], ISOVALUE, precision="signs")
-    at = isocodec.open(data).info.chunks[0].offset
-    bad = with_checksum(data[:at] + bytes([data[at] & ~0x20]) + data[at + 1 : -4] + b"\x2d\x01\x00" + b"\0" * 4)
-    with pytest.raises(FormatError) as caught:
-        isocodec.decode(bad)
-    assert caught.value.clause == "3.5.7"

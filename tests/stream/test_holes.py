@@ -11,10 +11,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from commands import HILLS
-from isocodec.errors import FormatError, InputError
-from isocodec.format.chunks import write_chunk
-from isocodec.stream.inspect import inspect
-from isospec.container import ChunkType
+from isocodec.errors import InputError
 from libraries import Late
 from tables import looped
 
@@ -111,14 +108,6 @@ def test_masked_arrays_masks_and_nan_are_the_same() -> None:
     assert isocodec.encode(isocodec.Field(part, mask=HOLE), 80.5) == data
 
 
-def test_without_missing_samples_there_is_no_mask() -> None:
-    data = isocodec.encode(HILLS, 80.5)
-    assert isocodec.encode(np.ma.masked_array(HILLS, False), 80.5) == data
-    assert isocodec.encode(isocodec.Field(HILLS, mask=np.zeros_like(HOLE)), 80.5) == data
-    assert isocodec.open(data).info.mask_bytes is None
-    assert isocodec.open(data).valid().all()
-
-
 @pytest.mark.parametrize("mask", [HOLE[1:], HOLE.astype(int), np.zeros((3, 3, 3), bool)])
 def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
     with pytest.raises(InputError, match="the mask has") as caught:
@@ -127,9 +116,11 @@ def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
 
 
 def test_areas_are_not_closed_along_holes() -> None:
-    contour = isocodec.decode(isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5))
+    data = isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5)
     with pytest.raises(isocodec.errors.OptionError, match="samples are missing"):
-        contour.areas()
+        isocodec.decode(data).areas()
+    with pytest.raises(isocodec.errors.OptionError, match="valid has shape"):
+        isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
 
 
 @pytest.mark.parametrize("options", [{}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 1.0}])
@@ -153,12 +144,6 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
         here = np.argwhere(seen)
         inside = shapely.intersects(sides[0].buffer(1e-9), shapely.points(here[:, 1], here[:, 0]))
         assert np.array_equal(inside, HILLS[seen] > 80.5)
-
-
-def test_what_areas_along_holes_take() -> None:
-    data = isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5)
-    with pytest.raises(isocodec.errors.OptionError, match="valid has shape"):
-        isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
 
 
 @looped("options", [
@@ -187,85 +172,6 @@ def assert_within(one: isocodec.Contour, other: isocodec.Contour, tolerance: flo
 
     for a, b in ((one, other), (other, one)):
         assert not len(Target(a.points, a.cells, tolerance).exceeded(b.points, b.cells).places)
-
-
-def test_byte_by_byte_and_events() -> None:
-    """Events do not depend on how bytes come in; of a part, as much is drawn as is there."""
-    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), [80.5, 100.5])
-    one, other = isocodec.Decoder(), isocodec.Decoder()
-    one.feed(data)
-    whole = list(one)
-    pieces = []
-    for i in range(len(data)):
-        other.feed(data[i : i + 1])
-        pieces += list(other)
-        other.contour(0)
-    assert [repr(e) for e in whole] == [repr(e) for e in pieces]
-    (mask,) = (e for e in whole if isinstance(e, isocodec.format.events.MaskComplete))
-    assert mask.bytes == isocodec.open(data).info.mask_bytes
-    assert np.array_equal(one.grid.valid(), ~HOLE) and np.array_equal(other.grid.valid(), ~HOLE)
-    assert np.array_equal(one.contour(1).points, other.contour(1).points)
-
-
-def chunks_of(data: bytes) -> list[tuple[str, bytes]]:
-    """Chunks of a file, with their bytes."""
-    return [(c.type, data[c.offset : c.offset + c.bytes]) for c in isocodec.open(data).info.chunks]
-
-
-def joined(data: bytes, parts: list[bytes]) -> bytes:
-    """A file of the header of another and some chunks, with an end that has nothing in it."""
-    import zlib
-
-    body = data[: isocodec.open(data).info.chunks[0].offset] + b"".join(parts)
-    body += write_chunk(ChunkType.METADATA, b"{}", ancillary=True, last=True)
-    return body + zlib.crc32(body).to_bytes(4, "big")
-
-
-def plain(chunk: bytes) -> bytes:
-    """A chunk that is not the last one."""
-    return bytes([chunk[0] & ~0x20]) + (chunk[1:-4] if chunk[0] & 0x20 else chunk[1:])
-
-
-def test_a_mask_may_come_last() -> None:
-    """Then it takes no part in the coding, but in the drawing."""
-    field = np.where(HOLE, np.nan, FLOATS)
-    masked = isocodec.encode(field, 80.5, profile="baseline")
-    from isocodec.field.filling import filled_smoothly
-
-    filled = isocodec.encode(filled_smoothly(FLOATS, HOLE), 80.5, profile="baseline")
-    (mask,) = (chunk for kind, chunk in chunks_of(masked) if kind == "mask")
-    data = joined(filled, [*(plain(chunk) for _, chunk in chunks_of(filled)), mask])
-    ours, theirs = isocodec.decode(data), isocodec.decode(masked)
-    assert close(ours.points, theirs.points, 1e-9) and len(ours.points) == len(theirs.points)
-    assert np.array_equal(isocodec.open(data).valid(), ~HOLE)
-    shorter = isocodec.open(data).edited(layers=len(isocodec.open(data).info.layers))
-    assert np.array_equal(isocodec.open(shorter).valid(), ~HOLE)
-
-
-def test_hostile_masks() -> None:
-    """A second mask, an ancillary one, one that ends too early or goes on too long, one after a cut run."""
-    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5, profile="baseline")
-    chunks = dict(chunks_of(data))
-    mask, layers = chunks["mask"], plain(chunks["layers"])
-    joined(data, [mask, layers])
-    payload = mask[2 if mask[1] < 128 else 3 :]
-    bad = {
-        "3.5.6": [mask, layers, mask],
-        "3.5.2": [bytes([mask[0] | 0x80]) + mask[1:], layers],
-        "6.3": [write_chunk(ChunkType.MASK, payload + b"\0\0\0\0\0\0\0\0"), layers],
-    }
-    for clause, parts in bad.items():
-        for look in (isocodec.decode, inspect) if clause != "6.3" else (isocodec.decode,):
-            with pytest.raises(FormatError) as caught:
-                look(joined(data, parts))  # type: ignore[operator]
-            assert str(caught.value.clause).startswith(clause)
-    rng = np.random.default_rng(0)
-    for _ in range(40):
-        junk = write_chunk(ChunkType.MASK, bytes(rng.integers(0, 256, int(rng.integers(0, 60)), np.uint8)))
-        for parts in ([junk, layers], [layers, junk]):
-            with pytest.raises(isocodec.IsoError):
-                isocodec.decode(joined(data, parts), limits=isocodec.Limits.tier(0))
-                raise FormatError("by chance a mask", code="none")
 
 
 def test_truncated_files_keep_their_mask() -> None:

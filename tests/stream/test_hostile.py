@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import hurtful
 import isocodec
 from brute import HEAVY, INTERPRETED, examples
-from files import HEADER, NAMES, files, layers_file, picture, with_checksum
+from files import HEADER, NAMES, fed, files, layers_file, picture, with_checksum
 from hurtful import BASES, GRID, decoded, empty_series, isovalues, measured, mutants, stated_mesh
 from isocodec import Decoder, IsoError, Limits
 from isocodec.drawing.snapshot import state_of
@@ -22,6 +22,7 @@ from isocodec.errors import FormatError, LimitError, OptionError
 from isocodec.format.events import MetadataRead
 from isocodec.format.header import Header, write_header
 from isocodec.grid.passes.runner import Tube
+from isoconform import strategies
 from isoconform.streams import Chunk, File
 from isospec.container import ChunkType, DomainKind, Profile, write_varint
 from tables import heavy, looped
@@ -68,9 +69,7 @@ def test_limits_hold_for_all_isovalues_together():
     field = picture((24, 26), 9)
     levels = [-20.5 + 4 * i for i in range(10)]
     data = isocodec.encode(field, levels, precision="exact", order="independent")
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
+    decoder = fed(data)
     counts = [len(decoder.grid.state(number).position) for number in range(10)]
     assert sum(counts) > 2 * max(counts)
     isocodec.decode(data, limits=Limits(vertices=sum(counts) + 32), isovalue=levels[-1])
@@ -99,9 +98,7 @@ def test_limit_of_layers():
     """More layers announced than the limit allows are refused; as many are not."""
     data = files()["exact"]
     count = len(isocodec.open(data).info.layers)
-    decoder = Decoder(Limits(layers=count))
-    decoder.feed(data)
-    decoder.close()
+    fed(data, Limits(layers=count))
     limited(data, layers=count - 1)
 
 
@@ -145,9 +142,7 @@ def test_meshes_that_claim_to_be_large(kind, n, run):
 @pytest.mark.parametrize("profile", Profile)
 def test_isovalues_without_layers_take_no_memory(profile):
     """Nothing is allocated for an isovalue, of any frame, before its first layer."""
-    decoder = Decoder()
-    decoder.feed(empty_series(300, 3, profile))
-    decoder.close()
+    decoder = fed(empty_series(300, 3, profile))
     assert decoder.budget.peak == 0 and len(decoder.isovalues) == 300
     assert {id(tube) for tube in decoder.grid.tubes} == {id(decoder.grid.tubes[0])}
     assert len(decoder.contour(299).points) == 0
@@ -163,6 +158,7 @@ def test_events_have_the_notes_of_their_chunks():
     assert len(decoder.metadata) == 3000
 
 
+@pytest.mark.heavy
 def test_turns_of_thousands_of_isovalues():
     """Each takes next to no time, however many isovalues it names."""
     turn = Chunk(ChunkType.TURN, write_varint(0) + write_varint(4096))
@@ -232,52 +228,14 @@ def test_every_flipped_bit_is_found(name):
         wrong = bytearray(data)
         wrong[place // 8] ^= 128 >> place % 8
         with pytest.raises((FormatError, LimitError, OptionError)):
-            decoder = Decoder(Limits(vertices=1 << 17))
-            decoder.feed(wrong)
-            decoder.close()
+            fed(wrong, Limits(vertices=1 << 17))
 
 
-shapes_ = st.one_of(
-    st.lists(st.integers(1, 40), min_size=2, max_size=3),
-    st.sampled_from([[1 << 24, 1 << 24], [1 << 20] * 3, [1, 1], [1, 1, 1], [2, 1 << 24], [3, 2, 1 << 20], [257] * 3]),
-).map(tuple)
-
-
-@st.composite
-def programs_(draw, shape):
-    """A program that is valid for a shape, more or less."""
-    full = len(shape) * max(max(shape) - 2, 0).bit_length()
-    level = draw(st.integers(0, min(full, draw(st.sampled_from([4, 12, 60])))))
-    out = [b"\x0e" + write_varint(level)]
-    if level < full and draw(st.booleans()):
-        out.append(b"\x1e" + write_varint(draw(st.integers(1, min(full - level, 12)))))
-    if level == full and draw(st.booleans()):
-        out.append(bytes([0x30 + draw(st.integers(1, 13))]))
-    elif draw(st.booleans()):
-        out.append(bytes([0x2F, draw(st.integers(0, 14)) << 4 | draw(st.integers(0, 14))]))
-    return b"".join(bytes([step[0] | (0x80 if i < len(out) - 1 else 0)]) + step[1:] for i, step in enumerate(out))
-
-
-@examples(300)
-@given(st.data())
-def test_random_runs(data):
-    """Noise where entropy-coded data should be, behind a header and a program that are valid."""
-    shape = data.draw(shapes_)
-    program = data.draw(programs_(shape))
-    noise = st.binary(max_size=60) | st.integers(0, 40).map(bytes) | st.integers(0, 40).map(lambda n: b"\xff" * n)
-    payload = program + data.draw(noise)
-    kind = ChunkType.LAYERS
-    if data.draw(st.booleans()):
-        kind, payload = ChunkType.CUT_LAYERS, write_varint(data.draw(st.integers(0, 300))) + payload
-    survive(layers_file(payload, kind, write_header(Header(shape, 0.5))))
-
-
-@examples(300)
-@given(st.binary(max_size=80))
-def test_random_chunks(noise):
-    """Noise behind a header, with and without a checksum that fits."""
-    survive(HEADER + noise)
-    survive(with_checksum(HEADER + noise))
+@examples(90)
+@given(st.one_of(strategies.files(), strategies.damaged_files()))
+def test_any_files(data):
+    """Files of the syntax that no encoder writes, noise where coded data should be, and damage behind checksums."""
+    survive(data)
 
 
 @examples(300)

@@ -13,15 +13,13 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
-from commands import HILLS
+from files import fed
 from isocodec import Decoder
 from isocodec.drawing.snapshot import leaves_of, state_of
-from isocodec.entropy.run import WritingRun
 from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Samples
 from isocodec.format.events import IsovalueRead
 from isocodec.grid.lattice.tables import cube_exponent
-from isocodec.grid.layers.layer_writer import LayerWriter
 from isocodec.grid.passes.runner import Tube
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan
@@ -70,7 +68,7 @@ def test_each_decodes_as_by_itself(n, wanted):
     """To the last bit, or, where the encoder is free to tell crossings within a tolerance, within twice that."""
     within = 0 if "parts" in wanted or wanted.get("precision") in ("exact", "signs") else 2 * DEFAULT_TOLERANCE
 
-    @examples(24)
+    @examples(12)
     @given(cases(n))
     def run(case):
         field, isovalues = case
@@ -86,9 +84,7 @@ def test_each_decodes_as_by_itself(n, wanted):
         for isovalue in isovalues:
             by_itself = isocodec.decode(isocodec.encode(field, isovalue, **alone))
             same(isocodec.decode(data, isovalue=isovalue), by_itself, within)
-        decoder = Decoder()
-        decoder.feed(data)
-        decoder.close()
+        decoder = fed(data)
         assert decoder.isovalues == isovalues
         for number, strand in enumerate(encoder.frame.strands):
             assert state_of(strand.tube).lines() == decoder.grid.state(number).lines()
@@ -111,9 +107,7 @@ def test_bases_from_the_leaves_of_another(n):
         plans = {v: [("leaf_base",), ("refine", None)] if i else [("base", level)] for i, v in enumerate(isovalues)}
         if level == full:
             plans = {v: plan[:1] for v, plan in plans.items()}
-        decoder = Decoder()
-        decoder.feed(b"".join(encoder_of(field, isovalues, layers=plans)))
-        decoder.close()
+        decoder = fed(b"".join(encoder_of(field, isovalues, layers=plans)))
         for number, isovalue in enumerate(isovalues[1:], 1):
             leaves = leaves_of(decoder.grid.tubes[number], isovalue, lambda steps, above: steps)
             expected = mixed(field > isovalue, full)
@@ -151,9 +145,7 @@ def test_bijection(n):
                     mesh |= data.draw(meshes(field.shape, mesh))
                     plans[v].append((kind, 1, chosen(field.shape, mesh)))
         encoder = encoder_of(field, isovalues, layers=plans)
-        decoder = Decoder()
-        decoder.feed(b"".join(encoder))
-        decoder.close()
+        decoder = fed(b"".join(encoder))
         for number, strand in enumerate(encoder.frame.strands):
             assert state_of(strand.tube).lines() == decoder.grid.state(number).lines()
 
@@ -165,15 +157,6 @@ def promise(field, isovalue):
     from isocodec.search.promise import Promise
 
     return Promise(check_field(field, isovalue))
-
-
-def test_a_close_one_costs_little():
-    """C2-close-by: bytes on smooth data, against the same isovalue alone."""
-    field = np.rint(smooth((120, 120), 5) * 400).astype(np.int64)
-    for options, share in (({}, 0.6), ({"precision": "exact"}, 0.3), ({"precision": "signs"}, 0.6)):
-        first, second = (len(isocodec.encode(field, v, **options)) for v in (50.5, 53.5))
-        both = len(isocodec.encode(field, [50.5, 53.5], **options))
-        assert both - first < share * second
 
 
 def crossings(contour, n):
@@ -224,7 +207,7 @@ def test_curves_never_cross(n):
 def test_each_keeps_to_the_tolerance(options, profile):
     """Proven for what the file says, which for later isovalues is not what a file of their own would say."""
     tolerance = options["precision"] if isinstance(options["precision"], float) else options["precision"][-1]
-    for shape, seed in (((24, 20), 1), ((7, 8, 7), 6)):
+    for shape, seed in (((18, 16), 1), ((7, 8, 7), 6)):
         field = np.rint(smooth(shape, seed) * 300).astype(np.int64)
         isovalues = [20.5, 25.5, 21.5]
         data = isocodec.encode(field, isovalues, profile=profile, **options)
@@ -259,33 +242,17 @@ def test_events_and_skipping():
     assert [(e.number, e.isovalue, e.lean) for e in events] == [(1, 20.5, 0), (2, -20.5, 0)]
     info = isocodec.open(data).info
     assert info.isovalues == [0.5, 20.5, -20.5] and info.leans == [None, 0, 0] and info.chain(2) == {0, 2}
-    some = Decoder(only={0, 2})
-    some.feed(data)
-    some.close()
+    some = fed(data, only={0, 2})
     same(some.contour(2), decoder.contour(2))
     assert some.grid.state(1) is None
     with pytest.raises(OptionError, match="predicted from isovalue 0"):
-        other = Decoder(only={1})
-        other.feed(data)
-        other.close()
+        other = fed(data, only={1})
     # those of a turn are decoded together
     assert isocodec.open(isocodec.encode(field, [0.5, 20.5, -20.5])).info.chain(2) == {0, 1, 2}
     free = isocodec.encode(field, [0.5, 20.5], order="independent")
     assert isocodec.open(free).info.leans == [None, None]
-    other = Decoder(only={1})
-    other.feed(free)
-    other.close()
+    other = fed(free, only={1})
     same(other.contour(1), decoder.contour(1), 2 * DEFAULT_TOLERANCE)
-
-
-def test_refused():
-    field = np.rint(smooth((9, 9), 1) * 100).astype(np.int64)
-    for isovalues, code in (([], "isovalue"), ([1, 1.0], "isovalue"), (list(range(4097)), "isovalue")):
-        with pytest.raises(OptionError) as caught:
-            isocodec.encode(field, isovalues)
-        assert caught.value.code == code
-    with pytest.raises(OptionError, match=r"it has 0\.5"):
-        isocodec.decode(isocodec.encode(field, 0.5), isovalue=1.5)
 
 
 def test_numbers_that_many_isovalues_could_make_grow_no_further():
@@ -316,30 +283,6 @@ def test_numbers_that_many_isovalues_could_make_grow_no_further():
     assert max(largest) < 1 << 53 and sum(number > 1 << 51 for number in largest) > 3
 
 
-def test_trials_are_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of two ways to the signs of a further isovalue the smaller one goes on, and no layer is encoded twice.
-
-    Where isovalues take turns, there is one way.
-    """
-    seen: list[tuple[LayerWriter, int]] = []
-    advance = LayerWriter._advance
-
-    def noted(writer: LayerWriter, run: WritingRun, number: int) -> None:
-        seen.append((writer, number))
-        advance(writer, run, number)
-
-    monkeypatch.setattr(LayerWriter, "_advance", noted)
-    for order, writers in (("isovalues", 1 + 2 + 2), ("levels", 3)):
-        done: list[tuple[int, int]] = []
-        seen.clear()
-        data = isocodec.encode(
-            HILLS, [60.5, 80.5, 100.5], order=order, progress=lambda *now, done=done: done.append(now)
-        )
-        assert len({id(writer) for writer, _ in seen}) == writers
-        assert len({(id(writer), number) for writer, number in seen}) == len(seen)
-        assert done == sorted(done) and done[-1][0] == done[-1][1] == len(isocodec.open(data).info.layers)
-
-
 def steps_of(field, isovalue, step):
     """Numbers of steps of all samples, by fractions (spec clause 2.3(3)), on the side that each is on."""
     exact = [(Fraction(float(v)) - Fraction(isovalue)) / Fraction(step) for v in field.ravel()]
@@ -363,9 +306,7 @@ def test_values_of_floats_follow_exactly(n):
         field[some] = 10.1 + rng.integers(-9, 9, shape)[some] * step
         field = field.astype(np.float32) if single else field
         for order in ("levels", "isovalues", "independent"):
-            decoder = Decoder()
-            decoder.feed(isocodec.encode(field, isovalues, precision=f"step={step!r}", order=order))
-            decoder.close()
+            decoder = fed(isocodec.encode(field, isovalues, precision=f"step={step!r}", order=order))
             for number, isovalue in enumerate(isovalues):
                 state = decoder.grid.state(number)
                 at = tuple(state.position.T)

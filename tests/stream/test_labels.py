@@ -69,15 +69,6 @@ def test_holes_and_places() -> None:
     assert np.array_equal(isocodec.open(data).labels()[known], np.where(ZONES == 3, 0, ZONES)[known])
 
 
-def test_coarser() -> None:
-    """Within a tolerance of the border that runs half-way; then samples are not told."""
-    data = isocodec.encode(isocodec.Field(ZONES, labels=[1, 2]), precision=1.0)
-    with pytest.raises(OptionError, match="coarser"):
-        isocodec.open(data).labels()
-    assert [kept.wrong for kept in isocodec.open(data).verify(ZONES)] == [None, None]
-    assert all(kept.there <= 1.001 and kept.back <= 1.001 for kept in isocodec.open(data).verify(ZONES))
-
-
 def test_refused() -> None:
     for labels, error, says in (
         ([1, 9], InputError, "the labels are 0, 1, 2, 3"), ([1, 1], OptionError, "twice"),
@@ -160,14 +151,6 @@ def test_all_labels_of_a_series(tmp_path: Path) -> None:
     assert file.isovalues == (1, 2, 3)
     assert np.array_equal(file.above(3, frame=0), ZONES == 3)
     assert not file.above(3, frame=1).any()
-
-
-def test_all_labels_alone(tmp_path: Path) -> None:
-    np.save(tmp_path / "z.npy", ZONES)
-    assert "other labels" in fails(2, "encode", tmp_path / "z.npy", "--label", "all", "--label", 1, "-o", "a.iso")
-    np.save(tmp_path / "z.npy", np.arange(65 * 64).reshape(65, 64))
-    assert "at most 4,096" in fails(2, "encode", tmp_path / "z.npy", "--label", "all", "-o", tmp_path / "a.iso")
-    assert "gives numbers" not in fails(2, "encode", tmp_path / "z.npy", "--label", "x", "-o", tmp_path / "a.iso")
 
 
 def test_values_that_only_come_close_are_no_label() -> None:

@@ -14,15 +14,15 @@ import pytest
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok
-from files import picture
+from files import fed, picture
 from isocodec import Decoder, IsoError, Limits
 from isocodec import limits as module
 from isocodec.entropy import run
 from isocodec.errors import LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
-from isocodec.io.cost import COST
+from isocodec.io import cost
 from isocodec.io.formats import Areas
-from isocodec.limits import Budget, in_units
+from isocodec.limits import Budget
 from isocodec.stream.inspect import inspect
 from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
@@ -40,26 +40,6 @@ def field(n, size, rough, seed=3):
 
 
 # --- the account ------------------------------------------------------------------------------------------------------
-
-
-def test_a_budget_counts_what_is_held_and_refuses_more():
-    budget = Budget(1000)
-    one, other = object(), object()
-    budget.hold(one, 400)
-    budget.hold(other, 500, passing=100)
-    with pytest.raises(LimitError) as caught:
-        budget.hold(one, 400, passing=101)
-    assert caught.value.code == "limit-memory" and caught.value.exit_code == 6 and budget.held == 900
-    budget.check(100)
-    with pytest.raises(LimitError):
-        budget.check(101)
-    budget.hold(one, 1)
-    budget.release(other)
-    assert budget.held == 1
-
-
-def test_sizes_are_told_in_units():
-    assert [in_units(size) for size in (5, 2048, 3 << 19, 1 << 30)] == ["5 bytes", "2 KiB", "1.5 MiB", "1 GiB"]
 
 
 def test_tiers():
@@ -154,7 +134,7 @@ def test_the_encoder_warns_of_files_that_default_limits_refuse(monkeypatch):
 @pytest.mark.parametrize("n, suffix", [
     (2, ".geojson"), (2, "areas"), (3, ".ply"),
     *(pytest.param(n, suffix, marks=pytest.mark.heavy) for n, suffix in (
-        (2, ".npz"), (2, ".svg"), (2, ".pmtiles"), (2, ".png"), (3, ".npz"), (3, ".obj"), (3, ".stl"), (3, ".png"))),
+        (2, ".svg"), (2, ".pmtiles"), (2, ".png"), (3, ".obj"), (3, ".png"))),
 ])
 @pytest.mark.parametrize("rough", [1, pytest.param(0, marks=pytest.mark.heavy)])
 def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
@@ -174,9 +154,7 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     rendered(what(contour), suffix)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    cost = COST
-    counted = cost.peak(len(contour.points), len(contour.cells))
-    assert peak < counted
+    assert peak < cost.peak(len(contour.points), len(contour.cells))
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
@@ -184,7 +162,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
     """Before their memory is taken; the decoder holds nothing after that, and says why."""
     ends = []
     lone = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
-    for step in (len(lone), 1):
+    for step in (len(lone), 9):
         decoder = Decoder(Limits(memory=40 * MIB))
         gc.collect()
         tracemalloc.start()
@@ -206,13 +184,9 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
 def test_drawing_has_a_limit_of_its_own():
     """The decoder can still be used, and so can a smaller drawing."""
     data = isocodec.encode(field(3, 40, 1), 0.5, precision="signs")
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
+    decoder = fed(data)
     # as much as decoding takes in passing: lists of a round, which are gone at its end
-    tight = Decoder(Limits(memory=decoder.budget.peak))
-    tight.feed(data)
-    tight.close()
+    tight = fed(data, Limits(memory=decoder.budget.peak))
     with pytest.raises(LimitError) as caught:
         tight.contour()
     assert caught.value.code == "limit-memory"
@@ -299,16 +273,6 @@ def test_errors_keep_nothing_alive():
     assert len(tubes) == 6 and all(ref() is None for ref in tubes), "without the garbage collector's help"
 
 
-def test_an_error_is_raised_again_without_what_led_to_it():
-    decoder = Decoder()
-    with pytest.raises(IsoError) as caught:
-        decoder.feed(b"nothing of ours")
-        list(decoder)
-    assert decoder._error.__traceback__ is None and decoder._error.__context__ is None
-    with pytest.raises(type(caught.value), match=caught.value.message):
-        list(decoder)
-
-
 @pytest.mark.parametrize(
     "where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.grid_contents.leaves_of"]
 )
@@ -348,9 +312,7 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
         6, "decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limits", f"samples={samples - 1}",
     )
     assert not (tmp_path / "m.npy").exists()
-    decoder = Decoder()
-    decoder.feed(large)
-    decoder.close()
+    decoder = fed(large)
     gc.collect()
     tracemalloc.start()
     above = sum(int(rows.sum()) for rows in decoder.grid.mask_rows())

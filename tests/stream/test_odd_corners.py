@@ -6,7 +6,6 @@ import json
 from contextlib import nullcontext
 from dataclasses import replace
 from io import BytesIO
-from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -17,7 +16,6 @@ from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
 from isocodec import Decoder, Limits
-from isocodec.cli.report import progress_bar
 from isocodec.drawing import rows as masks
 from isocodec.errors import FormatError, InputError, LimitError
 from isocodec.field.cropping import cropped
@@ -30,7 +28,6 @@ from isocodec.storage.atomic import undo_all, undoing
 from isocodec.storage.content import content
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.given import in_cells
-from isocodec.stream.inspect import inspect
 from isocodec.stream.options import Precision
 from isospec.container import SIGNATURE
 
@@ -229,15 +226,6 @@ def test_all_drawings_of_a_file_count_together():
 # --- inputs and outputs -----------------------------------------------------------------------------------------------
 
 
-def test_degrees_are_not_named(tmp_path):
-    """GeoJSON is in degrees, whatever the system of the file."""
-    for system in ("EPSG:4326", "EPSG:32631"):
-        data = isocodec.encode(isocodec.Field(HILLS, placement=[[0, 1, 5], [1, 0, 6]]), 100.5, metadata={"crs": system})
-        (tmp_path / "in.iso").write_bytes(data)
-        ok("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
-        assert "crs" not in json.loads((tmp_path / "out.geojson").read_bytes())
-
-
 def test_what_cannot_be_undone_keeps_nothing_else_from_it():
     done = []
 
@@ -261,15 +249,6 @@ def test_rounding_is_measured_along_the_finest_axis(tmp_path):
     assert result.exit_code == 0 and "are rounded" in result.stderr
 
 
-def test_who_names_an_isovalue_is_not_told_of_others(tmp_path):
-    (tmp_path / "in.iso").write_bytes(TWO)
-    result = run("decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz", "--isovalue", 9.5)
-    assert result.exit_code == 0 and "only isovalue" not in result.stderr
-    assert "only isovalue 0.5" in run("decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz").stderr
-    assert "only isovalue" not in run("plot", tmp_path / "in.iso", "-o", tmp_path / "a.png").stderr  # it draws all
-    assert "only" not in run("plot", tmp_path / "in.iso", "-o", tmp_path / "a.png", "--isovalue", 9.5).stderr
-
-
 def test_memory_that_ends_anywhere_has_its_exit_code(tmp_path, monkeypatch):
     (tmp_path / "in.iso").write_bytes(TWO)
 
@@ -289,25 +268,3 @@ def test_only_whole_layers_count_as_kept(tmp_path):
         decoder.feed((tmp_path / "out.iso").read_bytes())
         whole = sum(isinstance(event, LayerComplete) for event in decoder)
         assert record["layers"] == whole < len(isocodec.open(data).info.layers)
-
-
-def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
-    """A file whose writer promises it of one isovalue only."""
-    (tmp_path / "in.iso").write_bytes(TWO)
-
-    def promised(data: bytes, **options: object) -> object:
-        info = inspect(data, **options)
-        info.topology[1] = True
-        return info
-
-    monkeypatch.setattr("isocodec.api.files.inspect", promised)
-    assert "kept in every layer of 9.5" in ok("info", tmp_path / "in.iso")
-
-
-def test_a_bar_that_has_not_appeared_is_not_cleared(monkeypatch):
-    written = []
-    monkeypatch.setattr("isocodec.cli.report.sys.stderr", SimpleNamespace(isatty=lambda: True))
-    monkeypatch.setattr("isocodec.cli.report.os.write", lambda *what: written.append(what))
-    with progress_bar("working"):
-        undo_all()
-    assert written == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import FrozenInstanceError, fields, replace
+from dataclasses import fields
 from decimal import Decimal
 from fractions import Fraction
 from inspect import Parameter, signature
@@ -18,8 +18,7 @@ import isocodec
 from brute import examples
 from isocodec.errors import InputError, OptionError
 from isocodec.field.samples import check_field, isovalue_of
-from isocodec.stream.encoder import encoder_of
-from isocodec.stream.options import DEFAULT_TOLERANCE, EncodeOptions, Options, Precision
+from isocodec.stream.options import DEFAULT_TOLERANCE, EncodeOptions, Options
 from tables import looped
 
 FIELD = np.add.outer(np.arange(6), np.arange(7)).astype(np.uint8)
@@ -94,12 +93,6 @@ def test_plans_that_are_none(plan):
     assert caught.value.code == "plan"
 
 
-@pytest.mark.parametrize("level", [5.5, True, -1])
-def test_levels_of_bases_that_are_none(level):
-    with pytest.raises(OptionError):
-        isocodec.encode(FIELD, 5.5, layers=level)
-
-
 def test_plans_with_numbers_of_numpys():
     plan = [("base", 2), ("refine", 1), ("refine", None), ("offsets", 5, 0)]
     same = [("base", np.int8(2)), ["refine", np.uint8(1)], ("refine", None), ("offsets", np.int64(5), np.int8(0))]
@@ -171,14 +164,3 @@ def test_an_unknown_option_is_refused():
         isocodec.encode(FIELD, 5, exact=True)
     with pytest.raises(OptionError, match="unknown option 'exact'"):
         isocodec.Encoder(5, exact=True)
-
-
-def test_an_encoder_shows_its_options():
-    options = encoder_of(FIELD, 5, precision=np.float32(0.5), metadata={"unit": "m"}).frame.file.options
-    assert options == Options.of(precision=0.5, metadata={"unit": "m"}) and type(options.precision.tolerance) is float
-    assert Options.of(precision=[2, "exact"]).precision.steps == (2, 0)
-    assert replace(Options.of(precision=[2, 0.5]), metadata={}).precision.steps == (2, 0.5)
-    with pytest.raises(FrozenInstanceError):
-        options.precision.exact = True
-    with pytest.raises(FrozenInstanceError):
-        options.precision = Precision(exact=True)

@@ -25,7 +25,7 @@ from isocodec.field.placement import Placement
 from isocodec.grid.lattice.vertex_set import every_vertex
 from isocodec.stream.options import CriterionName
 from libraries import Late
-from tables import looped
+from tables import heavy, looped
 
 pyvista = Late("pyvista")
 coo_array = Late("scipy.sparse.coo_array")
@@ -325,7 +325,7 @@ def at_ends(contour: isocodec.Contour, axis: int) -> list[set[tuple[float, ...]]
 
 
 @looped("way", SEARCHED)
-@looped("where", ["torus", "pipe"])
+@looped("where", ["torus", *heavy("pipe")])
 def test_several_isovalues(where: str, way: str) -> None:
     """They go on across the seam, and do not cross one another."""
     _, periodic, _ = AXES[where]
@@ -362,16 +362,8 @@ def test_missing_samples(where: str, way: str) -> None:
 
 
 MAPPED: dict[str, Callable[[], tuple[Array, list[Array]]]] = {
-    "radial": grids.polar, "elliptic": grids.elliptic, "around a mean contour": lambda: crowded(),
+    "radial": grids.polar, "elliptic": grids.elliptic,
 }
-
-
-def crowded() -> tuple[Array, list[Array]]:
-    """Ellipses that crowd around a mean contour, as in the figures of the papers."""
-    share, turn = np.linspace(-1, 1, 25)[:, None], np.linspace(0, 2 * np.pi, 96, endpoint=False)
-    scale = 1 + 0.35 * (0.4 * share + 0.6 * share**3)
-    x, y = 90 * scale * np.cos(turn), 60 * scale * np.sin(turn)
-    return np.hypot(x / 90, y / 60) - 1 - 0.04 * np.cos(5 * turn) - 0.02 * np.sin(11 * turn), [x, y]
 
 
 @looped(("cells", "topology"), [(0.4, False), (1.5, False), (1.5, True)])

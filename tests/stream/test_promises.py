@@ -8,16 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import HEAVY, examples, smooth
+from brute import examples, smooth
 from commands import BALL, HILLS
 from isocodec import Decoder
 from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import Promises, read_promises, write_promises
-from isocodec.format.events import ChunkSkipped, PromisesRead
+from isocodec.format.events import PromisesRead
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
-from isospec.container import ChunkType
 from tables import looped
 
 
@@ -85,20 +84,6 @@ def test_one_step_is_a_tolerance() -> None:
     assert isocodec.open(data).info.layers[-1].within == 1 and data == other
 
 
-def test_others_are_skipped() -> None:
-    data = isocodec.encode(HILLS, 80.5, precision=[2])
-    info = isocodec.open(data).info
-    (chunk,) = (chunk for chunk in info.chunks if chunk.type == "promises")
-    at = chunk.offset + 2
-    broken = data[:at] + b"\x07" + data[at + 1 :]
-    decoder = Decoder()
-    decoder.feed(broken[:-4])
-    events = list(decoder)
-    assert any(isinstance(event, ChunkSkipped) and event.type == ChunkType.PROMISES for event in events)
-    assert not any(isinstance(event, PromisesRead) for event in events)
-    assert np.array_equal(decoder.contour().points, isocodec.decode(data).points)
-
-
 @looped("promise", [(), (0.0,), (float("nan"),), ("1",), (1.0, 2.0), (1e300,)])
 def test_promises_of_a_plan(promise: tuple[object, ...]) -> None:
     plan = [("base", 2), ("refine", None), ("offsets", 3)]
@@ -126,32 +111,6 @@ def rough(shape: tuple[int, ...], seed: int) -> np.ndarray:
     return smooth(shape, seed) + 0.12 * noise
 
 
-@pytest.mark.parametrize(
-    ("distance", "topology"),
-    [
-        (0.2, False), (1.0, True), (3.0, False), pytest.param(0.2, True, marks=pytest.mark.heavy),
-        pytest.param(1.0, False, marks=pytest.mark.heavy), pytest.param(3.0, True, marks=pytest.mark.heavy),
-    ],
-)
-@pytest.mark.parametrize("shape", [(70, 57), (17, 14, 20)])
-def test_the_criterion_distortion_keeps_its_distance(distance: float, shape: tuple[int, ...], topology: bool) -> None:
-    for seed in range(3 if HEAVY else 1):
-        field = rough(shape, seed)
-        options = {"layers": f"distortion={distance}", "keep_topology": topology}
-        data = isocodec.encode(field, 0.0, **options)
-        assert measured(field, 0.0, isocodec.decode(data)) <= distance + 0.006
-        assert len(data) <= len(isocodec.encode(field, 0.0, keep_topology=topology))
-
-
-@pytest.mark.parametrize(
-    "more", [{"precision": 0.3}, {"precision": "step=0.001"}, {"precision": "signs"}, {"precision": 0.05}],
-)
-def test_distortion_with_any_precision(more: dict[str, object]) -> None:
-    field = rough((50, 41), 5)
-    data = isocodec.encode(field, 0.0, layers="distortion=1.5", **more)
-    assert measured(field, 0.0, isocodec.decode(data)) <= 1.506
-
-
 def test_distortion_finer_than_offsets() -> None:
     field = rough((40, 41), 6)
     data = isocodec.encode(field, 0.0, layers="distortion=0.02")
@@ -162,7 +121,7 @@ def test_distortion_finer_than_offsets() -> None:
 
 @pytest.mark.cover(1)
 @pytest.mark.parametrize("topology", [False, True])
-@pytest.mark.parametrize("shape", [(61, 52), (11, 14, 12)])
+@pytest.mark.parametrize("shape", [(61, 52), (9, 11, 10)])
 def test_each_step_is_kept_when_it_is_complete(shape: tuple[int, ...], topology: bool) -> None:
     field = rough(shape, 2)
     data = isocodec.encode(field, 0.0, precision=[4, 1, 0.3], keep_topology=topology)

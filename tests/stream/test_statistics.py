@@ -71,17 +71,6 @@ def test_each_isovalue_has_its_own(tmp_path: Path) -> None:
     assert "statistics" not in json.loads(ok("info", source, "--json"))
 
 
-def test_the_table_divides(tmp_path: Path) -> None:
-    source = tmp_path / "hills.iso"
-    source.write_bytes(isocodec.encode(HILLS, 60.5, layers=12))
-    (one,) = isocodec.open(source.read_bytes()).statistics().contours
-    shown = ok("info", source, "--statistics")
-    (line,) = (line for line in shown.splitlines() if "crossed pixel" in line)
-    numbers = [float(cell) for cell in line.split()[-5:]]
-    bits = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
-    assert one.pixels and numbers == pytest.approx([one.pixels, *(each / one.pixels for each in bits)], abs=5e-4)
-
-
 def test_a_part_and_a_coarse_mesh() -> None:
     data = isocodec.encode(HILLS, 60.5)
     part = isocodec.open(data[: len(data) // 4]).statistics()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +9,9 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok
 from isocodec import Decoder
-from isocodec.errors import FormatError, OptionError
-from isocodec.format.chunks import write_chunk, write_further, write_turn
+from isocodec.errors import OptionError
 from isocodec.format.events import LayerComplete, TurnRead
-from isospec.container import ChunkType
-from tables import looped
 
 ROWS, COLUMNS = np.mgrid[:33, :29]
 NOISE = np.random.default_rng(2).normal(size=ROWS.shape)
@@ -108,39 +103,6 @@ def test_edits(tmp_path: Path) -> None:
     assert drawn(file.edited(profile="baseline")) == drawn(plain)
     assert all(one.kept for one in file.verify(HILLS))
     assert file.statistics().layers
-
-
-@looped(
-    ("first", "count", "clause"),
-    [(0, 0, "3.5.9"), (0, 3, "3.5.9"), (2, 1, "3.5.9"), (1, 1, None), (0, 2, None)],
-)
-def test_turns_that_are_wrong(first: int, count: int, clause: str | None) -> None:
-    begun = isocodec.encode(HILLS, 0.5, precision="signs", layers=0)
-    from isocodec.format.header import read_header
-
-    found = read_header(begun)
-    assert found is not None
-    parts = begun[: found[1]] + write_chunk(ChunkType.ISOVALUE, write_further(1, 10.5, 0))
-    decoder = Decoder()
-    decoder.feed(parts + write_chunk(ChunkType.TURN, write_turn(range(first, first + count))))
-    if clause is None:
-        list(decoder)
-        return
-    with pytest.raises(FormatError) as caught:
-        list(decoder)
-    assert caught.value.clause == clause
-
-
-def test_the_command_line(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", HILLS)
-    for order in ("levels", "isovalues"):
-        ok("encode", tmp_path / "a.npy", "-o", tmp_path / f"{order}.iso", "--interval", 10, "--order", order)
-        ok("verify", tmp_path / f"{order}.iso", tmp_path / "a.npy")
-        ok("plot", tmp_path / f"{order}.iso", "-o", tmp_path / f"{order}.png")
-    assert isocodec.open(tmp_path / "levels.iso").info.turned
-    wrong = "encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--interval", 10, "--order", "x"
-    assert "unknown order" in fails(2, *wrong)
-    json.loads(ok("info", tmp_path / "levels.iso", "--json"))
 
 
 @pytest.mark.parametrize("what", ["mesh", "labels", "series", "one"])

@@ -16,7 +16,6 @@ from brute import INTERPRETED
 from commands import fails, ok, run
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
-from isocodec.search.shared_sides import SharedSides
 from isocodec.storage.ranges import GAP, MOST_PIECES, SLACK, together
 from isocodec.tiles import tiled
 from isocodec.tiles.closing import TilePart
@@ -28,14 +27,14 @@ from tiled import encoded, hilly, holed, pieces, tiled_of
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
 
-FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 4, 3: 1}
+FIELDS = {2: 2, 3: 1}
 """Random fields, by number of axes."""
 MANY = {2: 200, 3: 60}
 
 
 def random_field(n: int, seed: int, integers: bool) -> np.ndarray:
     rng = np.random.default_rng(seed)
-    small, large = ((20, 60) if INTERPRETED else (20, 150)) if n == 2 else ((20, 36) if INTERPRETED else (20, 75))
+    small, large = ((20, 60) if INTERPRETED else (20, 150)) if n == 2 else ((20, 36) if INTERPRETED else (20, 50))
     field = gaussian_filter(rng.normal(size=rng.integers(small, large, n)), rng.choice([0.7, 1.5, 3, 6]))
     field /= field.std()
     return np.rint(field * 20).astype(np.int16) if integers else field
@@ -68,18 +67,6 @@ def test_groups_have_a_thousand_bytes() -> None:
     assert groups_of(np.array([10, 1000, 14, 1, 2000, 0])).tolist() == [0, 3, 5]
     assert groups_of(np.array([10, 20])).tolist() == [0, 2]
     assert groups_of(np.zeros(3, np.int64)).tolist() == [0]
-
-
-def test_ranges_are_joined_over_gaps() -> None:
-    """Over small ones always; over larger ones while there are many, as far as that reads little in vain."""
-    assert together([(5, 9), (0, 5), (1 << 20, 2 << 20)]) == [(0, 9), (1 << 20, 2 << 20)]
-    assert together([(0, 100), (10, 20)]) == [(0, 100)]
-    assert together([(0, 5), (GAP + 5, GAP + 9)]) == [(0, GAP + 9)]
-    for count, size, gap, wanted in (
-        (20, 2 * GAP, GAP + 1, MOST_PIECES), (4, 2 * GAP, GAP + 1, 4), (20, 10, 1 << 30, 20), (20, 10, SLACK // 5, 15),
-        (20, GAP, 2 * GAP, 10),
-    ):
-        assert len(together([(i * (gap + size), i * (gap + size) + size) for i in range(count)])) == wanted
 
 
 @given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 40)).map(lambda r: (r[0] << 11, (r[0] + r[1]) << 11)),
@@ -118,7 +105,7 @@ def test_the_union_of_many_is_the_whole(tmp_path: Path, n: int, integers: bool) 
 def check_union(tmp_path: Path, n: int, integers: bool, count: int) -> None:
     for seed in range(count):
         field = random_field(n, seed, integers)
-        if seed % 4 == 3:
+        if seed % 2:
             field = holed(field, seed)
         isovalue = 0.5 if integers and seed % 3 else 0
         options: list[dict[str, object]] = [
@@ -176,30 +163,13 @@ def test_tolerances_are_kept_without_seams(tmp_path: Path, seed: int) -> None:
     assert all(((each == 0) | (each == last)).any(axis=1).all() for each in ends)
 
 
-@given(seed=st.integers(0, 1000), k=st.integers(1, 5))
-def test_levels_of_samples_on_sides(seed: int, k: int) -> None:
-    """By hand: a sample is a middle of the level at which bisection comes to it."""
-    side = (1 << k) + 1
-    signs = np.random.default_rng(seed).random((side, side)) < 0.5
-    position, level = SharedSides(signs.shape, np.ones((2, 2), np.bool_)).vertices(signs)
-    for (x, y, _), own in zip(position.tolist(), level.tolist(), strict=True):
-        step = 1 << (k - 1)
-        while x % step or y % step:
-            step //= 2
-        both = (x // step) % 2 and (y // step) % 2
-        assert own == 2 * (k - 1 - step.bit_length() + 1) + (0 if both else 1)
-    row = signs[0]
-    wanted = {(0, y) for y in range(side) if (row[y] != row[y - 1] and y) or (y + 1 < side and row[y] != row[y + 1])}
-    assert {(x, y) for x, y, _ in position.tolist() if x == 0} >= wanted - {(0, 0), (0, side - 1)}
-
-
 def test_windows_are_parts_of_the_whole(tmp_path: Path) -> None:
     file = tiled_of(encoded(tmp_path, hilly(), [30.5, 60.5], tile=32))
     rng = np.random.default_rng(1)
     for isovalue in (30.5, 60.5):
         for layer in range(4):
             whole = file.window(isovalue=isovalue, layer=layer)
-            for _ in range(4):
+            for _ in range(2):
                 low = rng.integers(0, 100, 2)
                 high = low + rng.integers(1, 60, 2)
                 part = file.window(np.stack([low, high], axis=1).tolist(), isovalue=isovalue, layer=layer)

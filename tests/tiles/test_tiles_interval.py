@@ -11,11 +11,10 @@ import pytest
 
 import isocodec
 from commands import fails, ok, run
-from isocodec.field.isovalues import multiples
 from isocodec.stream.options import Options
 from isocodec.tiles.writing import sample_range, tiling_of
 from tables import looped
-from tiled import hilly, holed, pieces
+from tiled import hilly, pieces
 
 
 def floats() -> np.ndarray:
@@ -28,9 +27,9 @@ def floats() -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("field", "options"),
-    [(hilly((40, 70)), (40,)), (hilly((40, 70)), ("40,0.5",)), (floats(), (5,)),
+    [(hilly((40, 70)), ("40,0.5",)), (floats(), (5,)),
      (hilly((40, 36))[:, :, None] + np.arange(34, dtype=np.int16), (80,))],
-    ids=["whole", "shifted", "holed", "space"],
+    ids=["shifted", "holed", "space"],
 )
 def test_the_isovalues_of_encode(tmp_path: Path, field: np.ndarray, options: tuple[object, ...]) -> None:
     """As ``encode --interval`` finds them of the whole field; and the curves are those of these isovalues."""
@@ -78,19 +77,6 @@ def test_memory_is_that_of_a_tile() -> None:
     assert seen == [(done, grid.total) for done in range(1, grid.total + 1)] and field.asked == grid.total
 
 
-def test_masked_samples() -> None:
-    field = holed(hilly(), 3)
-    found = sample_range(field, tiling_of(field, 0, 32, Options()).grid)
-    assert found == (field.min(), field.max())
-    gone = np.ma.masked_all((50, 50), np.float32)
-    assert sample_range(gone, tiling_of(gone, 0, 32, Options()).grid) is None
-
-
-def test_offsets_of_multiples() -> None:
-    assert multiples(20, -5, 61) == (0, 20, 40, 60)
-    assert multiples(0.1, 0, 0.35, 0.05) == (0.05, 0.15, 0.25)
-
-
 @looped(
     ("options", "code", "said"),
     [
@@ -107,12 +93,6 @@ def test_what_cannot_be_asked(tmp_path: Path, options: list[Any], code: int, sai
     np.save(tmp_path / "f.npy", hilly((40, 40)) + 1)
     assert said in fails(code, "encode", "--tile", 32, tmp_path / "f.npy", "-o", tmp_path / "o.iso", *options)
     assert not (tmp_path / "o.iso").exists() and not (tmp_path / "o.iso.tiles").exists()
-
-
-@pytest.mark.parametrize(("value", "said"), [(np.nan, "all samples are missing"), (np.inf, "infinite values")])
-def test_fields_without_a_range(tmp_path: Path, value: float, said: str) -> None:
-    np.save(tmp_path / "f.npy", np.full((40, 40), value))
-    assert said in fails(3, "encode", "--tile", 1024, tmp_path / "f.npy", "-o", tmp_path / "o.iso", "--interval", 5)
 
 
 def test_wrong_options_are_found_before_a_sample_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

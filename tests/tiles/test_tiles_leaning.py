@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import isocodec
-from brute import smooth
-from isocodec.errors import FormatError
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isocodec.tiles.first_stages import first_stages
 from libraries import Late
@@ -36,7 +33,7 @@ def same(ours: isocodec.Contour, theirs: isocodec.Contour) -> None:
 )
 def test_each_is_that_of_the_whole_field(tmp_path: Path, precision: str, masked: bool, order: str | None) -> None:
     """Of each isovalue, alone and among others, in windows, at every stage, and of the first stages alone."""
-    field = hilly((49, 70)).astype(float if "step" in precision else np.int16)
+    field = hilly((49, 52)).astype(float if "step" in precision else np.int16)
     field = holed(field, 1) if masked else field
     data = encoded(tmp_path, field, ISOVALUES, precision=precision, order=order)
     file = tiled_of(data)
@@ -44,23 +41,17 @@ def test_each_is_that_of_the_whole_field(tmp_path: Path, precision: str, masked:
     for isovalue, drawn in zip(ISOVALUES, file.windows(), strict=True):
         same(drawn, isocodec.decode(isocodec.encode(field, isovalue, precision=precision)))
         assert pieces(tiled_of(data).window(isovalue=isovalue)) == pieces(drawn)
-    box = [(10, 40), (33, 60)]
+    box = [(10, 40), (25, 50)]
     for number, drawn in zip((6, 1, 9), file.windows(box, [6, 1, 9]), strict=True):
         assert pieces(drawn) == pieces(file.window(box, isovalue=ISOVALUES[number]))
     alone = tiled_of(encoded(tmp_path, field, ISOVALUES, precision="signs", order="independent"))
     short = tiled_of(b"".join(first_stages(file, 2)))
-    for isovalue in ISOVALUES:
+    for isovalue in ISOVALUES[::3]:
         for layer in (0, 1, 2):
             assert pieces(file.window(isovalue=isovalue, layer=layer)) == pieces(
                 alone.window(isovalue=isovalue, layer=layer)
             )
         assert pieces(short.window(isovalue=isovalue)) == pieces(file.window(isovalue=isovalue, layer=1))
-
-
-def test_a_close_isovalue_costs_little(tmp_path: Path) -> None:
-    field = np.rint(2000 * smooth((257, 257), 5, 8)).astype(np.int16)
-    sizes = [len(encoded(tmp_path, field, some, tile=128, precision="exact")) for some in ([100], [110], [100, 110])]
-    assert sizes[2] - sizes[0] < 0.4 * sizes[1]
 
 
 def test_slack_needs_an_order(tmp_path: Path) -> None:
@@ -106,13 +97,3 @@ def test_cut_anywhere(tmp_path: Path) -> None:
             stage = (area - number) // 2
             assert pieces(drawn) == pieces(file.window(isovalue=file.isovalues[number], layer=stage))
             assert drawn.complete == (stage == len(file.head.stages) - 1)
-
-
-def test_wrong_groups_are_refused(tmp_path: Path) -> None:
-    data = bytearray(encoded(tmp_path, hilly(), [1.5, 2.5], precision="signs"))
-    length = int.from_bytes(data[6:8], "big")
-    at = data.index(bytes([2, 0, 6, 0, 10, 2])) + 5
-    data[at] = 1
-    data[length - 4 : length] = zlib.crc32(data[: length - 4]).to_bytes(4, "big")
-    with pytest.raises(FormatError, match="groups of 1 isovalues"):
-        tiled_of(bytes(data))

@@ -103,6 +103,7 @@ def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
     small = isocodec.open(encoded(tmp_path, field, 30.5), limits=isocodec.Limits(samples=100))
     with pytest.raises(LimitError):
         small.edited(window=[(0, 20), (0, 20)])
+    assert len(file.edited(window=[(0, 60), (0, 60)], size=300)) <= 300
     # a point, and the field's last corner
     assert isocodec.decode(file.edited(window=[(4, 4), (6, 6)])).shape == (2, 2)
     assert isocodec.decode(file.edited(window=[(99, 99), (129, 129)])).shape == (2, 2)
@@ -111,7 +112,7 @@ def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("options", [{}, *heavy({"precision": "signs"}, {"precision": "exact"})])
 def test_first_layers(tmp_path: Path, options: dict[str, object]) -> None:
     """What is drawn is what the whole file has at that layer; segments are the same bytes."""
-    field = holed(hilly((80, 112)), 2)
+    field = holed(hilly((50, 112)), 2)
     data = encoded(tmp_path, field, [30.5, 60.5], metadata={"unit": "m"}, **options)
     file = tiled_of(data)
     stages = len(file.head.stages)
@@ -160,26 +161,11 @@ def test_command_line(tmp_path: Path) -> None:
     facts = json.loads(ok("edit", tiled, "-o", out, "--layers", 2, "--json"))
     assert len(isocodec.open(out).info.layers) == 2 * 2 and facts["bytes"] == out.stat().st_size < tiled.stat().st_size
     assert json.loads(ok("info", out, "--json"))["kind"] == "tiles"
-    assert run("edit", tiled, "-o", out, "--size", 200).exit_code == 2
-    assert run("edit", tiled, "-o", out, "--window", "1").exit_code == 2
-    fails(2, "edit", tiled, "-o", out, "--window", "900:910,0:4")
-    assert "bytes read in 1 piece of a file of" in ok("edit", tiled, "-o", out, "--window", "0:9,0:9")
-    ok("plot", tiled, "-o", tmp_path / "x.png")
-    ok("decode", "--what", "above", tiled, "-o", tmp_path / "x.npy")
-    assert np.array_equal(np.load(tmp_path / "x.npy"), field > 30.5)
+    for wrong in (["--size", 200], ["--window", "1"], ["--window", "900:910,0:4"]):
+        fails(2, "edit", tiled, "-o", out, *wrong)
     ok("edit", tiled, "-o", out, "--profile", "baseline")
     assert json.loads(ok("info", out, "--json"))["kind"] == "grid"
-    assert json.loads(ok("info", tiled, "--json"))["complete"] and "warning" not in run("info", tiled).stderr
     cut = tmp_path / "cut.iso"
     cut.write_bytes(tiled.read_bytes()[:-1])
     assert not json.loads(ok("info", cut, "--json"))["complete"] and "ends before" in run("info", cut).stderr
     assert "ends before" in run("decode", cut, "--partial", "-o", tmp_path / "c.npz").stderr
-    plain = tmp_path / "p.iso"
-    plain.write_bytes(isocodec.encode(field, 30.5))
-    ok("edit", plain, "-o", out, "--window", "0:40,20:70")
-    assert np.array_equal(isocodec.open(out).above(), field[:41, 20:71] > 30.5)
-    fails(2, "edit", plain, "-o", out, "--window", "900:910,0:4")
-    np.save(tmp_path / "f.npy", field)
-    said = run("encode", "--tile", 32, tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
-    assert "the isovalue 1e+06 lies outside the data" in said and said.count("empty") == 1
-    assert len(run("edit", tiled, "-o", "-", "--layers", 1).stdout_bytes) < tiled.stat().st_size

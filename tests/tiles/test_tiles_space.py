@@ -15,9 +15,8 @@ from isocodec.errors import InputError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
-from isocodec.search.tile_faces import Faces, ancestry, parents, unit_of
+from isocodec.search.tile_faces import Faces
 from isocodec.tiles.tiled import TiledFile
-from isoconform import meshes
 from libraries import Late
 from tables import heavy
 from tiled import encoded, tiled_of
@@ -164,30 +163,3 @@ def test_a_face_is_the_same_from_both_sides() -> None:
             faces.search((axis, at), check_field(field.take(at, axis), 0.4), 1.0)
         found.append(sorted((x, z) for x, _, z in faces.wanted[1, place]))
     assert found[0] == found[1] == found[2] and found[0]
-
-
-def test_parents() -> None:
-    """Against those of diamonds that are built simplex by simplex."""
-    known = meshes.parents((9, 9, 9))
-    for vertex, wanted in known.items():
-        inside = {each for each in parents(vertex) if all(0 <= x <= 8 for x in each)}
-        assert inside == set(wanted) or unit_of(vertex) == 4
-    for vertex in list(known)[::29]:
-        own = set(ancestry(vertex, 8))
-        assert all(known[each] <= own for each in own if each in known)
-
-
-def test_what_may_be_next_to_faces() -> None:
-    """On cubes of 8, beside the low face across axis 0, which the surface y = 12.5 crosses."""
-    signs = np.zeros((33, 33, 33), np.bool_)
-    signs[:, 13:] = True
-    shared = np.zeros((3, 2), np.bool_)
-    shared[0, 0] = True
-    faces = Faces(signs, shared, 3)
-    assert faces.allowed((8, 8, 8)) and faces.allowed((4, 12, 12)) and faces.allowed((16, 12, 12))
-    # in the face: next to the surface not, away from it
-    assert not faces.allowed((0, 12, 12)) and not faces.allowed((0, 12, 16)) and faces.allowed((0, 20, 20))
-    # these bring middles in the face with them
-    assert not faces.allowed((2, 14, 14)) and faces.allowed((2, 22, 22)) and not faces.allowed((1, 13, 13))
-    # nothing is known of the other side
-    assert faces.allowed((-4, 12, 12))

@@ -8,9 +8,7 @@ import random
 import signal
 import subprocess
 import sys
-import threading
 import time
-import zlib
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import fields
@@ -31,6 +29,7 @@ from isocodec.tiles.head import write_head
 from isocodec.tiles.spool import Spool, description
 from isocodec.tiles.tile_encoder import Tiling
 from isocodec.tiles.writing import tiling_of
+from tables import heavy
 from tiled import encoded, hilly, holed, pieces, tiled_of
 
 # -- who encodes ---------------------------------------------------------------------------------------------------
@@ -87,7 +86,7 @@ class Here:
 
 
 @pytest.mark.skipif(INTERPRETED, reason="workers would be slow")
-@pytest.mark.parametrize("ballast", [0, 1 << 20])
+@pytest.mark.parametrize("ballast", [0, *heavy(1 << 20)])
 def test_workers_read_what_is_handed_over_in_few_bytes(
     tmp_path: Path, processes: ProcessPoolExecutor, ballast: int
 ) -> None:
@@ -141,7 +140,7 @@ def test_a_harmed_spool_is_mended(tmp_path: Path) -> None:
     wanted = encoded(tmp_path, field, 30.5)
     path, spool = tmp_path / "again.iso", tmp_path / "spool"
     dice = random.Random(3)
-    for _ in range(12 if HEAVY else 4):
+    for _ in range(12 if HEAVY else 2):
         with pytest.raises(OSError, match="gone"):
             isocodec.save(path, Stopping(field, 12), 30.5, tile=32, spool=spool)
         for name in ("journal", "segments"):
@@ -273,17 +272,6 @@ def test_a_window_of_a_url(tmp_path: Path) -> None:
         assert not isocodec.open(url).complete
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes that have a name")
-def test_a_pipe_with_a_name(tmp_path: Path) -> None:
-    """It can be read once."""
-    for data in (isocodec.encode(hilly(), 30.5), encoded(tmp_path, hilly(), 30.5)):
-        pipe = tmp_path / "pipe"
-        os.mkfifo(pipe)
-        threading.Thread(target=pipe.write_bytes, args=(data,), daemon=True).start()
-        assert len(isocodec.open(pipe).contour().points)
-        pipe.unlink()
-
-
 def test_options_that_mean_nothing(tmp_path: Path) -> None:
     data = encoded(tmp_path, hilly(), 30.5)
     file = isocodec.open(data)
@@ -302,25 +290,13 @@ def test_options_that_mean_nothing(tmp_path: Path) -> None:
         assert pieces(file.contour(**option)) == pieces(isocodec.decode(data))  # type: ignore[arg-type]
 
 
-def test_flags_that_are_not_listed(tmp_path: Path) -> None:
-    """Of the file, and of a stage, with checksums that are right (clause 12.3.1)."""
-    data = encoded(tmp_path, np.zeros((40, 50), np.uint8), 0.5)
-    length = int.from_bytes(data[6:8], "big")
-    for at, bits in ((5, 0x40), (5, 0x02), (13, 0x20), (16, 0x10)):
-        bad = bytearray(data)
-        bad[at] |= bits
-        bad[length - 4 : length] = zlib.crc32(bad[: length - 4]).to_bytes(4, "big")
-        with pytest.raises(FormatError, match=r"12\.3"):
-            isocodec.open(bytes(bad))
-
-
 # -- killed --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.skipif(INTERPRETED, reason="a process of its own would be slow")
 def test_killed_and_run_again(tmp_path: Path) -> None:
-    """The whole process is killed, three times at any moment: the same command goes on; the bytes are the same."""
-    field = np.tile(hilly((512, 512)), (2, 2))
+    """The whole process is killed, twice at any moment: the same command goes on; the bytes are the same."""
+    field = np.tile(hilly((512, 512)), (2, 1))
     np.save(tmp_path / "f.npy", field)
     wanted = encoded(tmp_path, field, 30.5, tile=64)
     path = tmp_path / "killed.iso"
@@ -329,7 +305,7 @@ def test_killed_and_run_again(tmp_path: Path) -> None:
         "--tile", "64",
     ]
     dice = random.Random(1)
-    for _ in range(3):
+    for _ in range(2):
         child = subprocess.Popen(command)
         time.sleep(0.4 + dice.random())
         child.send_signal(signal.SIGKILL)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok, run
+from commands import run
 from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isocodec.format.header import Header, write_header
-from isocodec.format.surface import TinHead, read_tin, write_tin
+from isocodec.format.surface import TinHead, write_tin
 from isospec.container import ChunkType, Profile
 from tables import heavy, looped
 
@@ -55,16 +55,6 @@ def test_error_is_kept_at_scattered_points():
         tin.raster()
 
 
-def test_points_are_samples():
-    """Thinning to a number of points without steps that matter: nearly the same surface as before it was coded."""
-    tin = isocodec.open(isocodec.encode(isocodec.thin(HILL, to=80, step=1 / 64))).surface()
-    assert len(tin.points) == 80
-    assert np.array_equal(tin.points, np.rint(tin.points))
-    plain = isocodec.thin(HILL, criterion="l2", to=80)
-    before = isocodec.Tin(plain.points, plain.values, plain.triangles, HILL.shape).raster()
-    assert ((tin.raster() - HILL) ** 2).mean() <= ((before - HILL) ** 2).mean()
-
-
 @pytest.mark.parametrize("size", [90, 150, 400])
 def test_size_is_kept(size: int):
     data = isocodec.encode(isocodec.thin(HILL, size=size))
@@ -100,29 +90,6 @@ def test_coordinates_come_back():
     points = np.random.default_rng(1).integers(0, 4000, (60, 2)) * 25.5 + np.array([449999.5, -5.25e6])
     tin = isocodec.open(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, points[:, 0]), error=1e-3))).surface()
     assert set(map(tuple, tin.points)) <= set(map(tuple, points))
-
-
-def test_head_as_bytes():
-    """Worked out by hand: kind 2; 40 x 52; 5 = 5 * 2**0, 0.75 = 3 * 2**-2; the largest number; a layer of 9."""
-    head = TinHead((40, 52), True, 0, (0, 0), 5.0, 0.75, (), 100, (9,))
-    data = bytes([0x20, 40, 52, 10, 0, 6, 3, 100, 1, 9])
-    assert write_tin(head) == data
-    assert read_tin(data, 0) == (head, len(data))
-    head = TinHead((40, 52), False, -3, (1, -2), 0.0, 4.0, (0, 1, 5), 2, (4, 300))
-    data = bytes([0x23, 40, 52, 5, 2, 3, 0, 2, 4, 2, 1, 4, 2, 4, 0x82, 0x2C])
-    assert write_tin(head) == data
-    assert read_tin(data, 0) == (head, len(data))
-
-
-@looped(
-    "head",
-    ["2428280a000603640109", "20002810000603640109", "200000", "2028280a000003640109", "2028280a000503640109",
-     "2028280a0006036400", "2028280a0006036441", "20282880", "2028280a000603848000010901", "2028280a00060364"],
-)
-def test_heads_that_are_none(head: str):
-    with pytest.raises(FormatError) as caught:
-        read_tin(bytes.fromhex(head), 0)
-    assert caught.value.clause == "10.9.1"
 
 
 def test_damaged_files():
@@ -191,28 +158,6 @@ def test_input_that_makes_no_surface():
         isocodec.encode(isocodec.thin(np.full((4, 4), np.nan), error=1))
     with pytest.raises(InputError):
         isocodec.encode(isocodec.thin(np.zeros((1, 9)), error=1))
-
-
-def test_constant_values():
-    assert (
-        isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), error=0))).surface().raster() == 7.25
-    ).all()
-    assert (isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), to=9))).surface().raster() == 7.25).all()
-
-
-def test_command(tmp_path):
-    source, coded = tmp_path / "hill.npy", tmp_path / "hill.iso"
-    np.save(source, HILL)
-    told = json.loads(ok("thin", source, "-o", coded, "--error", 2, "--layers", 3, "--json"))
-    assert told["bytes"] == coded.stat().st_size
-    assert told["error"] <= 2
-    for suffix in (".npy", ".npz", ".ply", ".vtu", ".geojson"):
-        ok("decode", coded, "-o", tmp_path / f"out{suffix}")
-    assert np.abs(np.load(tmp_path / "out.npy") - HILL).max() <= 2
-    ok("decode", coded, "-o", tmp_path / "coarse.ply", "--max-bytes", 100)
-    assert json.loads(ok("thin", source, "-o", coded, "--size", 200, "--json"))["bytes"] <= 200
-    fails(2, "decode", coded, "-o", tmp_path / "out.svg")
-    fails(2, "thin", source, "-o", tmp_path / "out.ply", "--size", 300)
 
 
 def test_samples_that_are_missing_and_points_that_coincide(tmp_path):

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok, run
+from commands import fails
 from isocodec.errors import InputError, OptionError
 from tables import looped
 
@@ -184,37 +182,6 @@ def test_surfaces_that_there_are():
 # ---- Command line ---------------------------------------------------------------------------------------------------
 
 
-def test_command(tmp_path):
-    y, x = np.mgrid[:40, :50]
-    source = tmp_path / "hill.npy"
-    np.save(source, np.rint(100 * np.exp(-((y - 20.0) ** 2 + (x - 30.0) ** 2) / 200)))
-    for suffix in (".npz", ".ply", ".vtu", ".geojson"):
-        told = json.loads(ok("thin", source, "-o", tmp_path / f"out{suffix}", "--error", 2, "--json"))
-        assert told["error"] <= 2
-        assert told["points"] + told["removed"] == 2000
-    with np.load(tmp_path / "out.npz") as found:
-        assert found["cells"].max() == len(found["points"]) - 1
-        assert len(found["errors"]) == told["removed"]
-    import meshio
-    import trimesh
-
-    surface = trimesh.load(tmp_path / "out.ply", process=False)
-    assert len(surface.vertices) == told["points"]
-    assert (surface.face_normals[:, 2] > 0).all()
-    assert len(meshio.read(tmp_path / "out.vtu").cells_dict["triangle"]) == told["triangles"]
-    assert len(json.loads((tmp_path / "out.geojson").read_text())["features"]) == told["triangles"]
-
-
-def test_command_with_missing_samples(tmp_path):
-    field = np.add.outer(np.arange(9.0), np.arange(9.0))
-    field[3:5, 3:5] = np.nan
-    np.save(tmp_path / "holes.npy", field)
-    done = run("thin", tmp_path / "holes.npy", "-o", tmp_path / "out.ply", "--error", 0)
-    assert done.exit_code == 0, done.output
-    assert "4 missing samples" in done.stderr
-    assert "4 of 77 points" in done.stdout
-
-
 @pytest.mark.cover(2)
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("told", ["nan", "mask", "masked array"])
@@ -253,28 +220,18 @@ def triangulated(points: np.ndarray) -> set[tuple[int, ...]]:
     return {tuple(sorted(cell)) for cell in Delaunay(points).simplices.tolist()}
 
 
-@pytest.mark.cover(2)
-@pytest.mark.parametrize("way", ["API", "command"])
-@pytest.mark.parametrize("layers", [1, 4])
-@pytest.mark.parametrize("criterion", CRITERIA)
-def test_points_of_any_criterion_can_be_coded(tmp_path, criterion: str, layers: int, way: str):
+@looped("layers", [1, 4])
+@looped("criterion", CRITERIA)
+def test_points_of_any_criterion_can_be_coded(criterion: str, layers: int):
     """The file has the points that are left and what they had, and another library's triangles of these."""
     rng = np.random.default_rng(8)
     points = rng.integers(0, 10**6, (300, 2)).astype(float)
     values = np.rint(100 * np.sin(points[:, 0] / 2e5) + (points[:, 1] > 4e5) * 50)
     kept = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70).kept
-    out = tmp_path / "tin.iso"
-    if way == "API":
-        tin = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70, layers=layers)
-        assert np.array_equal(tin.kept, kept) and len(tin.order) == 230
-        out.write_bytes(isocodec.encode(tin))
-    else:
-        np.savetxt(tmp_path / "points.csv", np.c_[points, values], delimiter=",", header="x,y,z", comments="")
-        ok("thin", tmp_path / "points.csv", "-o", out, "--criterion", criterion, "--points", 70,
-           "--layers", layers)
-    ok("decode", out, "-o", tmp_path / "tin.npz")
-    with np.load(tmp_path / "tin.npz") as read:
-        found, heights, cells = read["points"][:, :2], read["values"], read["cells"]
+    tin = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=70, layers=layers)
+    assert np.array_equal(tin.kept, kept) and len(tin.order) == 230
+    read = isocodec.open(isocodec.encode(tin)).surface()
+    found, heights, cells = read.points, read.values, read.triangles
     wanted = np.c_[points[kept], values[kept]]
     have = np.c_[found, heights]
     assert np.array_equal(have[np.lexsort(have.T)], wanted[np.lexsort(wanted.T)])

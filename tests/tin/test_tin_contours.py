@@ -39,7 +39,7 @@ def test_contours_of_surfaces(tmp_path):
     assert isocodec.decode(scattered, isovalue=6.25).shape == ()
     (tmp_path / "b.iso").write_bytes(scattered)
     ok("decode", tmp_path / "b.iso", "-o", tmp_path / "b.geojson", "--isovalue", 6.25)
-    assert ".svg" in fails(2, "decode", tmp_path / "b.iso", "-o", tmp_path / "b.svg", "--isovalue", 6.25)
+    ok("decode", tmp_path / "b.iso", "-o", tmp_path / "b.svg", "--isovalue", 6.25)
 
 
 @pytest.mark.parametrize("tolerance", [1.5, *heavy(0.5)])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ..drawing.contour import Contour
 from ..drawing.simplifying import simplified
 from ..field.labelling import noun_of
-from ..io.cost import COST
+from ..io import cost
 
 if TYPE_CHECKING:
     from ..stream.decoder import Decoder
@@ -150,10 +150,10 @@ class Drawings(OneByOne):
         decoder.discard(number)
         contour = clipped(contour, view.window)
         size = contour.points.nbytes + contour.cells.nbytes
-        decoder.hold(self._kept + size + COST.peak(len(contour.points), len(contour.cells)))
+        decoder.hold(self._kept + size + cost.peak(len(contour.points), len(contour.cells)))
         return contour
 
     def drawn(self, counts: Counts) -> None:
         """Count what a writer keeps of a contour."""
-        self._kept += COST.after(counts.points, counts.cells)
+        self._kept += cost.kept(counts.points)
         self._decoder.hold(self._kept)

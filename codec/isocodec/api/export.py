@@ -14,7 +14,7 @@ from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import FormatError, InputError, OptionError
 from ..field.labelling import caption
-from ..io.cost import COST
+from ..io import cost
 from ..io.formats import (
     USUAL,
     Areas,
@@ -237,7 +237,8 @@ def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneB
     check(f"_{suffix}", Thing(kind, contours[0].n, several and len(contours) > 1), wanted)
     held = sum(one.points.nbytes + one.cells.nbytes for one in contours)
     sizes = [(len(one.points), len(one.cells)) for one in contours]
-    _check_memory(file, held + max(COST.peak(*size) for size in sizes) + sum(COST.after(*size) for size in sizes[1:]))
+    held += sum(cost.kept(points) for points, _ in sizes[1:])
+    _check_memory(file, held + max(cost.peak(*size) for size in sizes))
     return contours if wanted.simplify is None else Fewer(contours, wanted.simplify)
 
 
@@ -292,7 +293,7 @@ def _mesh(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported
     pieces = "triangles" if mesh.cells.shape[1] == 3 else "tetrahedra"
     check(f"_{suffix}", thing_of(mesh))
     held = sum(array.nbytes for array in (mesh.points, mesh.cells, mesh.levels, mesh.above))
-    _check_memory(file, held + COST.peak(len(mesh.points), len(mesh.cells)))
+    _check_memory(file, held + cost.peak(len(mesh.points), len(mesh.cells)))
     isovalue = None if np.isnan(mesh.isovalue) else float(mesh.isovalue)
     return Exported(
         mesh,

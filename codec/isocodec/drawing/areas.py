@@ -15,6 +15,8 @@ from .curve import Curve
 
 Points = NDArray[np.float64]
 Numbers = NDArray[np.int64]
+_DIGITS = 44
+"""Binary digits of coordinates of areas on planes in space whose rings touch."""
 
 
 def polygons() -> Any:
@@ -64,12 +66,19 @@ def oriented(shape: Any) -> Any:
 
 
 def lifted(area: Any, placement: Placement | None) -> Any:
-    """Areas of a plane in space with three coordinates, from those within the plane; others as they are."""
+    """Areas of a plane in space with three coordinates, valid as seen from above; others as they are."""
     if placement is None or not placement.in_space:
         return area
     shapely = polygons()
-    kind, points, offsets = shapely.to_ragged_array([area])
-    return shapely.from_ragged_array(kind, placement.lifted(points), offsets)[0]
+    for _ in range(2):
+        kind, points, offsets = shapely.to_ragged_array([area])
+        placed = placement.lifted(points)
+        found = shapely.from_ragged_array(kind, placed, offsets)[0]
+        if found.is_valid:
+            break
+        # rounding has made rings touch, or the plane is upright: rings are kept apart by more than rounding
+        area = oriented(shapely.set_precision(area, np.exp2(np.ceil(np.log2(abs(placed).max())) - _DIGITS)))
+    return found
 
 
 def geometry_of(area: Any) -> dict[str, Any]:

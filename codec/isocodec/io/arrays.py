@@ -54,6 +54,12 @@ def channel_of(count: int, band: int | None) -> int:
     return (band or 1) - 1
 
 
+def indices() -> InputError:
+    """Error of a picture whose samples are indices of a palette."""
+    return InputError("holds indices of a palette, not samples", code="palette",
+                      remedy="band=1 (--band 1) takes the indices; or save it as grey")
+
+
 def numbers(values: Any) -> Any:
     """Convert real numbers to native byte order, contiguous, and truth values to uint8; masks stay."""
     values = np.asanyarray(values)

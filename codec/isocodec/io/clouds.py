@@ -48,9 +48,9 @@ def of_cloud(points: Any, choice: Choice) -> Mesh:
 def of_shapes(table: Any, choice: Choice) -> Mesh:
     """Read points of geopandas with the values of a column of numbers, or their third coordinate, ``z``."""
     shapes = table.geometry
-    kinds = {*map(str, shapes.geom_type)}
+    kinds = {*shapes.geom_type.fillna("rows without a shape")}
     if kinds != {"Point"}:
-        raise InputError(f"holds {', '.join(sorted(kinds)) or 'nothing'}, not points", code="points",
+        raise InputError(f"holds {', '.join(sorted(kinds)) or 'nothing'}, not points alone", code="points",
                          remedy="take the layer of points")
     values = {str(name): table[name].to_numpy() for name in table.columns
               if name != shapes.name and table[name].dtype.kind in "iufb"}

@@ -1,30 +1,13 @@
-"""Memory that writing takes, counted before the work begins."""
+"""Memory that writing takes, in bytes, counted before the work begins: that of the most expensive writer."""
 
 from __future__ import annotations
 
-from ..deferred import dataclass
+
+def peak(points: int, cells: int) -> int:
+    """Most memory while one drawing is written."""
+    return 300 * points + 240 * cells + (1 << 24)
 
 
-@dataclass(frozen=True)
-class Cost:
-    """Most memory, in bytes, that writing takes: for each point, for each cell, and in any case.
-
-    ``kept`` bytes for each point are held until the file is complete; all of them if None.
-    """
-
-    point: int
-    cell: int
-    fixed: int = 0
-    kept: int | None = None
-
-    def peak(self, points: int, cells: int) -> int:
-        """Memory while one drawing is written."""
-        return self.point * points + self.cell * cells + self.fixed
-
-    def after(self, points: int, cells: int) -> int:
-        """Memory after a drawing has been written, while others follow."""
-        return self.point * points + self.cell * cells if self.kept is None else self.kept * points
-
-
-COST = Cost(300, 240, 1 << 24, kept=150)
-"""Memory of the writers, that of the most expensive ones."""
+def kept(points: int) -> int:
+    """Memory that is held after a drawing has been written, until the file is complete."""
+    return 150 * points

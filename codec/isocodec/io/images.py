@@ -18,7 +18,7 @@ from ..field.placement import Placement
 from ..field.sampled import Field
 from ..verbs import Choice
 from . import rasters
-from .arrays import channel_of, numbers, of_array
+from .arrays import channel_of, indices, numbers, of_array
 from .in_turn import check_frame
 from .libraries import library, reading
 
@@ -28,8 +28,6 @@ FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".gif"
 _ORIENTATION, _NODATA, _PALETTE = 274, 42113, 3
 _GEOGRAPHY = {33550, 33922, 34264}
 """Tags of scale, tie points and transformation."""
-_INDICES = InputError("holds indices of a palette, not samples", code="palette",
-                      remedy="band=1 (--band 1) takes the indices; or save it as grey")
 
 
 def of_picture(image: Any, choice: Choice) -> Field:
@@ -41,7 +39,7 @@ def of_picture(image: Any, choice: Choice) -> Field:
     band, several = choice.band, int(getattr(image, "n_frames", 1))
     bands, mode = image.getbands(), image.mode
     if mode == "P" and band is None:
-        raise _INDICES
+        raise indices()
     if len(bands) > 1 and ";16" in str(getattr(image, "tile", "")):
         raise InputError("is a colour picture of 16 bits per channel, of which Pillow keeps 8", code="depth",
                          remedy="save it as 16-bit grey, or as TIFF")
@@ -112,7 +110,7 @@ def _stack(tiff: Any, choice: Choice) -> Field | Frames:
     (series,) = tiff.series
     axes = str(series.axes)
     if series.keyframe.photometric == _PALETTE and choice.band is None:
-        raise _INDICES
+        raise indices()
     if None in series.pages:
         raise InputError("lacks some of the pages that it states", code="unreadable",
                          remedy="check that the file is complete")

@@ -16,6 +16,7 @@ from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
+from ..verbs import Choice
 from .arrays import VALUES, channel_of, check_kind
 from .conventions import is_mapping, is_time, kind_of, located
 from .in_turn import InTurn, check_frame, check_series, placed_field, unjoined
@@ -40,90 +41,51 @@ def is_labelled(thing: object) -> bool:
     return hasattr(thing, "isel")
 
 
-def open_(
-    path: Path, key: str | None = None, band: int | None = None, frame: int | None = None, frames: bool = False,
-    nodata: float | None = None, lazy: bool = False,
-) -> Field | Frames:
-    """Read an array of a netCDF or HDF5 file, or of a Zarr store.
-
-    Parameters
-    ----------
-    path : Path
-    key : str, optional
-        Path of the array; without it the only one of two or more axes, the one named ``values``, or the finest level
-        of an OME-Zarr image.
-    band : int, optional
-        Channel of an OME-Zarr image, counted from 1.
-    frame, frames, nodata, lazy
-        As of `of_labelled`.
-
-    Raises
-    ------
-    OSError, InputError, OptionError, MissingExtraError
-    """
-    key = None if key is None else key.strip("/")
+def open_(path: Path, choice: Choice) -> Field | Frames:
+    """Read an array of a netCDF or HDF5 file, or of a Zarr store; without a key its finest level, if it is an image."""
+    key = None if choice.key is None else choice.key.strip("/")
     while is_store(path) and is_store(path.resolve().parent):  # an array of a group is placed by what lies around it
         path = path.resolve()
         key, path = f"{path.name}/{key}" if key else path.name, path.parent
     with ExitStack() as held:
         arrays = arrays_of(path, held)
         array, remarks = _chosen(arrays, key)
-        if "c" in array.dims or band is not None:
-            array = array.isel({"c": channel_of(array.sizes.get("c", 1), band)}, missing_dims="ignore")
-        found = of_labelled(array, None, frame, frames, nodata, lazy)
-        if frames or lazy:  # samples are read later
+        if "c" in array.dims or choice.band is not None:
+            array = array.isel({"c": channel_of(array.sizes.get("c", 1), choice.band)}, missing_dims="ignore")
+        found = of_labelled(array, choice)
+        if choice.frames or choice.lazy:  # samples are read later
             weakref.finalize(found.fields if isinstance(found, Frames) else found.values, held.pop_all().close)
     if isinstance(found, Field) and not found.placement:
         return replace(found, remarks=(*found.remarks, *remarks))
     return found
 
 
-def of_labelled(
-    array: Any, key: str | None = None, frame: int | None = None, frames: bool = False, nodata: float | None = None,
-    lazy: bool = False,
-) -> Field | Frames:
-    """A DataArray of two or three axes, but for those of one sample, or a variable of a Dataset, as a field.
+def of_labelled(array: Any, choice: Choice) -> Field | Frames:
+    """Read a DataArray of two or three axes besides those of one sample, a variable of a Dataset, or a DataFrame.
 
-    Parameters
-    ----------
-    array : xarray.DataArray or xarray.Dataset
-    key : str, optional
-        The variable of a Dataset.
-    frame : int, optional
-        Number along the axis of times, or else the first axis.
-    frames : bool
-        Give the whole series; with ``frame``, the slices of that volume.
-    nodata : float, optional
-        Stored number of missing samples, instead of what attributes state; NaN: none.
-    lazy : bool
-        Leave samples where they are until windows of them are read.
-
-    Raises
-    ------
-    InputError
-        Of other shapes and types, and of values on unstructured meshes.
-    OptionError
-        If there is no such frame.
+    Frames are counted along the axis of times, or else the first axis.
     """
+    if hasattr(array, "iloc"):
+        array = library("xarray", extra="labelled", purpose="reading a DataFrame").DataArray(array)
     if hasattr(array, "data_vars"):
-        array = _chosen(Arrays({str(name): array[name] for name in array.variables}), key)[0]
+        array = _chosen(Arrays({str(name): array[name] for name in array.variables}), choice.key)[0]
     if {"mesh", "location"} <= array.attrs.keys():
         raise _unstructured()
     array = array.squeeze()
     check_kind(array.dtype)
-    if frame is not None:
+    if choice.frame is not None:
         axis = _frame_axis(array)
-        check_frame(frame, array.shape[axis] if array.ndim > 2 else 0)
-        array = array.isel({array.dims[axis]: frame})
-    if not frames:
-        return _field(array, nodata, lazy)
+        check_frame(choice.frame, array.shape[axis] if array.ndim > 2 else 0)
+        array = array.isel({array.dims[axis]: choice.frame})
+    if not choice.frames:
+        return _field(array, choice.nodata, choice.lazy)
     check_series(array.ndim)
     dim = array.dims[_frame_axis(array)]
-    step, first = _step(array[dim].values), _field(array.isel({dim: 0}), nodata, lazy=True)
+    step, first = _step(array[dim].values), _field(array.isel({dim: 0}), choice.nodata, lazy=True)
     _, further = unjoined(first.placement)
 
     def make(number: int) -> Field:
-        field = _field(array.isel({dim: number}), nodata, series=True)
+        field = _field(array.isel({dim: number}), choice.nodata, series=True)
         place, _ = unjoined(field.placement)
         return replace(field, placement=place, notes={**field.notes, **({FRAME_STEP: step} if step else {})})
 

@@ -15,8 +15,9 @@ __all__ = ["choose", "library", "reading"]
 
 _OF_CONTENT = (errno.EINVAL, errno.EOVERFLOW, errno.EFBIG, errno.ERANGE, errno.EDOM)
 """Errors of the operating system that come of numbers in a file, such as a place before its beginning."""
-_ADDRESS = re.compile(r" ?(at |\()?0x[0-9a-fA-F]{6,}\)?")
-"""An address in memory, with which VTK and Python name objects."""
+_NOISE = re.compile(r"In \S+, line \d+\s+\w+ \(0x\w+\): | ?(at |\()?0x[0-9a-fA-F]{6,}\)?"
+                    r"| for request: .*|; It might help .*| Use force=True .*", re.S)
+"""Places in sources, addresses of objects, with which VTK and Python name them, and advice to callers of a library."""
 _LISTED = 20
 """Names that an error lists at most."""
 
@@ -42,8 +43,9 @@ def reading(what: str, remedy: str = "check it with the program that wrote it") 
     except (Exception, SystemExit) as error:  # meshio ends the program
         if isinstance(error, OSError) and (error.errno or 0) > 0 and error.errno not in _OF_CONTENT:
             raise
-        words = one_line(_ADDRESS.sub("", str(error).rpartition("ERROR: ")[2])) or type(error).__name__
-        raise InputError(f"cannot be read as {what} ({words})", code="unreadable", remedy=remedy) from error
+        words = one_line(_NOISE.sub("", str(error).rpartition("ERROR: ")[2])) if isinstance(error, Exception) else ""
+        raise InputError(f"cannot be read as {what}" + f" ({words})" * bool(words), code="unreadable",
+                         remedy=remedy) from error
 
 
 def choose(found: Sequence[str], key: str | None, what: str = "arrays") -> str:

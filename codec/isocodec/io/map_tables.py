@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from ..drawing.areas import areas_of, lifted, oriented
 from ..drawing.bands import band_areas
 from ..drawing.contour import Contour
-from ..errors import OptionError
+from ..errors import InputError, OptionError, plain
 from ..field.labelling import noun_of
 from ..field.placement import TURN, Placement
-from ..field.reference_system import DEGREES, Transform, system_of, to_degrees
+from ..field.reference_system import DEGREES, Transform, short_name, system_of, to_degrees
 from .libraries import library
 
-TAKEN = ("geometry", "geom", "fid", "ogc_fid", "wkt", "closed", "complete", "side", "index")
+TAKEN = ("geometry", "geom", "fid", "ogc_fid", "wkt", "closed", "complete", "side")
 """Columns, in any case, that tables or files have beside those of isovalues."""
 TILED = ("PMTiles", "MBTiles")
 LOCATED = ("LIBKML", *TILED)
@@ -64,35 +64,18 @@ def check_names(*names: str) -> None:
                           code="attribute", remedy=f"choose a name other than {', '.join(TAKEN)}")
 
 
-def lines(contours: Iterable[Contour], attribute: str | None = None, index: Collection[float] | None = None) -> Any:
-    """Make a table with a row for each line of some curves.
+def lines(contours: Iterable[Contour], attribute: str | None = None) -> Any:
+    """Make a table with a row for each line of curves: isovalue, ``closed``, ``complete``.
 
-    Parameters
-    ----------
-    contours : iterable of Contour
-        Curves of one field; each is released when its rows are made.
-    attribute : str, optional
-        Name of the column of isovalues; if not given, ``isovalue``, or ``label`` of contours of labels.
-    index : collection of float, optional
-        Isovalues of index contours, which a column ``index`` marks.
-
-    Returns
-    -------
-    geopandas.GeoDataFrame
-        In the reference system of the contours: isovalue, ``closed``, ``complete``.
-
-    Raises
-    ------
-    OptionError
-        For surfaces, and names that are taken.
-    MissingExtraError
+    The column of isovalues is called ``attribute``, or else ``isovalue``, or ``label`` of contours of labels. Each
+    contour is released when its rows are made. Raises `OptionError` for surfaces and names that are taken.
     """
-    return _joined((contour.to_geodataframe() for contour in contours), attribute, index)
+    return _joined((contour.to_geodataframe() for contour in contours), attribute)
 
 
 def areas(
     contours: Iterable[Contour], side: str = "above", valid: NDArray[np.bool_] | None = None,
-    attribute: str | None = None, index: Collection[float] | None = None,
+    attribute: str | None = None,
 ) -> Any:
     """Make a table with a row for the areas above or below each of some curves; others as for `lines`.
 
@@ -118,7 +101,7 @@ def areas(
         table_of({noun_of(one.metadata): [float(one.isovalue)], "side": [side], "complete": [one.complete]},
                  [lifted(areas_of(one, above=side == "above", valid=valid), one.placement)], one.placement)
         for one in contours
-    ), attribute, index)
+    ), attribute)
 
 
 def table_of(columns: Mapping[str, Any], shapes: Sequence[Any], placement: Placement | None) -> Any:
@@ -127,14 +110,12 @@ def table_of(columns: Mapping[str, Any], shapes: Sequence[Any], placement: Place
     return geopandas.GeoDataFrame(columns, geometry=list(shapes), crs=system_of(placement))
 
 
-def _joined(tables: Iterable[Any], attribute: str | None, index: Collection[float] | None) -> Any:
-    """Join tables, name the first column, and mark index contours."""
+def _joined(tables: Iterable[Any], attribute: str | None) -> Any:
+    """Join tables, and name the first column."""
     table = library("pandas", extra="vector", purpose="tables of lines and areas").concat([*tables], ignore_index=True)
-    usual = table.columns[0]
-    check_names(usual if attribute is None else attribute)
-    if index is not None:
-        table.insert(1, "index", table[usual].isin(list(index)))
-    return table if attribute is None else table.rename(columns={usual: attribute})
+    name = attribute if attribute is not None else table.columns[0]
+    check_names(name)
+    return table.rename(columns={table.columns[0]: name})
 
 
 # ---- Longitude and latitude -----------------------------------------------------------------------------------------
@@ -160,13 +141,10 @@ def degrees(table: Any, cell: float) -> Any:
     if not len(table):
         return table.to_crs(DEGREES)
 
-    def bent(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1) / (_LONGEST * cell)
-
     def turned(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return abs(_within(np.diff(move(points), axis=0))[:, 0]) / _STEP
 
-    shapes = shapes if straight else _divided(shapes, bent, shapely)
+    shapes = shapes if straight else shapely.segmentize(shapes, _LONGEST * cell)
     there = shapely.transform(shapes, move, include_z=None)
     # of all points: around a pole, holes lie beyond the longitudes and latitudes of their shell
     points = shapely.get_coordinates(there)
@@ -177,8 +155,8 @@ def degrees(table: Any, cell: float) -> Any:
         cut = shapely.intersects(shapes, seam)
         shapes[cut] = shapely.difference(shapes[cut], seam)
     if crosses or max(-south, north) > _NEAR:
-        for measure in () if straight else (bent, turned):
-            shapes = _divided(shapes, measure, shapely)
+        if not straight:
+            shapes = _divided(shapely.segmentize(shapes, _LONGEST * cell), turned, shapely)
         there = shapely.transform(shapes, lambda points: _within(move(points)), include_z=None)
     invalid = ~shapely.is_valid(there) & ~shapely.has_z(there)  # where rounding has made rings touch
     there[invalid] = [oriented(shape) for shape in shapely.make_valid(there[invalid])]
@@ -242,14 +220,14 @@ def write_table(
 
     Raises
     ------
+    InputError
+        If there is a file of the name of a GeoPackage that is none.
     OptionError, MissingExtraError
-    Exception
-        Of GDAL, as it is, also if there is a file of the name of a GeoPackage that is none.
     """
     if driver == "Parquet":
         table.to_parquet(path, index=False)
         return
-    pyogrio = library("pyogrio", extra="vector", purpose="writing maps")
+    pyogrio, pyproj = (library(each, extra="vector", purpose="writing maps") for each in ("pyogrio", "pyproj"))
     if table.crs is None:
         members = {**_NOWHERE, **(members or {})}
         if driver in LOCATED:
@@ -262,8 +240,12 @@ def write_table(
     solid, empty = table.geometry.has_z.any(), table.geometry.is_empty
     if solid:
         table = table[~empty]  # these have no height, and formats one number of coordinates
-    if driver == "GPKG" and path.exists():
-        pyogrio.list_layers(f"GPKG:{path}")  # GDAL would replace what is none
+    if driver == "GPKG" and path.exists():  # GDAL would replace what is none
+        try:
+            pyogrio.list_layers(f"GPKG:{path}")
+        except RuntimeError as error:
+            raise InputError(f"{plain(path.name)} exists, and is no GeoPackage that a layer can be added to",
+                             code="geopackage", remedy="write to another name, or delete it") from error
     if driver in TILED and empty.all():
         raise OptionError("there is nothing to show, and vector tiles cannot hold that", code="empty",
                           remedy="choose an isovalue within the data, or write .gpkg")
@@ -281,6 +263,9 @@ def write_table(
             warnings.filterwarnings("ignore", "'crs' was not provided")  # which the caller knows
             pyogrio.write_dataframe(_drawing(table, solid) if driver == "DXF" else table, path, driver=driver,
                                     layer=layer, **options)
+    except (pyogrio.errors.CRSError, pyproj.exceptions.CRSError) as error:
+        raise OptionError(f"GDAL does not know the reference system {short_name(str(table.crs))}", code="crs",
+                          remedy="write .parquet or .geojson") from error
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
     if driver == "GeoJSON" and members:

@@ -25,7 +25,6 @@ from ..storage.content import is_file, is_url, local
 from ..verbs import Choice
 from . import arrays, clouds, images, labelled, rasters, slices, volumes, vtk
 from .in_turn import InTurn
-from .libraries import library
 from .stores import is_store
 
 __all__ = ["SUFFIXES", "Choice", "is_described", "load", "of_object", "read"]
@@ -153,21 +152,11 @@ def of_object(thing: Any, choice: Choice) -> Found:
     return _taken(arrays.of_array, "frame frames", values, choice)
 
 
-def _labelled(array: Any, choice: Choice) -> Found:
-    """Read an object of xarray, or a table of pandas whose rows and columns have coordinates."""
-    if hasattr(array, "iloc"):
-        array = library("xarray", extra="labelled", purpose="reading a DataFrame").DataArray(array)
-    return labelled.of_labelled(array, choice.key, choice.frame, choice.frames, choice.nodata, choice.lazy)
-
-
-def _labelled_file(path: Path, choice: Choice) -> Found:
-    return labelled.open_(path, choice.key, choice.band, choice.frame, choice.frames, choice.nodata, choice.lazy)
-
-
 _Taker: TypeAlias = Callable[[Any, Choice], Found]
 _OBJECTS: dict[str, tuple[_Taker, str]] = {
-    "xarray.Dataset": (_labelled, "key frame frames nodata"), "xarray.DataArray": (_labelled, "frame frames nodata"),
-    "pandas.DataFrame": (_labelled, "nodata"), "geopandas.GeoDataFrame": (clouds.of_shapes, "key"),
+    "xarray.Dataset": (labelled.of_labelled, "key frame frames nodata"),
+    "xarray.DataArray": (labelled.of_labelled, "frame frames nodata"),
+    "pandas.DataFrame": (labelled.of_labelled, "nodata"), "geopandas.GeoDataFrame": (clouds.of_shapes, "key"),
     "laspy.LasData": (clouds.of_cloud, "key"), "rasterio.DatasetBase": (rasters.of_dataset, "band nodata"),
     "PIL.Image": (images.of_picture, "band"), "SimpleITK.Image": (volumes.of_itk, "band frame frames"),
     "nibabel.SpatialImage": (volumes.of_nibabel, "band frame frames"), "highdicom.Volume": (slices.of_volume, ""),
@@ -175,7 +164,7 @@ _OBJECTS: dict[str, tuple[_Taker, str]] = {
 }
 """Objects of other libraries: what reads them, and what can be chosen, by library and class."""
 _FILES: dict[str, tuple[tuple[str, ...], _Taker, str]] = {
-    "labelled": (labelled.SUFFIXES, _labelled_file, "key band frame frames nodata"),
+    "labelled": (labelled.SUFFIXES, labelled.open_, "key band frame frames nodata"),
     "volume": (volumes.SUFFIXES, volumes.open_, "key band frame frames"),
     "slices": (slices.SUFFIXES, slices.open_, "key band frame frames nodata"),
     "vtk": (vtk.SUFFIXES, vtk.open_, "key frame frames"), "array": (arrays.SUFFIXES, arrays.open_, "key frame frames"),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import one_line
+from ..errors import InputError, one_line, plain
 from ..field.missing import missing_samples
 from .libraries import reading
 
@@ -49,11 +49,14 @@ class MaskedSamples:
         signs = _SIGNS.get(str(self._attributes.get("_Unsigned")).lower(), ("", ""))
         self._stored = np.dtype(stored.str.replace(*signs))
         self._turned = self._stored != stored
-        self._slope, self._offset = (*self._numbers("scale_factor"), 1)[0], (*self._numbers("add_offset"), 0)[0]
+        self._slope, self._offset = self._factor("scale_factor", 1), self._factor("add_offset", 0)
         self._packed = (self._slope, self._offset) != (1, 0)
-        low, high = ((*self._numbers(name), None)[0] for name in ("valid_min", "valid_max"))
-        ends = zip((np.less, np.greater), self._numbers("valid_range") or (low, high), strict=True)
-        self._outside = [(is_outside, end) for is_outside, end in ends if end is not None]
+        ends = self._numbers("valid_range") or [(*self._numbers(f"valid_{end}"), None)[0] for end in ("min", "max")]
+        if len(ends) != 2:
+            raise InputError(f"valid_range of {plain(str(array.name))} has {len(ends)} numbers instead of two",
+                             code="range", remedy="correct the attribute, or delete it")
+        outside = zip((np.less, np.greater), ends, strict=True)
+        self._outside = [(is_outside, end) for is_outside, end in outside if end is not None]
         self._markers = [] if self._decoded else [number for name in _MARKERS for number in self._numbers(name)]
         whole = all(float(factor).is_integer() and abs(factor) < 2**31 for factor in (self._slope, self._offset))
         unpacked = np.int64 if whole and self._stored.kind in "iu" and self._stored.itemsize < 8 else np.float64
@@ -82,6 +85,14 @@ class MaskedSamples:
         if self._nodata is not None:
             gone |= missing_samples(values, self._nodata)
         return np.ma.masked_array(values, gone)
+
+    def _factor(self, name: str, usual: int) -> Any:
+        """The number to scale with or to add."""
+        number = (*self._numbers(name), usual)[0]
+        if np.isfinite(number) and (number or not usual):
+            return number
+        self.remarks.append(f"its {name} is ignored, as nothing can be scaled by it: {number}")
+        return usual
 
     def _numbers(self, name: str) -> list[Any]:
         """Numbers of an attribute, which may be text."""

@@ -19,6 +19,7 @@ from ..field.reference_system import crs_text
 from ..field.sampled import Field
 from ..limits import patience
 from ..verbs import Choice
+from .arrays import indices
 from .in_turn import placed_field
 from .libraries import choose, library, reading
 
@@ -185,8 +186,7 @@ def _band_of(file: Any, band: int | None) -> int:
     ours, of_file = file.tags(number, ns="IMAGE_STRUCTURE"), file.tags(ns="IMAGE_STRUCTURE")
     grey = ours.get("NBITS") == "1" or "MINISWHITE" in of_file
     if band is None and colours[number - 1] == "palette" and not grey:
-        raise InputError("holds indices of a palette, not samples", code="palette",
-                         remedy="band=1 (--band 1) takes the indices; or save it as grey")
+        raise indices()
     if "complex" in kinds[number - 1]:
         raise InputError(f"holds complex numbers ({kinds[number - 1]}), not real numbers", code="dtype",
                          remedy="write its real part or its modulus first")

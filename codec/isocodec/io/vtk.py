@@ -91,8 +91,8 @@ def of_vtk(data: Any, choice: Choice) -> Field | Mesh:
             named = [name for name in blocks if f"{key}/".startswith(f"{name}/")]
             name = max(named, key=len) if named else choose([*blocks], None, "blocks")
             data, key = blocks[name], str(key)[len(name) + 1 :] or None if named else key
-        if not hasattr(data, "n_cells"):
-            raise InputError(f"holds {plain(type(data).__name__)}, not a grid or a mesh", code="mesh")
+        if not getattr(data, "n_points", 0):
+            raise InputError(f"holds no points of a grid or a mesh: {plain(type(data).__name__)}", code="mesh")
         at_points = _arrays(data.point_data)
         of_cells = {name: each for name, each in _arrays(data.cell_data).items() if name not in at_points}
         grid = hasattr(data, "dimensions") and not (
@@ -122,7 +122,7 @@ def _complaints() -> Iterator[None]:
               _vtk("pyvista").VtkErrorCatcher(send_to_logging=False)):
             yield
             if "error" in (said := core.vtkOutputWindow.GetInstance().GetOutput()).lower():
-                raise ValueError(said.partition("): ")[2])
+                raise ValueError(said)
     finally:
         logger.SetStderrVerbosity(level)
 

@@ -77,13 +77,8 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         with open(path, "wb") as file:
             yield file
         return
-    target = Path(os.path.realpath(path))
     try:
-        mode = target.stat().st_mode & 0o7777
-    except FileNotFoundError:
-        mode = _new_file_mode()
-    try:
-        with _replacing(target, mode) as file:
+        with beside(path, "") as target, target.open("wb") as file:
             yield file
     except OSError as exc:
         # the name that the caller knows, not that of the temporary file
@@ -156,29 +151,6 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 def _is_special(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
-
-
-@contextmanager
-def _replacing(target: Path, mode: int) -> Iterator[BinaryIO]:
-    """Yield a file next to ``target``, which is then flushed to disk and renamed over ``target``.
-
-    Raises
-    ------
-    OSError
-        As the operating system reports it; ``target`` is then unchanged.
-    """
-    # In the same directory, since renaming is atomic only within a file system.
-    # The length of names is limited, in bytes.
-    start = os.fsdecode(os.fsencode(target.name)[:100])
-    beside = target.with_name(f".{start}.{os.urandom(8).hex()}.part")
-    with undoing(partial(beside.unlink, missing_ok=True)):
-        with open(beside, "xb", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
-            yield file
-            file.flush()
-            # Some file systems report a full disk only here, and then the old file must still be there.
-            os.fsync(file.fileno())
-        beside.chmod(mode)
-        os.replace(beside, target)
 
 
 def _new_file_mode() -> int:

@@ -54,19 +54,23 @@ def opened(url: str) -> Iterator[Any]:
         with WebFile(url).open() as body:
             yield body
         return
+    with by_fsspec(url) as fsspec, fsspec.open(url, "rb") as file:
+        yield file
+
+
+@contextmanager
+def by_fsspec(url: str) -> Iterator[Any]:
+    """Give the library that opens a URL; its errors, whose messages may be no more than the URL, are explained."""
     fsspec = optional("fsspec", extra="remote", purpose=f"reading {plain(url.partition(':')[0])}: URLs")
     try:
-        with fsspec.open(url, "rb") as file:
-            yield file
+        yield fsspec
     except FileNotFoundError as exc:
-        # the library's message is only the URL
         raise FileNotFoundError(errno.ENOENT, MISSING, url) from exc
-    except ImportError as exc:
-        raise InputError(f"cannot be opened ({exc})", code="url", remedy="install what the error names") from exc
-    except ValueError as exc:
-        if isinstance(exc, IsoError):
-            raise
-        raise InputError(f"cannot be opened ({plain(str(exc))})", code="url") from exc
+    except (IsoError, OSError):
+        raise
+    except Exception as exc:
+        raise InputError(f"cannot be read ({type(exc).__name__}: {plain(str(exc))})", code="url",
+                         remedy="check the address, and install what the error names") from exc
 
 
 def content(data: Readable, limits: Limits | None = None, signatures: Collection[bytes] = ()) -> bytes:
@@ -133,38 +137,35 @@ def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterat
     LimitError
         If there are too many bytes.
     """
-    if is_url(thing):
-        with opened(thing) as file, _copied(file, urlsplit(thing).path, suffix_of, samples) as path:
-            yield path
-        return
-    named = getattr(thing, "name", None)
-    with _copied(thing, named if isinstance(named, str) else "", suffix_of, samples) as path:
-        yield path
-
-
-@contextmanager
-def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> Iterator[Path]:
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory(prefix="isocodec-") as folder:
-        first = _first(file, HEAD)
-        suffix = suffix_of(name, first)
-        if suffix is None:
-            raise InputError(
-                "unknown format: neither a name nor the first bytes identify it", code="suffix",
-                remedy="save it to a file whose suffix names the format",
-            )
-        path = Path(folder) / f"input{suffix}"
-        left = _SAMPLE * (FIELD_SAMPLES if samples is None else samples) + (1 << 26) - len(first)
-        with path.open("wb") as copy:
-            copy.write(first)
-            while len(first) == HEAD and (piece := file.read(_PIECE)):
-                left -= len(piece)
-                if left < 0:
-                    raise LimitError("is larger than the permitted number of samples could fill", code="limit-samples",
-                                     remedy="download it first")
-                copy.write(piece)
+        if is_url(thing):
+            with opened(thing) as file:
+                path = _copied(file, urlsplit(thing).path, Path(folder), suffix_of, samples)
+        else:
+            named = getattr(thing, "name", None)
+            path = _copied(thing, named if isinstance(named, str) else "", Path(folder), suffix_of, samples)
         yield path
+
+
+def _copied(file: Any, name: str, folder: Path, suffix_of: SuffixOf, samples: int | None) -> Path:
+    """Copy a file into a folder, with the suffix of its format."""
+    first = _first(file, HEAD)
+    suffix = suffix_of(name, first)
+    if suffix is None:
+        raise InputError("unknown format: neither a name nor the first bytes identify it", code="suffix",
+                         remedy="save it to a file whose suffix names the format")
+    left = _SAMPLE * (FIELD_SAMPLES if samples is None else samples) + (1 << 26) - len(first)
+    with (path := folder / f"input{suffix}").open("wb") as copy:
+        copy.write(first)
+        while len(first) == HEAD and (piece := file.read(_PIECE)):
+            left -= len(piece)
+            if left < 0:
+                raise LimitError("is larger than the permitted number of samples could fill", code="limit-samples",
+                                 remedy="download it first")
+            copy.write(piece)
+    return path
 
 
 def _first(file: Any, count: int) -> bytes:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from ..errors import InputError, LimitError, TruncatedError, plain
-from ..extras import optional
-from .content import is_url, is_web
-from .web import MISSING, NoRangesError, Range, WebFile
+from ..errors import LimitError, TruncatedError
+from .content import by_fsspec, is_url, is_web
+from .web import NoRangesError, Range, WebFile
 
 Fetch = Callable[[Sequence[Range]], list[bytes]]
 """Reads ranges of a file, each from one offset up to another; fewer bytes if the file ends before."""
@@ -103,13 +101,9 @@ def together(ranges: Iterable[Range]) -> list[Range]:
         if most < 0 or (len(apart) - len(bridged) <= MOST_PIECES and gap > GAP):
             break
         bridged.add(i)
-    out: list[Range] = []
-    for i, (start, end) in enumerate(apart):
-        if i in bridged:
-            out[-1] = out[-1][0], end
-        else:
-            out.append((start, end))
-    return out
+    starts = [start for i, (start, _) in enumerate(apart) if i not in bridged]
+    ends = [end for i, (_, end) in enumerate(apart, start=1) if i not in bridged]
+    return list(zip(starts, ends, strict=True))
 
 
 def ranges_of(source: bytes | str | os.PathLike[str]) -> Fetch:
@@ -142,27 +136,15 @@ def ranges_of(source: bytes | str | os.PathLike[str]) -> Fetch:
 
 
 def _remote(url: str) -> Fetch:
-    fsspec = optional("fsspec", extra="remote", purpose="reading URLs")
-    try:
+    with by_fsspec(url) as fsspec:
         system, path = fsspec.core.url_to_fs(url)
-    except (ImportError, ValueError) as exc:
-        raise InputError(f"cannot be opened ({plain(str(exc))})", code="url") from exc
 
     def fetch(ranges: Sequence[Range]) -> list[bytes]:
         starts, ends = ([each[side] for each in ranges] for side in (0, 1))
-        try:
+        with by_fsspec(url):
             found: list[bytes] = system.cat_ranges([path] * len(ranges), starts, ends, on_error="raise")
-        except FileNotFoundError as exc:
-            raise FileNotFoundError(errno.ENOENT, MISSING, url) from exc
-        except OSError:
-            raise
-        except Exception as exc:
-            raise InputError(f"cannot be read ({type(exc).__name__}: {plain(str(exc))})", code="url") from exc
         if any(len(data) > end - start for data, (start, end) in zip(found, ranges, strict=True)):
-            raise NoRangesError(
-                "the server sends the whole file instead of the requested range", code="ranges",
-                remedy="download the file first, or use a server that supports range requests",
-            )
+            raise NoRangesError()
         return found
 
     return fetch

@@ -34,6 +34,10 @@ _ENDS = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18}|\*)")
 class NoRangesError(InputError):
     """The server sends the whole file although a range was requested."""
 
+    def __init__(self) -> None:
+        super().__init__("the server sends the whole file instead of the requested range", code="ranges",
+                         remedy="download the file first, or use a server that supports range requests")
+
 
 class WebFile:
     """A file of a web server.
@@ -159,8 +163,7 @@ class WebFile:
             if answer.status == 416:
                 return b""
             if answer.status == 200:
-                raise NoRangesError("the server sends the whole file instead of the requested range", code="ranges",
-                                    remedy="download the file first, or use a server that supports range requests")
+                raise NoRangesError()
             found = _ENDS.fullmatch(answer.headers.get("Content-Range", "").strip())
             first, behind = (int(found[1]), int(found[2]) + 1) if found else (-1, -1)
             # fewer bytes are right at the end of the file only
