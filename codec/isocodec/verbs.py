@@ -294,7 +294,7 @@ class Encode(Choice, OutputOptions):
     )
     keep_topology: bool = option("Keep the topology of the contour in every layer.", PRECISION, default=False)
     effort: Literal["normal", "best"] = option(
-        "best: take four to ten times the time at distances from 0.1 to 0.5 cells, for files that are 1 to 5 % "
+        "best: take eight to twenty times the time at distances from 0.1 to 0.5 cells, for files that are 1 to 7 % "
         "smaller.", PRECISION, default="normal", metavar="E",
     )
     layers: str | None = option(
