@@ -10,7 +10,6 @@ import os
 import subprocess
 import sys
 import threading
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -116,25 +115,6 @@ def test_in_a_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     thread.start()
     thread.join(120)
     assert ends == [0] and isocodec.open(tmp_path / "h.iso").isovalues == (80.5,)
-
-
-def test_a_package_in_an_archive(tmp_path: Path) -> None:
-    """Kernels cannot be loaded from it: said so, with the exit code for kernels, whatever the input."""
-    import isospec
-
-    with zipfile.ZipFile(tmp_path / "all.zip", "w") as archive:
-        for package in (isocodec, isospec):
-            home = Path(str(package.__file__)).parent
-            for path in home.rglob("*"):
-                if path.suffix in (".py", ".bin"):
-                    archive.write(path, path.relative_to(home.parent))
-    np.save(tmp_path / "h.npy", HILLS)
-    code = (f"import sys; sys.path.insert(0, {str(tmp_path / 'all.zip')!r})\n"
-            "from isocodec.__main__ import main; main()")
-    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code, "encode", tmp_path / "h.npy", "-o",
-                           tmp_path / "h.iso", "--isovalue", "80.5"], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 8 and f"{tmp_path / 'all.zip'}" in done.stderr, done.stderr
-    assert "unpack it" in done.stderr and "h.npy" not in done.stderr and not (tmp_path / "h.iso").exists()
 
 
 @pytest.mark.parametrize("tile", [None, 32])

@@ -11,7 +11,7 @@ import pytest
 
 from isocodec import deferred
 from isocodec.deferred import dataclass
-from isocodec.io.in_turn import Choice
+from isocodec.verbs import Choice
 from tables import looped
 
 

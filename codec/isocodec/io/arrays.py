@@ -20,6 +20,8 @@ from .libraries import choose, reading
 from .places import along_axes, at_nodes
 
 SUFFIXES = (".npy", ".npz")
+_SIGNATURES = (b"\x93NUMPY", b"PK")
+"""First bytes of arrays, and of archives of them."""
 VALUES = "values"
 """Name of the array that is taken if there are several and no key is given."""
 _PAIRS = (("lon", "lat"), ("longitude", "latitude"), ("rlon", "rlat"), ("nav_lon", "nav_lat"), ("x", "y"))
@@ -98,6 +100,9 @@ def open_(path: Path, choice: Choice) -> Field | Frames | Mesh:
     ``crs`` its reference system; or arrays such as ``lon`` and ``lat`` are its coordinates.
     """
     with reading("NumPy file"):
+        with path.open("rb") as file:
+            if not file.read(6).startswith(_SIGNATURES):  # numpy would take it for a pickle
+                raise InputError("is not a NumPy file", code="unreadable")
         found = np.load(path, mmap_mode="r")
         if isinstance(found, np.ndarray):
             if choice.key is not None:
