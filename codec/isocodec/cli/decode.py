@@ -40,7 +40,7 @@ def decode_command(call: Call, options: Decode) -> None:
     isovalue, layers (.dxf) or named objects.
 
     Which samples lie above an isovalue is known only if the file's mesh reaches every sample (the full grid). It may
-    not do so if the file was made with --layers CRITERION, or with a (last) distance of 0.1 or more. In an `above`
+    not do so if the file was made with --layers CRITERION, or with a (last) distance of 0.75 or more. In an `above`
     mask, the values of missing samples are undefined; --what valid shows which samples are missing.
     """
     if options.to is None and str(call.output) == STANDARD:

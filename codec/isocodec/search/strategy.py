@@ -128,7 +128,7 @@ def smallest(promise: Promise, tolerance: float, topology: bool, coarse: int | N
     if not best[1]:
         raise NotKeptError(
             f"no mesh was proven to stay within {tolerance:g} cells", code="tolerance",
-            remedy="use a tolerance below 0.1, which needs no search for a mesh",
+            remedy="use a tolerance below 0.75, which needs no search for a mesh",
         )
     return best[1]
 
