@@ -526,7 +526,7 @@ class Thin(Choice):
         check_count(self.size, "size")
         check_count(self.layers, "layers")
         if (self.contours is None) != (self.tolerance is None) or not _in_range(self.tolerance, 1e-300):
-            raise OptionError("contours (--isovalue) need a tolerance greater than 0, and a tolerance needs contours",
+            raise OptionError("contours (--isovalue) need a --tolerance greater than 0, and that needs contours",
                               code="tolerance", remedy="contours=[500], tolerance=0.5")
         if not _in_range(self.error, 0):
             raise OptionError(f"the error is {self.error}; it must be 0 or greater", code="error")

@@ -77,6 +77,17 @@ def test_meshes_of_steps_lie_in_one_another() -> None:
         assert (fine.inside <= coarse.inside).all() and (fine.inside < coarse.inside).any()
 
 
+@pytest.mark.parametrize("topology", [False, True])
+def test_steps_of_rough_fields_are_found(topology: bool) -> None:
+    """Where a coarse step is too far away at leaves that the next mesh does not bisect, it gets others of that mesh."""
+    for seed, steps in enumerate([[8, 2, 0.5], [16, 4, 1], [20, 8, 4, 2], [8, 3, 1, 0.3], [6, 0.8]] * 2):
+        field = smooth((9, 8, 7) if seed > 7 else (60, 44), seed) + 0.7 * np.random.default_rng(seed).normal(
+            size=(9, 8, 7) if seed > 7 else (60, 44))
+        file = isocodec.open(isocodec.encode(field, 0.1, precision=steps, keep_topology=topology))
+        assert [layer.within for layer in file.info.layers if layer.within] == steps
+        assert all(one.kept for one in file.verify(field))
+
+
 @pytest.mark.parametrize("n", [2, 3])
 def test_samples_on_the_isovalue(n: int) -> None:
     """Crossings at the very ends of edges, next to implied edges: still a promise kept."""

@@ -290,10 +290,22 @@ class Reduction:
         """
         leaves = self.leaves_at(places)
         # where it is full already: the leaves next to it, so that diamonds get whole and their points implied
-        done = places[leaves[:, 3] < 0]
-        around = np.array(list(product((-0.75, 0.0, 0.75), repeat=self.n)))
-        more = self.leaves_at((done[:, None] + around).reshape(-1, self.n))
-        wanted, count = distinct(self.n, np.concatenate([leaves, more]))
+        back = self._bisected(np.concatenate([leaves, self._around(places[leaves[:, 3] < 0], 1)]), most, share)
+        # of a given mesh more and more around a few of the places: all of it keeps what they lack
+        reach = 1
+        while not back and most is not None and reach < max(self.shape):
+            reach *= 2
+            back = self._bisected(self._around(places[:AT_ONCE], reach), most, share)
+        return back
+
+    def _around(self, places: NDArray[np.float64], reach: int) -> NDArray[np.int64]:
+        """Leaves around places, up to so many steps of three quarters of a sample away, as `leaves_at`."""
+        around = 0.75 * np.array(list(product(range(-reach, reach + 1), repeat=self.n)))
+        return self.leaves_at((places[:, None] + around).reshape(-1, self.n))
+
+    def _bisected(self, leaves: NDArray[np.int64], most: Chosen | None, share: float) -> int:
+        """Bisect leaves; how many vertices that put back."""
+        wanted, count = distinct(self.n, leaves)
         if most is not None and len(wanted):
             inside = np.array([has(most, *w[:3]) for w in wanted])
             wanted, count = wanted[inside], count[inside]
