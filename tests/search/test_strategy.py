@@ -108,3 +108,9 @@ def test_effort() -> None:
         isocodec.encode(field, 20.0, effort="some")
     with pytest.raises(OptionError, match="effort"):
         isocodec.encode(isocodec.thin(field, to=30), effort="best")
+
+
+def test_a_mesh_under_distortion_is_taken_where_it_is_smaller_than_the_full_grid() -> None:
+    data = isocodec.encode(waves(60), 20.0, layers="distortion=2", precision="signs")
+    with pytest.raises(OptionError, match="coarser"):
+        isocodec.open(data).above()
