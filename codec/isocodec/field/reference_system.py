@@ -56,7 +56,7 @@ def system_of(placement: Placement | None) -> Any:
         return pyproj.CRS.from_user_input(placement.crs)
     except pyproj.exceptions.CRSError as exc:
         raise OptionError(f"there is no reference system {name}", code="crs",
-                          remedy="other formats, as .gpkg and .fgb, keep the coordinates as they are") from exc
+                          remedy="encode with a --crs that exists, or write samples: --in-samples") from exc
 
 
 def short_name(crs: str) -> str:
