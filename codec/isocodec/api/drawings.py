@@ -85,7 +85,7 @@ class OneByOne(Collection[Contour]):
 
 
 class Fewer(OneByOne):
-    """Isocontours with fewer points, of all of them at once (see `simplified`).
+    """Isocontours simplified together (see `simplified`).
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ class _Lines:
 
 
 def simplified(contours: Sequence[Contour], distance: float | str) -> Simplified:
-    """Leave out points of isocontours, of all of them at once.
+    """Simplify the isocontours of a map together.
 
     Lines that would cross or jump over another one, or themselves, are simplified less. Ends of open lines stay.
 
@@ -132,7 +132,7 @@ def _on_ground(contour: Contour, places: Points, first: Numbers, distance: str) 
 
 
 def _kept(lines: _Lines, distance: float) -> Numbers:
-    """Numbers of the points that stay: those of each line alone, and more where lines would be in each other's way."""
+    """Find the points that stay: those that each line keeps by itself, and more where lines would cross or jump."""
     shapely = polygons()
     owner = lines.owner
     numbered = np.column_stack([lines.ground, np.arange(len(owner))])
@@ -195,7 +195,7 @@ class _Pieces:
         return self._flags(at[np.append(these[wrong], those[wrong])])
 
     def jumping(self, shapely: Any, fresh: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Find fresh pieces that pass on the other side of the first point of some line, and so of all of it."""
+        """Find fresh pieces that would leave the first point of a line, and so the whole line, on their other side."""
         at = np.flatnonzero(self.shorter & fresh)
         if not len(at):
             return self._flags(at)

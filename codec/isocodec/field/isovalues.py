@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 from isospec.container import MAX_ISOVALUES
 
 from ..errors import InputError, OptionError
+from .labelling import listed
 from .samples import isovalue_of
 
 Range = Callable[[], tuple[float, float]]
 """Finds the least and the largest sample of all frames."""
+_NAMED = 6
+"""Most isovalues that an error names."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _EVERY = re.compile(rf"every\s+({_NUMBER})(?:\s+from\s+({_NUMBER}))?")
 
@@ -117,3 +120,21 @@ def range_of(samples: NDArray[Any]) -> tuple[float, float]:
     if not samples.size:
         raise InputError("all samples are missing", code="missing")
     return float(samples.min()), float(samples.max())
+
+
+def number_of(isovalue: float | None, isovalues: Sequence[float], noun: str = "isovalue") -> int:
+    """Find the place of an isovalue among those of a file; 0 for None.
+
+    Raises
+    ------
+    OptionError
+        Naming those that are nearest, if it is not one of them.
+    """
+    if isovalue is None:
+        return 0
+    if isovalue not in isovalues:
+        near = sorted(sorted(isovalues, key=lambda one: abs(one - isovalue))[:_NAMED])
+        others = f", and {len(isovalues) - len(near):,} others" if len(near) < len(isovalues) else ""
+        raise OptionError(f"the file has no {noun} {listed([isovalue])}", code="isovalue",
+                          remedy=f"it has {listed(near, ', ')}{others}")
+    return isovalues.index(isovalue)

@@ -6,13 +6,11 @@ from dataclasses import asdict, field
 from typing import Any
 
 from ..deferred import dataclass
-from ..errors import OptionError, TruncatedError
+from ..errors import TruncatedError
+from ..field.isovalues import number_of
 from ..field.labelling import caption, listed, noun_of
 from ..format.domain import DomainHead
 from ..format.surface import TinHead
-
-_NAMED = 6
-"""Most isovalues that an error names."""
 
 
 @dataclass(frozen=True)
@@ -183,18 +181,9 @@ class FileInfo:
         OptionError
             If the file does not have it.
         """
-        if isovalue is None:
-            return 0
-        if isovalue not in self.isovalues:
-            if not self.complete:
-                raise TruncatedError(f"the file ends before {self.noun} {listed([isovalue])} begins", code="truncated")
-            near = sorted(sorted(self.isovalues, key=lambda one: abs(one - isovalue))[:_NAMED])
-            others = f", and {len(self.isovalues) - len(near):,} others" if len(near) < len(self.isovalues) else ""
-            raise OptionError(
-                f"the file has no {self.noun} {listed([isovalue])}", code="isovalue",
-                remedy=f"it has {listed(near, ', ')}{others}",
-            )
-        return self.isovalues.index(isovalue)
+        if isovalue is not None and isovalue not in self.isovalues and not self.complete:
+            raise TruncatedError(f"the file ends before {self.noun} {listed([isovalue])} begins", code="truncated")
+        return number_of(isovalue, self.isovalues, self.noun)
 
     def chain(self, number: int) -> frozenset[int]:
         """Numbers of all isovalues needed to decode one of them, in any frame."""

@@ -14,6 +14,7 @@ from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.window import bounds_of, clipped
 from ..errors import LimitError, OptionError
+from ..field.isovalues import number_of
 from ..field.placement import read_placement
 from ..format.chunks import write_chunk, write_further, write_metadata, write_turn
 from ..format.header import HEAD_BYTES, Header, write_header
@@ -462,12 +463,7 @@ class TiledFile:
         OptionError
             If the file has no such isovalue.
         """
-        if isovalue is None:
-            return 0
-        if isovalue not in self.isovalues:
-            known = ", ".join(f"{value:g}" for value in self.isovalues[:20])
-            raise OptionError(f"the file has no isovalue {isovalue:g}", code="isovalue", remedy=f"it has {known}")
-        return self.isovalues.index(isovalue)
+        return number_of(isovalue, self.isovalues)
 
 
 def plain(head: Head, tile: GroupSegments, number: int) -> bytes:
