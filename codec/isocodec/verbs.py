@@ -11,7 +11,6 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import Field, field, fields
 from numbers import Integral
-from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 from .deferred import dataclass
@@ -299,8 +298,8 @@ class Encode(Choice, OutputOptions):
     )
     layers: str | None = option(
         "One of: a level L, to start from the uniform mesh of that level instead of searching for the best mesh; a "
-        "criterion that the coarsened mesh must meet (crossing, topology, curvature=K, distortion=D or level=L); a "
-        "plan file that lists the layers (see docs/plans.md).", LAYERS, metavar="L",
+        "criterion that the coarsened mesh must meet (crossing, topology, curvature=K, distortion=D or level=L).",
+        LAYERS, metavar="L",
     )
     frames: bool = option("Encode the slices, or the volumes of a 4-D file, as a series.", INPUT, default=False)
     interval: int | None = option(
@@ -350,7 +349,7 @@ class Encode(Choice, OutputOptions):
             self.refuse("apply without --tile", "workers")
         else:
             self.refuse("apply to tiles", *_OF_WHOLE)
-        self.choose("isovalues", "every", "labels", required=self.plan is None)
+        self.choose("isovalues", "every", "labels", required=True)
         if "all" in self.labels and len(self.labels) > 1:
             raise OptionError("--label all takes no other labels", code="labels")
         self.choose("labels", "missing")
@@ -364,12 +363,6 @@ class Encode(Choice, OutputOptions):
             self.refuse("apply to sampled fields", "stored", "mesh_error")
         if kind == "field":
             self.refuse("apply to a single field: add --frames", "interval")
-
-    @property
-    def plan(self) -> Path | None:
-        """The file that lists the layers."""
-        criterion = r"[0-9]+|crossing|topology|(curvature|distortion|level)=.*"
-        return None if self.layers is None or re.fullmatch(criterion, self.layers) else Path(self.layers)
 
     @property
     def isovalue(self) -> Any:
@@ -388,7 +381,7 @@ class Edit(OptionRecord):
 
     layers: int | None = option("Keep the first N layers, counted over all isovalues; of a tiled file, the first N "
                                 "stages of every tile.", PART, metavar="N", least=1)
-    size: int | None = option("Keep as much as fits into this many bytes: 900, 20K.", PART, metavar="SIZE",
+    size: int | None = option("Keep the layers that fit into this many bytes: 900, 20K.", PART, metavar="SIZE",
                               read=size_of)
     window: Sequence[Sequence[float]] | None = option("Keep a window of samples, from:to for each axis.", PART,
                                                       metavar="A:B,C:D", read=window_of)

@@ -10,7 +10,7 @@ from isocodec.format.header import Header, write_header
 from isocodec.format.program import Layer
 from isospec.container import ChunkType, Operation
 
-from .draft import Draft, cut_within, encoded, within
+from .draft import Draft, encoded, within
 from .dump import CUT_OFF, Output, dump
 from .fields import Integers, noise, random_numbers, salt, torus, waves
 from .meshes import Mesh, Point, chosen, closed, exponent, random_mesh, uniform
@@ -41,7 +41,7 @@ def adapt_to(field: Integers, mesh: Mesh, births: int = 1) -> Steps:
 
 
 def reduced() -> Iterator[Draft]:
-    """Bases on meshes that the reference encoder finds by reduction (annex G)."""
+    """Bases on meshes that the reference encoder finds by reduction (docs/encoders.md)."""
     parts: tuple[tuple[str, Integers, float], ...] = (("plane", HILLS, 100.5), ("space", RING, 0.5))
     for space, field, isovalue in parts:
         about = "adaptive base by reduction"
@@ -185,21 +185,20 @@ def refinements() -> Iterator[Draft]:
 
 
 def cuts() -> Iterator[Draft]:
-    """Files cut within adaptive layers, by a number of symbols and by their end."""
+    """Files that end within adaptive layers."""
     for space, field, isovalue in (("plane", noise((17, 19), 41, 3), 3.5), ("space", noise((6, 7, 9), 42, 3), 3.5)):
         coarse = random_mesh(field.shape, 43, FEW)
         fine = random_mesh(field.shape, 44, MANY, coarse)
         plan = [base_on(field, coarse), adapt_to(field, fine), ("refine", None)]
         data = encoded(space, field, isovalue, layers=plan).data
         for kind, about in (("adaptive_base", "an adaptive base"), ("adapt", "an adaptive layer")):
-            yield Draft(f"{space}_cut_{kind}", cut_within(data, kind), field.ndim, ("cut run", f"within {about}"))
             yield Draft(
                 f"{space}_ends_in_{kind}", within(data, kind)[1], field.ndim,
                 ("the file ends too early", f"within {about}"),
             )
         yield Draft(
-            f"{space}_cut_refine_after_adapt", cut_within(data, "refine"), field.ndim,
-            ("cut run", "within a round after adaptive layers"),
+            f"{space}_ends_in_refine_after_adapt", within(data, "refine")[1], field.ndim,
+            ("the file ends too early", "within a round after adaptive layers"),
         )
 
 

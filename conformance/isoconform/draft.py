@@ -10,12 +10,10 @@ from numpy.typing import ArrayLike
 
 from isocodec import Field, Frames, encode
 from isocodec.format.events import LayerComplete
-from isocodec.stream.truncation import truncate
 
-from .dump import COMPLETE, dump
+from .dump import dump
 from .streams import bare
 
-CUT_ROOM = 64
 """Bytes that a file may grow by when it is cut: a number of symbols, a checksum."""
 
 
@@ -77,11 +75,3 @@ def within(data: bytes, kind: str) -> tuple[int, bytes]:
     done = [e for e in dump(data[:size]).events if isinstance(e, LayerComplete)]
     assert len(done) == event.number - 1, f"{kind} is not cut in its middle"
     return size, data[:size]
-
-
-def cut_within(data: bytes, kind: str) -> bytes:
-    """A complete file whose run is cut within that layer."""
-    size, start = within(data, kind)
-    short = truncate(start, max_bytes=size + CUT_ROOM)
-    assert dump(short).exit_code == COMPLETE
-    return short

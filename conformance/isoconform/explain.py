@@ -15,7 +15,7 @@ from pathlib import Path
 from isocodec.errors import TruncatedError
 from isocodec.format.chunks import CHECKSUM_BYTES, Envelope, read_envelope, read_further
 from isocodec.format.events import FrameRead, SeriesRead
-from isocodec.format.header import Header, read_header, varint
+from isocodec.format.header import Header, read_header
 from isocodec.format.program import Layer, ProgramReader, Progress
 from isocodec.stream.outline import Outline
 from isospec.container import FAR_LEAN, ChunkType, IsovalueKind, Operation, Profile, read_varint
@@ -92,7 +92,7 @@ class _Reader(Rows):
         about = [name] + ["ancillary"] * chunk.ancillary + ["checked"] * chunk.checked + ["last"] * chunk.last
         self.note(self.at + 1, f"head of a chunk of type {chunk.type}, {', '.join(about)} (3.4.1)")
         self.note(chunk.start, f"length of the payload: {chunk.end - chunk.start} (3.4.2)")
-        if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+        if chunk.type == ChunkType.LAYERS:
             self._layers(chunk)
         elif chunk.type == ChunkType.ISOVALUE and chunk.end <= len(self.data):
             isovalue, lean = read_further(self.data[chunk.start : chunk.end], chunk.start, self.isovalues)
@@ -135,11 +135,6 @@ class _Reader(Rows):
 
     def _layers(self, chunk: Envelope) -> None:
         there = min(chunk.end, len(self.data))
-        if chunk.type == ChunkType.CUT_LAYERS:
-            number = varint(self.data, self.at, there, "3.5.4")
-            if number is None:
-                return
-            self.note(number[1], f"{number[0]} symbols to be decoded (3.5.4)")
         reader, listed = ProgramReader(self.at, self.progresses[-1].copy()), 0
         for end in range(self.at + 1, there + 1):
             reader.read(self.data, end)

@@ -15,7 +15,7 @@ from isocodec.stream.options import Layers, Options
 from isospec.container import ChunkType
 
 from .adaptive import SPACES
-from .draft import Draft, cut_within, encoded_series
+from .draft import Draft, encoded_series, within
 from .fields import Integers, noise, waves
 from .streams import Chunk, File, split
 
@@ -114,7 +114,7 @@ def _file(shape: tuple[int, ...]) -> File:
 
 
 def parts() -> Iterator[Draft]:
-    """Series that end early: cut, truncated, without all isovalues of the last frame."""
+    """Series that end early: truncated, without all isovalues of the last frame."""
     for shape in SHAPES:
         space, n = SPACES[len(shape)], len(shape)
         file = _file(shape)
@@ -136,7 +136,7 @@ def parts() -> Iterator[Draft]:
         )
         whole = encode(Frames(_moving(shape)), VALUE, profile="main", precision="exact")
         yield Draft(
-            f"{space}_frames_cut", cut_within(whole, "values"), n, ("series of frames", "frames: a cut run")
+            f"{space}_frames_end_in_values", within(whole, "values")[1], n, ("series of frames", "truncated")
         )
 
 

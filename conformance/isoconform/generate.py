@@ -25,7 +25,6 @@ from . import (
     misplaced,
     missing,
     mixed,
-    raster,
     rules,
     special,
     surface_errors,
@@ -56,7 +55,7 @@ from .tiled_dump import dump_tiled, is_tiled
 
 _MODULES = (
     valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
-    explicit_rules, explicit_errors, surfaces, surface_errors, tiled, raster, misplaced,
+    explicit_rules, explicit_errors, surfaces, surface_errors, tiled, misplaced,
 )
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""

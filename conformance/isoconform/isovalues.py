@@ -9,7 +9,6 @@ import numpy as np
 from isocodec import Decoder
 from isocodec.format.chunks import write_further, write_turn
 from isocodec.format.events import IsovalueRead
-from isocodec.stream.truncation import truncate
 from isospec.container import (
     ALL,
     FAR_LEAN,
@@ -22,7 +21,7 @@ from isospec.container import (
 )
 
 from .adaptive import SOME, SPACES, Steps, adapt_to, base_on, random_run
-from .draft import Draft, cut_within, encoded, within
+from .draft import Draft, encoded, within
 from .fields import Integers, noise, waves
 from .meshes import exponent, random_mesh, uniform
 from .streams import Chunk, split, steps_of
@@ -179,14 +178,12 @@ def cuts() -> Iterator[Draft]:
             space, rough, (100.5, 180.5), layers={100.5: [base_on(rough, mesh)], 180.5: [("leaf_base",)]},
         ).data
         about = "several isovalues"
-        yield Draft(f"{space}_isovalues_cut_leaf_base", cut_within(leaf, "leaf_base"), n, ("cut run", about))
         yield Draft(
             f"{space}_isovalues_end_in_leaf_base", within(leaf, "leaf_base")[1], n, ("the file ends too early", about)
         )
         data = encoded(space, field, (VALUE, VALUE + 4), precision="exact").data
         yield Draft(f"{space}_isovalues_end_in_chunk", data[: _second(data) + 2], n, ("the file ends too early", about))
         yield Draft(f"{space}_isovalues_end_in_values", data[:-15], n, ("the file ends too early", about))
-        yield Draft(f"{space}_isovalues_cut", truncate(data, max_bytes=len(data) - 30), n, ("cut run", about))
 
 
 def _second(data: bytes) -> int:
@@ -269,8 +266,7 @@ def turns() -> Iterator[Draft]:
         peaks[(3,) * len(shape)], peaks[(5,) * len(shape)] = 120, 90
         yield encoded(f"{space}_turns_late", peaks, (30, 50, 80, 100), about, order="levels", precision="signs")
         whole = encoded("whole", field, isovalues, order="levels", precision="signs").data
-        short = truncate(whole, max_bytes=len(whole) * 2 // 3)
-        yield Draft(f"{space}_turns_cut", short, len(shape), (about, "a cut run"))
+        yield Draft(f"{space}_turns_cut", whole[: len(whole) * 2 // 3], len(shape), (about, "the file ends too early"))
         file = split(whole)
         further = Chunk(ChunkType.ISOVALUE, write_further(4, 200.5, 3))
         yield Draft(f"{space}_turns_then_isovalue", bytes(file.with_chunks(*file.chunks, further)), len(shape),

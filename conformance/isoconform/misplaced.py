@@ -28,7 +28,7 @@ ANCILLARY = {
 }
 """Types of chunks that are always ancillary (clause 3.5.1)."""
 PAYLOADS = {
-    ChunkType.LAYERS: b"\0", ChunkType.CUT_LAYERS: b"\0\0", ChunkType.METADATA: b"{}",
+    ChunkType.LAYERS: b"\0", ChunkType.METADATA: b"{}",
     ChunkType.ISOVALUE: write_further(1, 9.5, None), ChunkType.PROMISES: b"\0\1\1",
     ChunkType.DOMAIN: b"\0" + write_varint(0) + write_varint(4) + write_varint(2) + bytes(16),
     ChunkType.TURN: write_varint(0) + write_varint(1), ChunkType.SERIES: write_varint(2),
@@ -72,7 +72,7 @@ class Kind:
         if ancillary:
             return None
         if self.explicit:
-            if number in (ChunkType.CUT_LAYERS, ChunkType.MASK):
+            if number == ChunkType.MASK:
                 return "10.1.1"
             if first or number == ChunkType.DOMAIN:
                 return "3.5.8"

@@ -12,7 +12,7 @@ from isocodec import Field, encode
 from isospec.container import ChunkType
 
 from .adaptive import SOME, SPACES, base_on
-from .draft import Draft, cut_within, encoded
+from .draft import Draft, encoded, within
 from .fields import Integers, noise, waves
 from .isovalues import GRID, HIGH, SHAPES, VALUE
 from .meshes import random_mesh
@@ -96,8 +96,8 @@ def places() -> Iterator[Draft]:
                 ("missing samples: the mask between two isovalues, of which one is coded with it",),
             )
     field, gone = _holed(SHAPES[0])
-    data = cut_within(encode(Field(field, mask=gone), VALUE, profile="baseline", precision="exact"), "values")
-    yield Draft("plane_missing_cut", data, 2, ("missing samples: a cut run",))
+    data = within(encode(Field(field, mask=gone), VALUE, profile="baseline", precision="exact"), "values")[1]
+    yield Draft("plane_missing_ends_in_values", data, 2, ("missing samples: the file ends too early",))
 
 
 def refused() -> Iterator[Draft]:

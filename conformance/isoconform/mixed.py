@@ -11,7 +11,7 @@ from isocodec import encode
 from isocodec.grid.lattice.tables import cube_exponent
 
 from .adaptive import SPACES
-from .draft import Draft, cut_within, encoded, within
+from .draft import Draft, encoded, within
 from .fields import balls, checkers, noise, salt, torus, waves
 from .meshes import chosen, random_mesh, uniform
 
@@ -148,7 +148,7 @@ def cubes() -> Iterator[Draft]:
 
 
 def cuts() -> Iterator[Draft]:
-    """Files cut within a layer, with and without a new end."""
+    """Files that end within a layer."""
     for shape in ((61, 57), (17, 16, 18)):
         space = SPACES[len(shape)]
         field = waves(shape, 255, 2) + noise(shape, 9, 5)
@@ -160,8 +160,7 @@ def cuts() -> Iterator[Draft]:
         ):
             data = encode(field, 100.5, profile="main", **options)
             for kind in kinds:
-                short, start = cut_within(data, kind), within(data, kind)[1]
-                yield Draft(f"{space}_main_cut_{kind}", short, len(shape), ("main profile", "cut run"))
+                start = within(data, kind)[1]
                 yield Draft(f"{space}_main_start_{kind}", start, len(shape), ("main profile", "start of a file"))
 
 

@@ -238,7 +238,7 @@ def main_profile() -> Iterator[Draft]:
         ("offset_bit", 13 * "1" + 27 * "0" + "10110100101"),
     )
     about = "main profile: crossings in both ends of an edge"
-    yield _draft("main_no_distance", (65, 65), nearest, (about, "cut run"))
+    yield _draft("main_no_distance", (65, 65), nearest, (about, "the file ends too early"))
     yield _leaning(
         "main_leaning_on_nothing", "main profile: new components of an isovalue that leans on one without a base",
         (9, 9), {0.5: (), 1.5: ((BASE, 2), (REFINE, ALL))}, 5, 30, profile=MAIN,

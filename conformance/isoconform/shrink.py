@@ -13,8 +13,6 @@ from isospec.container import ChunkType, write_varint
 
 from .damage import EQUAL, KIND, PROFILE, SCALED, Fields, Torn, fields_of, torn
 
-LAYERS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
-
 
 def shrunk(data: bytes, holds: Callable[[bytes], bool], *, seconds: float = 30.0, tries: int = 2000) -> bytes:
     """The smallest file found of which something holds.
@@ -110,7 +108,7 @@ def _simpler_header(file: Torn) -> Iterator[bytes]:
 def _changed_bytes(file: Torn) -> Iterator[bytes]:
     """Bytes of payloads, and of what comes of a chunk that is not all there: left out, 0, or the last of a program."""
     for place, chunk in enumerate(file.chunks):
-        for other in _bytewise(chunk.payload, program=chunk.type in LAYERS):
+        for other in _bytewise(chunk.payload, program=chunk.type == ChunkType.LAYERS):
             yield _with_payload(file, place, other)
     for other in _bytewise(file.rest, program=True):
         yield bytes(replace(file, rest=other))

@@ -1,4 +1,4 @@
-"""Vectors of valid files out of the ordinary: layers in other orders, several chunks, cut runs, other containers."""
+"""Vectors of valid files out of the ordinary: layers in other orders, several chunks, other containers."""
 
 from __future__ import annotations
 
@@ -9,17 +9,15 @@ from operator import mul
 
 import numpy as np
 
-from isocodec import Decoder, encode
-from isocodec.entropy.range_coder import cut
+from isocodec import encode
 from isocodec.field.samples import Samples, check_field
 from isocodec.format.chunks import write_index, write_metadata
-from isocodec.format.events import LayerComplete
 from isocodec.format.header import Header, write_header
 from isocodec.format.program import Layer
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.grid_encoder import GridEncoder
 from isocodec.stream.truncation import truncate
-from isospec.container import MAX_SIDE, ChunkType, Operation, write_varint
+from isospec.container import MAX_SIDE, ChunkType, Operation
 
 from .draft import Draft, encoded
 from .fields import Integers, balls, checkers, noise, torus, waves
@@ -140,14 +138,12 @@ def chunks() -> Iterator[Draft]:
     yield Draft("plane_promises_odd", bytes(several.with_chunks(*odd, *several.chunks)), 2, ("promises to ignore",))
     empty = several.with_chunks(Chunk(UNKNOWN, b"", ancillary=True))
     yield Draft("plane_no_layers", bytes(empty), 2, ("no layers at all",))
-    cut = truncate(bytes(several), max_bytes=60)
-    yield Draft("plane_chunks_cut", cut, 2, ("several chunks of layers", "cut run"))
     newer = several.with_header(4, 0x30)
     yield Draft("plane_newer_writer", bytes(newer), 2, ("a newer writer, an old read version",))
 
 
 def cuts() -> Iterator[Draft]:
-    """Files made shorter: by layers, and within a run by symbols."""
+    """Files of the first layers of others."""
     disc = waves((33, 29), 255, 2)
     plane = b"".join(encoder_of(disc, 110.5, precision="exact", layers=4, profile="baseline"))
     space = b"".join(encoder_of(torus((15, 15, 9), 9, 4), 0.5, layers=6, profile="baseline"))
@@ -156,30 +152,6 @@ def cuts() -> Iterator[Draft]:
             f"plane_first_{layers}_layers", truncate(plane, layers=layers), 2, (f"truncated to {layers} layers",)
         )
     yield Draft("space_first_3_layers", truncate(space, layers=3), 3, ("truncated to 3 layers",))
-    for size in (24, 32, 60, 120, 150):
-        yield Draft(f"plane_cut_run_{size}", truncate(plane, max_bytes=size), 2, ("cut run",))
-    for size in (26, 50, 100):
-        yield Draft(f"space_cut_run_{size}", truncate(space, max_bytes=size), 3, ("cut run",))
-    base = b"".join(encoder_of(torus((15, 15, 9), 9, 4), 0.5, precision="signs", layers=12, profile="baseline"))
-    yield Draft("space_cut_base", truncate(base, max_bytes=50), 3, ("cut run", "single rate"))
-
-
-def cut_before_values() -> Iterator[Draft]:
-    """A run cut just where the first layer of values begins: its vertices have numbers, of no bits (clause 3.5.4)."""
-    file = encode(HILLS, 100.5, precision="exact", layers=4, profile="baseline")
-    decoder = Decoder()
-    decoder.feed(file)
-    for event in decoder:
-        if isinstance(event, LayerComplete) and decoder.grid.layers[event.number].kind == "values":
-            break
-    symbols = sum(decoder.grid.symbols.values())
-    run = decoder.grid.runs[-1]
-    payload = write_varint(symbols) + file[run.program_start : run.start] + cut(decoder.grid.coder)
-    whole = split(file)
-    yield Draft(
-        "plane_cut_before_values", bytes(whole.with_chunks(Chunk(ChunkType.CUT_LAYERS, payload))), 2,
-        ("cut run", "values begun, none sent"),
-    )
 
 
 def truncated() -> Iterator[Draft]:
@@ -237,5 +209,5 @@ def largest() -> Iterator[Draft]:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (orders, chunks, cuts, cut_before_values, truncated, flat, largest):
+    for group in (orders, chunks, cuts, truncated, flat, largest):
         yield from group()

@@ -46,13 +46,21 @@ class Chunk:
 
 @dataclass(frozen=True)
 class File:
-    """A file in parts; ``bytes(file)`` puts them together, with right lengths, flags and checksums."""
+    """A file in parts; ``bytes(file)`` puts them together, with right lengths, flags and checksums.
+
+    With ``ends_early`` the last chunk states a byte more than it has, and nothing follows.
+    """
 
     header: bytes
     chunks: tuple[Chunk, ...]
+    ends_early: bool = False
 
     def __bytes__(self) -> bytes:
         last = len(self.chunks) - 1
+        if self.ends_early:
+            *whole, short = self.chunks
+            begun = replace(short, payload=short.payload + b"\0", checked=False).enveloped(last=True)
+            return self.header + b"".join(c.enveloped() for c in whole) + begun[:-1]
         return closed(self.header + b"".join(c.enveloped(last=i == last) for i, c in enumerate(self.chunks)))
 
     def with_header(self, at: int, value: int) -> File:
@@ -61,7 +69,7 @@ class File:
 
     def with_chunks(self, *chunks: Chunk) -> File:
         """The same with other chunks."""
-        return replace(self, chunks=chunks)
+        return replace(self, chunks=chunks, ends_early=False)
 
 
 def bare(data: bytes) -> bytes:

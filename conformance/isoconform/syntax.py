@@ -281,11 +281,7 @@ def bare_file(random: Random) -> bytes:
         program = any_program(random, draft.progresses[-1], any_taste(random), 3)
         if program:
             # no curve: the sign of the origin, and no component
-            payload = program + b"\xff" * random.randint(1, 4)
-            if random.randrange(5) == 0:
-                draft.chunks.append(Chunk(ChunkType.CUT_LAYERS, write_varint(random.choice((0, 1, 2, 200))) + payload))
-                break
-            draft.chunks.append(Chunk(ChunkType.LAYERS, payload))
+            draft.chunks.append(Chunk(ChunkType.LAYERS, program + b"\xff" * random.randint(1, 4)))
         _perhaps_ancillary(random, draft)
     return draft.file(*[Chunk(random.choice(UNKNOWN_TYPES), b"", True)] * (not draft.chunks))
 
@@ -306,7 +302,7 @@ def _more_layers(random: Random, draft: _Draft, taste: Taste, size: int) -> byte
         return start + run if random.randrange(2) else draft.file(Chunk(ChunkType.LAYERS, program + run))
     whole = _finished(random, draft, program, run, found) if found.layers == progress.layers else None
     if whole is None:
-        return _unfinished(random, draft, program, run)
+        return draft.start(ChunkType.LAYERS, program) + run
     draft.chunks.append(whole)
     draft.progresses[-1] = progress
     return None
@@ -349,20 +345,3 @@ def _finished(random: Random, draft: _Draft, program: bytes, run: bytes, found: 
         if again.error is None and again.layers == found.layers:
             return chunk
     return None
-
-
-def _unfinished(random: Random, draft: _Draft, program: bytes, run: bytes) -> bytes:
-    """The file with a run that does not come to the end of its layers: cut by a number of symbols, or just cut off."""
-    if random.randrange(3) == 0:
-        return draft.start(ChunkType.LAYERS, program) + run
-    start = draft.start(ChunkType.LAYERS, program)
-    symbols = probe(start + run).symbols - probe(start).symbols
-    symbols -= random.choice((0, 0, random.randint(0, max(symbols, 0))))
-    number = write_varint(max(symbols, 0))
-    shifted = probe(draft.start(ChunkType.CUT_LAYERS, number + program) + run).shifted
-    data = b""
-    for size in (shifted + random.randint(0, 4), shifted + 4):
-        data = draft.file(Chunk(ChunkType.CUT_LAYERS, number + program + run[:size]))
-        if probe(data).error is None:
-            break
-    return data

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import astuple, dataclass
-from math import prod
 
 from isocodec import Decoder
 from isocodec.errors import TruncatedError
 from isocodec.format.events import End, FrameRead, LayerComplete
-from isocodec.format.kinds import LayerKind
 from isocodec.grid.lattice.store import PAGES
-from isocodec.grid.passes.raster import WORK
 from isocodec.grid.passes.runner import Tube
 from isocodec.limits import BLOCKS, TIERS
 
@@ -62,18 +59,11 @@ def needs(data: bytes) -> Needs:
     return Needs(
         vertices=max(vertices, sum(tube.vertices for tube in tubes)),
         simplices=max(leaves, sum(tube.simplices for tube in tubes)),
-        symbols=sum(decoder.grid.symbols.values()) + _rasters(decoder),
+        symbols=sum(decoder.grid.symbols.values()),
         steps=steps,
         isovalues=len(decoder.isovalues),
         blocks=max(blocks, sum(map(_blocks, tubes))),
     )
-
-
-def _rasters(decoder: Decoder) -> int:
-    """Symbols that raster layers count as, beside their own."""
-    assert decoder.header is not None
-    count = sum(layer.kind == LayerKind.RASTER for layer in decoder.grid.layers)
-    return count * prod(decoder.header.shape) // WORK
 
 
 def _blocks(tube: Tube) -> int:

@@ -15,10 +15,8 @@ from typing import Any
 from isocodec.entropy import mixer, range_coder
 from isocodec.errors import IsoError
 from isocodec.format.events import LayerComplete
-from isocodec.format.kinds import LayerKind
 from isocodec.format.program import Layer
 from isocodec.grid.models import contexts
-from isocodec.grid.passes import raster
 from isocodec.kernel import Execution
 from isocodec.kernel.execution import SETTING
 from isocodec.stream.decoder import Decoder
@@ -86,13 +84,6 @@ def context_name(number: int) -> tuple[str, str]:
             rest %= below
         return f"{spoken}({', '.join(map(str, values))})" if values else spoken, element
     raise ValueError(f"no context has the number {number}")
-
-
-def _raster_name(number: int) -> tuple[str, str]:
-    """Name of a context of a raster layer, and its syntax element."""
-    if number < raster.CONTEXT["near"]:
-        return f"BLOCK({number & 1}, {number >> 1 & 1}, {number >> 2})", "sample"
-    return "NEAR, SURE", "sample"
 
 
 def _place(position: Sequence[int]) -> str:
@@ -165,14 +156,13 @@ class Tracer:
     def _note(self, context: int, mixing: str) -> None:
         p, width, bit = self._told
         layer = self.decoder.grid.layers[self._done]
-        name, element = _raster_name(context) if layer.kind == LayerKind.RASTER else context_name(context)
+        name, element = context_name(context)
         self.symbols.append(Symbol(layer, self._done + 1, element, name, mixing, p, width, bit))
 
     @contextmanager
     def _listening(self) -> Iterator[None]:
         """Put ears where a symbol is coded, wherever that is used."""
         emit, code, blended, counted = range_coder.emit, range_coder.code, mixer.blended, mixer.counted
-        sign = raster.code_sign
 
         def heard(cd: Any, p: int, bit: int) -> int:
             self._look()
@@ -201,14 +191,8 @@ class Tracer:
                 self._note(int(context), "panel")
             return bit
 
-        def signed(cd: Any, rs: Any, j: int, bit: int) -> int:
-            bit = sign(cd, rs, j, bit)
-            if bit >= 0:
-                self._note(raster.CONTEXT["sure"], "opinions of 6 contexts")
-            return bit
-
         instead: list[tuple[Callable[..., int], Callable[..., int]]] = [
-            (emit, heard), (code, coded), (blended, mixed), (counted, counted_on), (sign, signed),
+            (emit, heard), (code, coded), (blended, mixed), (counted, counted_on),
         ]
         replaced = []
         for module in [m for name, m in sys.modules.items() if name.startswith("isocodec.")]:

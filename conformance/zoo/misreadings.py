@@ -19,7 +19,7 @@ ROOT = HOME.parent.parent
 PACKAGES = ("codec/isocodec", "spec/isospec", "conformance/isoconform")
 """What a planted decoder consists of, relative to the repository."""
 THEMES = (
-    "container", "mesh", "base", "refinement", "raster", "geometry", "isovalues", "missing", "frames", "mapped",
+    "container", "mesh", "base", "refinement", "geometry", "isovalues", "missing", "frames", "mapped",
     "coder", "main", "explicit", "tiles",
 )
 """Files of misreadings, in the order of the specification."""

@@ -66,7 +66,6 @@ class ChunkType(IntEnum):
     """Chunk types (clause 3.5)."""
 
     LAYERS = 1
-    CUT_LAYERS = 2
     METADATA = 3
     INDEX = 4
     ISOVALUE = 5

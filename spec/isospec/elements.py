@@ -4,7 +4,7 @@ from __future__ import annotations
 
 ELEMENTS = (
     "origin", "component", "location", "base_sign", "significance", "refinement_sign", "value_bit", "offset_bit",
-    "level", "split", "continue", "sample",
+    "level", "split", "continue",
 )
 
 BY_LAYER = {
@@ -12,7 +12,6 @@ BY_LAYER = {
     "adaptive_base": ("origin", "component", "location", "base_sign", "level"),
     "leaf_base": ("origin", "component", "location", "base_sign"),
     "refine": ("significance", "refinement_sign"),
-    "raster": ("sample",),
     "adapt": ("significance", "refinement_sign", "split", "continue"),
     "values": ("value_bit",),
     "offsets": ("offset_bit",),

@@ -243,11 +243,13 @@ def test_truncate(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
         "input_bytes": len(curve_data),
         "isovalues": [80.5],
         "layers": 2,
+        "input_layers": len(isocodec.open(curve_data).info.layers),
     }
     size = len(curve_data) * 3 // 4
     line = ok("edit", curve, "-o", out, "--size", size)
     assert out.stat().st_size <= size
-    assert f" of {len(curve_data):,} bytes" in line
+    there, kept = (len(isocodec.open(each).info.layers) for each in (curve, out))
+    assert f" of {len(curve_data):,} bytes, {kept} of {there} layers" in line and 0 < kept < there
     ok("decode", out, "-o", tmp_path / "t.npz")
 
 

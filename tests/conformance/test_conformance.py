@@ -112,7 +112,7 @@ def test_manifest_covers_the_format():
     for n in (2, 3):
         of_n = [v for v in VECTORS if v.dimension == n]
         whole = [v for v in of_n if v.expected.status == OK]
-        assert {name for v in whole for name in v.elements} == set(ELEMENTS) - ({"sample"} if n == 3 else set())
+        assert {name for v in whole for name in v.elements} == set(ELEMENTS)
         assert {v.expected.status for v in of_n} - {LIMIT, NO_MESH} == {OK, TRUNCATED, ERROR}
         features = {f for v in whole for f in v.features}
         for residue in range(n):
@@ -127,7 +127,7 @@ def test_manifest_covers_the_format():
         layers = {layer.kind for v in whole for layer in v.layers}
         assert layers == {
             "base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets", "signs", "levels", "cut",
-        } | ({"raster"} if n == 2 else set())
+        }
         assert {layer.unit for v in whole for layer in v.layers} >= {0, 1, 3}
         lines = Counter(line.split()[0] for v in whole for line in dump_file(HOME / v.file).text.splitlines())
         assert set(lines) - {"s"} == {

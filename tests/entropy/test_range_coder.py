@@ -323,8 +323,8 @@ def test_a_run_is_never_read_far_past_its_end(data, probabilities):
     assert cd.reg.over == 1
 
 
-def test_a_cut_run_ends_after_its_symbols():
-    """With a number of symbols stated the coder says -2, not -1, when they are done."""
+def test_a_coder_stops_after_the_symbols_granted():
+    """It says -2, not -1, when they are done."""
     cd = coder(DECODE, [HALF], FIXED)
     feed(cd, b"\xaa", True)
     cd.reg.left = 3

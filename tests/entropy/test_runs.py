@@ -22,9 +22,9 @@ from isocodec.format.kinds import LayerKind
 from isocodec.kernel import BAD, DONE, NEED
 from isocodec.limits import WORK_STEPS
 from isocodec.stream.grid_contents import GridContents
-from isocodec.stream.plan_file import read_plan
 from isoconform.explicit import some_nodes, with_cuts
 from isospec.container import ChunkType, DomainKind, MeshLayer
+from planned import plan
 from tables import looped
 
 # --- runs by themselves -----------------------------------------------------------------------------------------------
@@ -117,17 +117,6 @@ def test_runs_of_a_file_share_an_account(monkeypatch):
     assert caught.value.code == "limit-symbols"
 
 
-def test_a_cut_run_ends_where_it_states(monkeypatch):
-    monkeypatch.setattr(module, "SLICE", 64)
-    run, out = ReadingRun(coder(), Account(), stated=150), []
-    run.feed(coded(BITS), False)
-    while not run.complete:
-        run.grant()
-        while (bit := code(run.coder, len(out) % LAYOUT.count, 0)) >= 0:
-            out.append(int(bit))
-    assert out == BITS[:150]
-
-
 # --- runs of files ----------------------------------------------------------------------------------------------------
 
 Mesh = tuple[np.ndarray, np.ndarray | None]
@@ -162,8 +151,8 @@ def on_mesh(base: Mesh = PLANE, precision: str | None = None, **options) -> byte
     return isocodec.encode(isocodec.Mesh(*base, wavy(base[0]), **options), 3, precision=precision)
 
 
-def planned(plan: str) -> bytes:
-    return isocodec.encode(HILLS, 0, layers=read_plan(plan))
+def planned(text: str) -> bytes:
+    return isocodec.encode(HILLS, 0, layers=plan(text))
 
 
 def on_cuts() -> bytes:
@@ -184,7 +173,6 @@ KINDS: dict[str, tuple[Callable[[], bytes], int]] = {
     "coded mesh of space": (partial(on_mesh, SPACE, stored="whole"), 3),
     "coded points": (partial(on_mesh, (PLANE[0], None)), 3),
     "surface": (surface, 1),
-    "raster layer": (partial(planned, "raster"), 1),
     "adaptive base": (partial(planned, "adaptive-base distortion=2\nadapt distortion=0.5"), 1),
     "offsets": (partial(isocodec.encode, HILLS, 0, precision=0.05, layers=3), 1),
     "cuts": (on_cuts, 1),

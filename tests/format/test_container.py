@@ -22,7 +22,7 @@ from isocodec.format.header import Header, read_header, write_header, write_isov
 from isocodec.format.kinds import LayerKind
 from isocodec.format.program import Layer, Progress, read_program, write_program
 from isocodec.stream.encoder import encoder_of
-from isocodec.stream.outline import LAYER_CHUNKS, READERS
+from isocodec.stream.outline import READERS
 from isospec.container import (
     LAYER_LIMIT,
     MAX_SIDE,
@@ -202,8 +202,6 @@ BASE_2, REFINE_3, REFINE_4 = ("base", 2, 0), ("refine", 3, 0), ("refine", 4, 0)
         ("82 b1 02 9f 30", [BASE_2, ("offsets", 2, 3), REFINE_3, REFINE_4, ("offsets", 4, 1)]),
         ("8f 30", [("base", 4, 0), ("offsets", 4, 1)]),  # in one part: nothing to be told
         ("8f 2f 00", [("base", 4, 0), ("values", 4, 0)]),  # no bits: values are exact at once
-        ("10", [("raster", 4, 0)]),  # no rounds: a raster layer, with a base before it or without
-        ("82 90 31", [BASE_2, ("raster", 4, 0), ("offsets", 4, 3)]),
     ],
 )
 def test_program(encoding, layers):
@@ -221,10 +219,8 @@ def test_program(encoding, layers):
         ("21 11", 0),
         ("31", 0),
         ("82 13", 1),  # three rounds from level 2
-        ("8f 10", 1),  # a raster layer of the full grid
-        ("90 10", 1),  # a second one
-        ("90 02", 1),  # a base behind it
-        ("82 90 11", 2),  # a round behind it
+        ("10", 0),  # no rounds
+        ("82 10", 1),
         ("82 9f 11", 2),  # one more than there are
         ("82 31 19", 1),  # offsets in parts of 2**25 samples
         ("8f 3f", 1),
@@ -365,19 +361,6 @@ def test_run_with_bytes_left_over_or_missing():
         isocodec.decode(layers_file(payload[: len(payload) // 2], head=head))
 
 
-def test_nothing_follows_a_cut_run():
-    """Layers after a run that was cut have nothing to build on."""
-    data = files()["exact"]
-    short = isocodec.open(data).edited(size=len(data) * 2 // 3)
-    head = read_header(short)[1]
-    (one,) = isocodec.open(short).info.chunks
-    assert one.type == "cut_layers"
-    envelope = chunks.read_envelope(short, one.offset)
-    first = chunk(ChunkType.CUT_LAYERS, short[envelope.start : envelope.end])
-    more = chunk(ChunkType.LAYERS, b"\x11", last=True)
-    refused(with_checksum(short[:head] + first + more), "cut", head + len(first))
-
-
 @looped("payload", [b"", b"[]", b"{", b"\xff", b"[" * 5000, b'{"a": 1}'])
 def test_metadata_that_is_none(payload):
     """An ancillary chunk never spoils a file."""
@@ -417,7 +400,7 @@ def test_metadata_that_is_no_text(metadata):
 
 
 def test_every_chunk_type_has_one_reader_and_every_kind_of_layer_its_symbols():
-    assert {*READERS} | {*LAYER_CHUNKS} | {ChunkType.MASK} == {*ChunkType} and not {*READERS} & {*LAYER_CHUNKS}
+    assert {*READERS} | {ChunkType.LAYERS, ChunkType.MASK} == {*ChunkType} and ChunkType.LAYERS not in READERS
     assert {*LayerKind} == {*BY_LAYER} and {kind.operation for kind in LayerKind} < {*Operation}
 
 

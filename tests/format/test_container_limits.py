@@ -46,33 +46,6 @@ def chunks(data):
 # --- chunks of 2**14 bytes -------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def noise():
-    """A bit a sample: a chunk of 20,000 bytes, and an index."""
-    field = np.random.default_rng(0).integers(0, 2, (400, 400))
-    data = isocodec.encode(field, 0, precision="signs")
-    _, envelope, _ = chunks(data)[0]
-    assert envelope.checked and envelope.end - envelope.start > CHECKED_CHUNK + 1000
-    return data
-
-
-@looped("beyond", [-4, -1, 0, 1, 3, 5, 24])
-def test_large_chunks_cut_to_bytes(noise, beyond):
-    """Around the size from which chunks have a checksum of their own, and beyond it: as many symbols as fit."""
-    most = read_header(noise)[1] + CHECKED_CHUNK + beyond
-    short = isocodec.open(noise).edited(size=most)
-    ((_, envelope, _),) = chunks(short)
-    assert envelope.type == ChunkType.CUT_LAYERS
-    size = envelope.end - envelope.start
-    assert envelope.checked == (size >= CHECKED_CHUNK)
-    # a run and its ending grow by a byte or two at a time; where a payload gets its checksum, by four more
-    assert most - 12 <= len(short) <= most
-    kept = sum(closed(short).symbols.values())
-    longer = isocodec.open(noise).edited(size=most + 20)
-    assert 0 < sum(closed(longer).symbols.values()) - kept < 8 * 32 * 3
-    assert isocodec.open(short).edited(size=most) == short
-
-
 def test_a_payload_of_exactly_2_to_the_14():
     """It has a checksum of its own; one byte less has none."""
     for size in (CHECKED_CHUNK - 1, CHECKED_CHUNK, CHECKED_CHUNK + 1):

@@ -128,7 +128,6 @@ def test_compiled_kernels_do_what_their_source_says(twice):
             }, {"precision": 0.2, "profile": "baseline"},
         ):
             isocodec.open(isocodec.encode(field, [0.5, 5.5], **options)).contours(smooth=True)
-    isocodec.open(isocodec.encode(np.rint(100 * smooth((6, 7), 3)), 0.5, layers=[("raster",)])).contour()
     for shape in ((6, 7), (3, 4, 4)):
         field = np.rint(100 * smooth(shape, 3)).astype(np.int64)
         data = isocodec.encode(field, 0.5, precision=0.05)

@@ -55,7 +55,6 @@ FILES: dict[str, tuple[Any, Any, dict[str, Any]]] = {
     "search": (PLANE, 300.5, {"precision": 1}),
     "search in space": (SPACE, 60.5, {"precision": 0.5}),
     "map": (PLANE, [280.5, 300.5, 320.5], {"precision": 1}),
-    "row by row": (noise((45, 60), 3, 40), 0.5, {"layers": [("raster",)]}),
     "topology": (PLANE, 300.5, {"precision": 0.7, "keep_topology": True}),
     "steps": (SPACE, 60.5, {"precision": [2, 0.5, "exact"]}),
     "isovalues": (PLANE, [300.5, 310.5, 100.5], {"precision": "exact"}),

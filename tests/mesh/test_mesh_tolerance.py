@@ -1,4 +1,4 @@
-"""Distances and topology that files on known meshes keep, measured by VTK (spec annex G.6)."""
+"""Distances and topology that files on known meshes keep, measured by VTK (docs/encoders.md, 6)."""
 
 from __future__ import annotations
 

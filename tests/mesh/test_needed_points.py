@@ -1,4 +1,4 @@
-"""Scattered points of which a file holds those next to contours alone: the curves of all points (spec annex G.4)."""
+"""Scattered points of which a file holds those next to contours alone: the curves of all points (docs/encoders.md)."""
 
 from __future__ import annotations
 

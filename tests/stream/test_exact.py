@@ -166,8 +166,8 @@ def test_numbers_of_numpy_are_numbers():
         (GOOD, {"precision": math.nan}, "tolerance"),
         (GOOD, {"precision": 1e-10}, "tolerance"),  # more than 2**24 parts of a cell
         (GOOD, {"precision": [2, "exact"], "layers": 1}, "options"),
-        (GOOD, {"layers": "base", "precision": "signs"}, "options"),
-        (GOOD, {"layers": "base", "keep_topology": True}, "options"),
+        (GOOD, {"layers": [("base", None)], "precision": "signs"}, "options"),
+        (GOOD, {"layers": [("base", None)], "keep_topology": True}, "options"),
         (GOOD, {"precision": "step=a"}, "options"),
         (GOOD, {"layers": -1}, "base-level"),
         (GOOD, {"layers": 5}, "base-level"),  # 3 x 4 samples: k = 2, level 4

@@ -18,7 +18,7 @@ from brute import examples
 from isocodec import Field, Frames, Mesh
 from isocodec.errors import TruncatedError
 from isocodec.stream.options import ProfileName
-from isoconform.raster import letters
+from isoconform.fields import noise
 from libraries import Late
 
 gaussian_filter = Late("scipy.ndimage.gaussian_filter")
@@ -68,6 +68,16 @@ def unreached(whole: NDArray[np.float64], part: NDArray[np.float64]) -> list[tup
         (axis, int(slab)) for axis in range(whole.shape[1])
         for slab in np.flatnonzero((slabs(whole, axis) >= LEAST_POINTS * len(whole)) & (slabs(part, axis) == 0))
     ]
+
+
+def letters(shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Shapes of eight by eight samples that come again and again, between lines without any."""
+    glyphs = (noise((4, 7, 5), 7, 8) > 120).astype(np.int64)
+    out = np.zeros(shape, np.int64)
+    for i in range(1, shape[0] - 7, 12):
+        for j in range(1, shape[1] - 5, 7):
+            out[i : i + 7, j : j + 5] = glyphs[(3 * i + 5 * j) % 4]
+    return out
 
 
 def field_of(shape: tuple[int, ...], width: float, seed: int) -> NDArray[np.int32]:

@@ -25,6 +25,7 @@ from isocodec.field.placement import Placement
 from isocodec.grid.lattice.vertex_set import every_vertex
 from isocodec.stream.options import CriterionName
 from libraries import Late
+from planned import plan
 from tables import heavy, looped
 
 pyvista = Late("pyvista")
@@ -58,11 +59,11 @@ WAYS: dict[str, tuple[dict[str, Any], float | None]] = {
     **{name: ({"layers": f"{name}={NUMBERS[name]}" if name in NUMBERS else name}, None) for name in
        get_args(CriterionName)},
     "distortion": ({"layers": "distortion=0.7"}, 0.7),
-    "plan": ({"layers": "adaptive-base distortion=1.5\nvalues 6\nadapt curvature=0.3\nvalues 0"}, None),
+    "plan": ({"layers": plan("adaptive-base distortion=1.5\nvalues 6\nadapt curvature=0.3\nvalues 0")}, None),
     "plan of distances": (
-        {"layers": "base 2\nadapt distortion=1.5\noffsets 3\nadapt distortion=1\noffsets 3"}, 1.0,
+        {"layers": plan("base 2\nadapt distortion=1.5\noffsets 3\nadapt distortion=1\noffsets 3")}, 1.0,
     ),
-    "uniform plan": ({"layers": "base 6\noffsets 5"}, None),
+    "uniform plan": ({"layers": plan("base 6\noffsets 5")}, None),
 }
 
 
@@ -403,38 +404,38 @@ def closed(field: Array) -> Array:
 
 
 OPEN: dict[str, Any] = {
-    "cells that are no squares": "base 5\noffsets 3", "rounds that end between squares": "base 4\nrefine 1",
-    "leaves of another isovalue": "isovalue 40.5\nbase 4\nisovalue 60.5\nleaf-base",
+    "cells that are no squares": plan("base 5\noffsets 3"), "rounds that end between squares": plan("base 4\nrefine 1"),
+    "leaves of another isovalue": {40.5: plan("base 4"), 60.5: plan("leaf-base")},
     "a mesh that is given": [("adaptive_base", 0, every_vertex((30, 41)))],
 }
 """Plans whose last mesh may differ at the ends."""
-CLOSED = {
-    "leaves on the full grid": "isovalue 40.5\nbase 4\nrefine\nisovalue 60.5\nleaf-base\noffsets 3",
-    "row by row": "raster\noffsets 3", "more rounds": "base 5\nrefine 1\noffsets 3",
-    "a criterion and rounds": "base 2\nadapt topology\nrefine\noffsets 3",
+CLOSED: dict[str, Any] = {
+    "leaves on the full grid": {40.5: plan("base 4\nrefine"), 60.5: plan("leaf-base\noffsets 3")},
+    "more rounds": plan("base 5\nrefine 1\noffsets 3"),
+    "a criterion and rounds": plan("base 2\nadapt topology\nrefine\noffsets 3"),
 }
 
 
-@pytest.mark.parametrize("plan", OPEN)
-def test_plans_that_could_leave_a_seam(plan: str) -> None:
+@pytest.mark.parametrize("name", OPEN)
+def test_plans_that_could_leave_a_seam(name: str) -> None:
     """Refused with a remedy; where coordinates alone show that the axis is periodic, it stays open, with a warning."""
     shape, periodic, seed = AXES["cylinder"]
     field = waves(shape, periodic, seed)
-    isovalue = None if "isovalue" in OPEN[plan] else LEVEL
+    isovalue = list(OPEN[name]) if isinstance(OPEN[name], dict) else LEVEL
     with pytest.raises(OptionError, match="periodic axes and this plan cannot be combined") as caught:
-        isocodec.encode(around(field, periodic), isovalue, layers=OPEN[plan])
+        isocodec.encode(around(field, periodic), isovalue, layers=OPEN[name])
     assert "full grid" in str(caught.value) and "multiple of 2" in str(caught.value)
-    if plan == "a mesh that is given":
+    if name == "a mesh that is given":
         return
     placed = grids.placed(field, [np.arange(29.0), np.arange(40) * 9.0], periodic=1, periods=(360.0, 0), inferred=True)
     with pytest.warns(UserWarning, match="axis 1 is not treated as periodic, because the last mesh of the plan"):
-        data = isocodec.encode(placed, isovalue, layers=OPEN[plan])
+        data = isocodec.encode(placed, isovalue, layers=OPEN[name])
     assert isocodec.open(data).info.shape == shape
 
 
-@pytest.mark.parametrize("plan", CLOSED)
-def test_plans_that_leave_none(plan: str) -> None:
+@pytest.mark.parametrize("name", CLOSED)
+def test_plans_that_leave_none(name: str) -> None:
     shape, periodic, seed = AXES["cylinder"]
-    isovalue = None if "isovalue" in CLOSED[plan] else LEVEL
-    file = isocodec.open(isocodec.encode(around(waves(shape, periodic, seed), periodic), isovalue, layers=CLOSED[plan]))
+    isovalue = list(CLOSED[name]) if isinstance(CLOSED[name], dict) else LEVEL
+    file = isocodec.open(isocodec.encode(around(waves(shape, periodic, seed), periodic), isovalue, layers=CLOSED[name]))
     assert all(len(one.cells) and open_ends(one, periodic) == 0 for one in file.contours())

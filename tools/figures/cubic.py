@@ -12,23 +12,15 @@ import isocodec
 from figures.apart import along, distances
 from figures.corpus import Stage, stages
 from figures.planes import draw_curve, draw_mesh, panels, save
+from isocodec.grid.layers.plan import Criteria
 
 SIDE, REACH = 129, 2.6
 """Samples along an edge, and where the edges lie on both axes."""
 STEPS = 512
 """Of values for each unit of ``y**2 - x**3 + 3 x - 1``."""
-PLAN = """
-base 6
-values 5
-refine 2
-values 2
-refine 2
-values 2
-refine 2
-values 2
-refine
-values
-"""
+PLAN = [
+    ("base", 6), ("values", 5), *3 * [("refine", 2), ("values", 2)], ("refine", None), ("values", None),
+]
 """Five bits of values, and two more between two levels each, as published."""
 ALLOWED = (4.0, 2.0, 1.0, 0.5, 0.25)
 
@@ -74,7 +66,7 @@ def cubic(folder: Path, out: Path) -> None:
     figure, axes = panels(2, len(ALLOWED), (SIDE, SIDE), side=3.0)
     shown = [(f"level {stage.level}, values", stage) for stage in uniform_stages()]
     for threshold in ALLOWED:
-        plan = f"adaptive-base topology distortion={threshold}\noffsets 5 unit=1"
+        plan = [("adaptive_base", 0, Criteria(topology=True, distortion=threshold)), ("offsets", 5, 1)]
         (stage,) = stages(isocodec.encode(cubic_field(), 0.5, layers=plan), [2])
         shown.append((f"threshold {threshold:g}", stage))
     for axis, (name, stage) in zip(axes, shown, strict=True):

@@ -12,14 +12,13 @@ import isocodec
 from figures.corpus import stages
 from figures.planes import draw_curve, draw_mesh, panels, save
 from figures.walk import ABOVE, BELOW, symbols_of
+from isocodec.grid.layers.plan import Criteria
 
 SIDE = 33
-PLAN = """
-adaptive-base topology distortion=1.5
-offsets 3 unit=1
-adapt distortion=0.25
-offsets 5
-"""
+PLAN = [
+    ("adaptive_base", 0, Criteria(topology=True, distortion=1.5)), ("offsets", 3, 1),
+    ("adapt", 1, Criteria(distortion=0.25)), ("offsets", 5),
+]
 BASE, REFINEMENT = 1, 3
 """Layers whose symbols are shown."""
 COLOURS = {"=": "0.35", "<": "#2f6fb0", ">": "#b0522f", "R": "#2f8f5b", "K": "#8f2f7a"}

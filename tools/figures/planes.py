@@ -12,14 +12,15 @@ from matplotlib.collections import LineCollection
 import isocodec
 from figures.corpus import Item, Stage, by_bytes, load, stages
 from isocodec.drawing.tessellation import Tessellation
+from isocodec.grid.layers.plan import Criteria
 
 SLICE = 128
 """Of the horse: along its body."""
 INK = (0.10, 0.25, 0.45)
 CRITERIA = (
-    ("crossing", "crossing"), ("topology", "topology"), ("curvature > 0.25", "curvature=0.25"),
-    ("distortion < 1", "distortion=1"), ("distortion < 1, topology", "distortion=1 topology"),
-    ("level 10", "level=10"),
+    ("crossing", Criteria(crossing=True)), ("topology", Criteria(topology=True)),
+    ("curvature > 0.25", Criteria(curvature=0.25)), ("distortion < 1", Criteria(distortion=1)),
+    ("distortion < 1, topology", Criteria(distortion=1, topology=True)), ("level 10", Criteria(level=10)),
 )
 
 
@@ -72,8 +73,8 @@ def criteria(folder: Path, out: Path) -> None:
     # a slice along the body, upright
     item = Item("horse slice", np.ascontiguousarray(model.values[::-1, :, SLICE]), 0)
     figure, axes = panels(2, 3, item.values.shape)
-    for axis, (name, words) in zip(axes, CRITERIA, strict=True):
-        plan = f"adaptive-base {words}\noffsets 5"
+    for axis, (name, asked) in zip(axes, CRITERIA, strict=True):
+        plan = [("adaptive_base", 0, asked), ("offsets", 5)]
         data = isocodec.encode(item.values, item.isovalue + 0.5, layers=plan)
         draw_stage(axis, stages(data, [2])[0], name)
     save(figure, out / "criteria.png")
@@ -82,7 +83,7 @@ def criteria(folder: Path, out: Path) -> None:
 def levels(folder: Path, out: Path) -> None:
     """C2 figures 2 and 6: uniform levels, from coarse to fine."""
     item = load(folder, "terrain/esterel_257", 300)
-    data = isocodec.encode(item.values, item.isovalue + 0.5, layers="base 4\nrefine")
+    data = isocodec.encode(item.values, item.isovalue + 0.5, layers=[("base", 4), ("refine", None)])
     figure, axes = panels(2, 3, item.values.shape)
     for axis, stage in zip(axes, stages(data, [1, 3, 5, 7, 9, 13]), strict=True):
         draw_stage(axis, stage, f"level {stage.level}", mesh=stage.level < 14)

@@ -16,6 +16,7 @@ from figures.planes import save
 from isocodec.errors import OptionError
 from isocodec.format.events import LayerComplete
 from isocodec.grid.lattice.tables import cube_exponent
+from isocodec.grid.layers.plan import Criteria
 from isocodec.search.proof import hausdorff
 
 Point = tuple[str, int, float]
@@ -39,19 +40,27 @@ SEARCHED: dict[str, dict[str, Any]] = {
     "searched under a tolerance": {}, "searched, topology kept": {"keep_topology": True},
 }
 """Files for a tolerance each."""
-FAMILIES: dict[str, list[str]] = {
-    "single rate, offsets in 1 to 63 parts": [f"base\noffsets {radix}" for radix in RADICES],
-    "single rate, values of 1 bit and more": [f"base\nvalues {bits}" for bits in (1, 2, 3, 4, 5, 6)],
-    "crossing, 1 to 63 parts": [f"adaptive-base crossing\noffsets {radix}" for radix in RADICES],
-    "topology, 1 to 63 parts": [f"adaptive-base topology\noffsets {radix} unit=2" for radix in RADICES],
-    "curvature 1 to 0.1": [f"adaptive-base curvature={k}\noffsets 5" for k in (1, 0.7, 0.5, 0.3, 0.2, 0.1)],
-    "distortion 4 to 0.25, 5 parts": [f"adaptive-base distortion={d}\noffsets 5 unit=1" for d in DISTORTIONS],
+Plan = list[tuple[Any, ...]]
+
+
+def _on(geometry: tuple[Any, ...], **criteria: Any) -> Plan:
+    """Geometry on a mesh by criteria."""
+    return [("adaptive_base", 0, Criteria(**criteria)), geometry]
+
+
+FAMILIES: dict[str, list[Plan]] = {
+    "single rate, offsets in 1 to 63 parts": [[("base", None), ("offsets", radix)] for radix in RADICES],
+    "single rate, values of 1 bit and more": [[("base", None), ("values", bits)] for bits in (1, 2, 3, 4, 5, 6)],
+    "crossing, 1 to 63 parts": [_on(("offsets", radix), crossing=True) for radix in RADICES],
+    "topology, 1 to 63 parts": [_on(("offsets", radix, 2), topology=True) for radix in RADICES],
+    "curvature 1 to 0.1": [_on(("offsets", 5), curvature=k) for k in (1, 0.7, 0.5, 0.3, 0.2, 0.1)],
+    "distortion 4 to 0.25, 5 parts": [_on(("offsets", 5, 1), distortion=d) for d in DISTORTIONS],
     "distortion and topology, 5 parts": [
-        f"adaptive-base topology distortion={d}\noffsets 5 unit=1" for d in DISTORTIONS
+        _on(("offsets", 5, 1), topology=True, distortion=d) for d in DISTORTIONS
     ],
     **{
         f"distortion {d}, 3 to 21 parts": [
-            f"adaptive-base distortion={d}\noffsets {radix} unit=1" for radix in QUANTISED
+            _on(("offsets", radix, 1), distortion=d) for radix in QUANTISED
         ]
         for d in (4, 1, 0.5)
     },
@@ -74,16 +83,15 @@ def measured(item: Item) -> Iterator[Point]:
             if isinstance(event, LayerComplete) and (event.layer.level == full or event.layer.level % n == 0):
                 yield name, event.offset, apart(decoder.contour())
     for name, plans in FAMILIES.items():
-        for text in plans:
+        for plan in plans:
             try:
-                data = isocodec.encode(item.values, item.isovalue, layers=text)
+                data = isocodec.encode(item.values, item.isovalue, layers=plan)
             except OptionError:
                 # there are not that many bits of values, or crossings are too coarse for a distance
                 continue
             yield name, len(data), apart(isocodec.decode(data))
-    levels = [f"base {level}\noffsets 5 unit=1" for level in range(2 * n, full, n)]
-    for text in levels:
-        data = isocodec.encode(item.values, item.isovalue, layers=text)
+    for level in range(2 * n, full, n):
+        data = isocodec.encode(item.values, item.isovalue, layers=[("base", level), ("offsets", 5, 1)])
         yield "uniform levels, 5 parts", len(data), apart(isocodec.decode(data))
     for name, options in SEARCHED.items():
         for tolerance in TOLERANCES if n == 2 else (2.0, 1.0, 0.5):

@@ -7,16 +7,15 @@ from pathlib import Path
 import isocodec
 from figures.apart import surfaces_apart
 from figures.corpus import Y_UP, Z_UP, load, original_of, stages
+from isocodec.grid.layers.plan import Criteria
 from isocodec.plotting.panels import StepPanel, panels_picture
 
 COARSE, FINE = 3.0, 0.2
 """Thresholds of the paper's figure 8, in cells of 257 samples a side, each of a mesh with its geometry."""
-PLAN = f"""
-adaptive-base topology distortion={COARSE}
-offsets 5 unit=1
-adapt crossing distortion={FINE}
-offsets 3
-"""
+PLAN = [
+    ("adaptive_base", 0, Criteria(topology=True, distortion=COARSE)), ("offsets", 5, 1),
+    ("adapt", 1, Criteria(crossing=True, distortion=FINE)), ("offsets", 3),
+]
 """Both distances hold for what is decoded, quantised as it is.
 
 With ``crossing`` the finer mesh is the full grid along the surface from the start: no other keeps to the finer

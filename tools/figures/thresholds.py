@@ -13,6 +13,7 @@ from figures.apart import curves_apart
 from figures.corpus import load, original_of
 from figures.planes import save
 from isocodec.errors import OptionError
+from isocodec.grid.layers.plan import Criteria
 
 CURVE = "terrain/esterel_257", 300.5
 DISTANCES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
@@ -31,7 +32,7 @@ def thresholds(folder: Path, out: Path) -> None:
     whole = original_of(item).lines
     sizes, far = np.full((2, len(DISTANCES), len(DIVISIONS)), np.nan)
     for (i, distance), (j, parts) in product(enumerate(DISTANCES), enumerate(DIVISIONS)):
-        plan = f"adaptive-base topology distortion={distance}\noffsets {parts} unit=1"
+        plan = [("adaptive_base", 0, Criteria(topology=True, distortion=distance)), ("offsets", parts, 1)]
         asked = f"thresholds, {item.title}: {distance:g} cells asked, {parts_of(parts)}"
         try:
             data = isocodec.encode(item.values, item.isovalue, layers=plan)

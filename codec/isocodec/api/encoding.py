@@ -80,14 +80,13 @@ def encode(
         For grids. A number: the uniform level of the base; the level of the full grid makes a file of one layer. A
         criterion, which coarsens the mesh as published: "crossing", "topology", "curvature=K" (mean curvature above
         which the finest mesh stays, 1 / cells), "distortion=D" (distance in cells from the original curve to the new
-        one), "level=L" (that of a uniform mesh). Or a plan: the layers one by one, as a text (docs/plans.md
-        explains it), or a sequence of entries ``("base", level)``, ``("refine", rounds)``, ``("values",
-        bits)``, ``("offsets", radix)``, where None means as many as possible; ``("values", None, left)`` leaves
-        ``left`` bits uncoded; ``("adaptive_base", level, mesh)``, ``("adapt", births, mesh)`` with the resulting mesh
-        (`grid.lattice.vertex_set.Chosen`) or the criteria by which to coarsen it (`grid.layers.plan.Criteria`),
-        ``("leaf_base",)``, ``("raster",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` after layers other
-        than values records that their curve lies at most that far from the original one, without proof. A mapping gives
-        a separate plan for each isovalue.
+        one), "level=L" (that of a uniform mesh). Or a plan (docs/plans.md): the layers one by one, a sequence of
+        entries ``("base", level)``, ``("refine", rounds)``, ``("values", bits)``, ``("offsets", radix)``, where None
+        means as many as possible; ``("values", None, left)`` leaves ``left`` bits uncoded; ``("adaptive_base", level,
+        mesh)``, ``("adapt", births, mesh)`` with the resulting mesh (`grid.lattice.vertex_set.Chosen`) or the criteria
+        by which to coarsen it (`grid.layers.plan.Criteria`), ``("leaf_base",)``, ``("offsets", radix, unit)``.
+        ``("promise", distance)`` after layers other than values records that their curve lies at most that far from
+        the original one, without proof. A mapping gives a separate plan for each isovalue.
     order : str, optional
         Order of the layers of several isovalues. "levels": level by level, so that the first bytes of the file show all
         isovalues coarsely; "isovalues": one isovalue after the other, each predicted from earlier ones; "independent":

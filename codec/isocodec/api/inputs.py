@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from ..tiles.writing import SampleCounts
     from ..tin.tin import Tin
 
-MOST = 1 << 20
-"""Largest size of a plan file, in bytes."""
 _MUCH = 1 << 30
 """Memory, in bytes, from which on a remark is made."""
 
@@ -261,29 +259,11 @@ class _Seen:
 
 
 def keywords_of(options: Encode) -> dict[str, Any]:
-    """Collect the parameters of `isocodec.encode` that are given.
-
-    Raises
-    ------
-    OptionError
-        If the file that ``layers`` names holds no plan.
-    OSError
-    """
+    """Collect the parameters of `isocodec.encode` that are given."""
     names = [each for each in EncodeOptions.__annotations__ if options.given(each)]
     given = {name: getattr(options, name) for name in names}
     if "metadata" in given:
         given["metadata"] = dict(given["metadata"])
-    if options.plan is None:
-        return given
-    with options.plan.open("rb") as file:
-        data = file.read(MOST + 1)
-    try:
-        given["layers"] = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        given["layers"] = "\0"
-    if len(data) > MOST or "\0" in given["layers"]:
-        raise OptionError("the file is not a plan, which is a short text", code="plan",
-                          remedy="docs/plans.md explains plans")
     return given
 
 

@@ -130,7 +130,7 @@ def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
     decoder.close()
     assert decoder.header is not None
     metadata = dict(decoder.metadata)
-    info = inspect(data, symbols=any(chunk.type == "cut_layers" for chunk in inspect(data).chunks))
+    info = inspect(data)
     promised = [promised_at_last(info, number) for number in range(len(info.isovalues))]
     return Held(decoder.header, metadata, decoder.interval, frames, contours, decoder.grid.valid(), promised,
                 info.turned)

@@ -27,7 +27,6 @@ from ..field.stretch import in_unit
 from ..field.units import converted, distance_of, unit_of
 from ..stream.file_info import FileInfo
 from ..stream.given import field_of
-from ..stream.inspect import inspect
 from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, noted_exact, of_samples, of_tiles
 from ..verbs import Choice
 from .native import native
@@ -147,8 +146,6 @@ def verified(file: Any, field: Any, frame: int | None, within: float | str | Non
         promise = _of_note(file, within, placement)
         return [_of_grid(file, one, None, values, gone, promise) for one in contours]
     info = file.info
-    if any(chunk.type == "cut_layers" for chunk in info.chunks):
-        info = inspect(file.data, symbols=True, limits=file.limits)
     periodic = contours[0].placement.periodic if contours[0].placement is not None else ()
     if periodic:
         values, gone = closed(values, periodic), None if gone is None else closed(gone, periodic)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from ..errors import OptionError, TruncatedError
 from ..verbs import Decode
@@ -61,13 +60,13 @@ def decode_command(call: Call, options: Decode) -> None:
 
 
 @contextmanager
-def explained(call: Call, remedy: str | None = None, plan: Path | None = None) -> Iterator[None]:
-    """Attribute errors of formats to OUT, those of a plan to its file; offer a remedy for files that are truncated."""
+def explained(call: Call, remedy: str | None = None) -> Iterator[None]:
+    """Attribute errors of formats to OUT; offer a remedy for files that are truncated."""
     try:
         yield
     except OptionError as exc:
-        if (place := {"suffix": call.output, "plan": plan}.get(exc.code)) is not None:
-            raise Failure(place, exc) from exc
+        if exc.code == "suffix":
+            raise Failure(call.output, exc) from exc
         raise
     except TruncatedError as exc:
         exc.remedy = remedy or exc.remedy

@@ -13,7 +13,7 @@ from .report import concerning, counted, named, progress_bar, result, warn, writ
 @command("edit", Edit, "Shorten, crop, re-encode or merge files; the original field is not needed.", "IN.iso ...",
          shares=("output", "mesh", "limits"))
 def edit_command(call: Call, options: Edit) -> None:
-    """Make OUT.iso from IN.iso: keep its first layers or bytes, crop it, reduce its precision, or change its profile.
+    """Make OUT.iso from IN.iso: keep its first layers, crop it, reduce its precision, or change its profile.
 
     If several IN.iso are given, they must all be of the same field; OUT.iso gets the isovalues of all of them, with
     every point unchanged.
@@ -28,7 +28,6 @@ def edit_command(call: Call, options: Edit) -> None:
     """
     several, (first, *_) = len(call.source) > 1, call.source
     options.check(several)
-    from ..api.export import counted as inspected
     from ..api.merging import merge
     from ..api.opening import open
     from ..api.output import check_output, read_of
@@ -51,8 +50,8 @@ def edit_command(call: Call, options: Edit) -> None:
     isovalues = [float(value) for value in made.isovalues]
     holds, facts = counted(len(isovalues), made.info.noun), dict[str, Any](isovalues=isovalues)
     if not several and options.given("layers", "size"):
-        kept = sum(layer.bytes is not None for layer in inspected(made).layers)
-        holds, facts = counted(kept, "whole layer"), {**facts, "layers": kept}
+        kept, there = len(made.info.layers), len(files[0].info.layers)
+        holds, facts = f"{kept} of {counted(there, 'layer')}", {**facts, "layers": kept, "input_layers": there}
     text, read = ("", {}) if several else read_of(files[0])
     result(
         f"{named(call.output)}: {len(data):,} of {before:,} bytes, {holds}{text}",

@@ -49,8 +49,7 @@ def encode_command(call: Call, options: Encode) -> None:
     options.check(converts)
     with concerning(call.output):
         check_output(call.output, call.source, iso=not converts)
-    with concerning(options.plan or call.source):
-        keywords = keywords_of(options)
+    keywords = keywords_of(options)
     if converts:
         _drawn(call, options, keywords)
         return
@@ -99,7 +98,7 @@ def _whole(call: Call, options: Encode, keywords: dict[str, Any]) -> tuple[dict[
 
     seen = _observed(call, options)
     with (
-        concerning(call.source), progress_bar("encoding") as progress, explained(call, plan=options.plan),
+        concerning(call.source), progress_bar("encoding") as progress, explained(call),
         own_warnings(call.source),
     ):
         data = encode(seen.what, options.isovalue, progress=progress, **keywords)

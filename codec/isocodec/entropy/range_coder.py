@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel import CUT, NEED, inlined, record
+from ..kernel import NEED, SPENT, inlined, record
 from ..kernel.types import (
     Int16Matrix,
     Int16Vector,
@@ -180,11 +180,12 @@ def logit_of(cd, p, seen):
 def emit(cd, p, bit):
     """Code one symbol whose probability of a 1 is ``p``: write ``bit``, or return the decoded one.
 
-    Returns NEED, with nothing changed, when the coder needs bytes (or room), and CUT at the end of a cut run.
+    Returns NEED, with nothing changed, when the coder needs bytes (or room), and SPENT when the symbols that were
+    granted have been coded.
     """
     reg = cd.reg
     if reg.left == 0:
-        return CUT
+        return SPENT
     width = reg.range
     bound = (width * p) >> 16
     if reg.mode == ENCODE:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..errors import FormatError, LimitError
-from ..kernel import BAD, CUT, DONE
+from ..kernel import BAD, DONE, SPENT
 from ..limits import WORK_PER_BYTE, WORK_STEPS
 from .range_coder import DECODE, ENCODE, UNLIMITED, Coder, finish, start
 
@@ -181,8 +181,6 @@ class ReadingRun(Run):
         The file's.
     at : int
         Where the run begins in the file.
-    stated : int
-        Symbols that a cut run has.
     per_unit : int
         Symbols that count as a unit of work.
 
@@ -193,12 +191,10 @@ class ReadingRun(Run):
         Bytes that have come.
     """
 
-    def __init__(
-        self, coder: Coder, account: Account, at: int = 0, *, stated: int = UNLIMITED, per_unit: int = 1
-    ) -> None:
+    def __init__(self, coder: Coder, account: Account, at: int = 0, *, per_unit: int = 1) -> None:
         super().__init__(coder, DECODE)
         self.at, self.read = at, 0
-        self._account, self._stated, self._per_unit = account, stated, per_unit
+        self._account, self._per_unit = account, per_unit
         self._granted = self._counted = 0
         coder.reg.left = 0
 
@@ -206,11 +202,6 @@ class ReadingRun(Run):
     def symbols(self) -> int:
         """Symbols decoded so far."""
         return self._granted - self.coder.reg.left
-
-    @property
-    def complete(self) -> bool:
-        """Whether all symbols of a cut run have been decoded."""
-        return self.symbols >= self._stated
 
     @property
     def passed(self) -> int:
@@ -252,7 +243,7 @@ class ReadingRun(Run):
     def _grant(self, most: int) -> None:
         self.count()
         left, room = self.coder.reg.left, self._account.room(self._per_unit)
-        self.coder.reg.left = max(left, min(most, room, left + self._stated - self._granted))
+        self.coder.reg.left = max(left, min(most, room))
         self._granted += self.coder.reg.left - left
 
     def left(self, per_unit: int = SYMBOLS_PER_UNIT) -> int:
@@ -279,7 +270,7 @@ class ReadingRun(Run):
         """Raise what a kernel came back with, unless it is done; as `Run.check`."""
         if status == DONE:
             return
-        if status == CUT:
+        if status == SPENT:
             self.count()
             try:
                 self._account.room(self._per_unit)

@@ -27,8 +27,8 @@ from .program import Layer
 
 CHECKSUM_BYTES = 4
 CRITICAL = (
-    ChunkType.LAYERS, ChunkType.CUT_LAYERS, ChunkType.ISOVALUE, ChunkType.MASK, ChunkType.FRAME, ChunkType.DOMAIN,
-    ChunkType.TURN, ChunkType.SERIES,
+    ChunkType.LAYERS, ChunkType.ISOVALUE, ChunkType.MASK, ChunkType.FRAME, ChunkType.DOMAIN, ChunkType.TURN,
+    ChunkType.SERIES,
 )
 
 

@@ -14,7 +14,6 @@ class LayerKind(str, Enum):
     ADAPTIVE_BASE = "adaptive_base"
     LEAF_BASE = "leaf_base"
     REFINE = "refine"
-    RASTER = "raster"
     ADAPT = "adapt"
     VALUES = "values"
     OFFSETS = "offsets"
@@ -25,7 +24,7 @@ class LayerKind(str, Enum):
     @property
     def operation(self) -> Operation:
         """The operation of a layer program that gives layers of this kind."""
-        return Operation.REFINE if self is LayerKind.RASTER else Operation[self.name]
+        return Operation[self.name]
 
 
 BASES = (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE)

@@ -118,9 +118,8 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
             operation, argument = Operation.LEAF_BASE, 0
         elif kind == LayerKind.ADAPT:
             operation, argument = Operation.ADAPT, int(layers[i].births)
-        elif kind in (LayerKind.REFINE, LayerKind.RASTER):
-            operation = Operation.REFINE
-            argument = 0 if kind == LayerKind.RASTER else None if full else j - i
+        elif kind == LayerKind.REFINE:
+            operation, argument = Operation.REFINE, None if full else j - i
         elif kind == LayerKind.VALUES:
             operation = Operation.VALUES
             if progress.bits is None:
@@ -282,10 +281,6 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
         if argument or stated_all or state.lean_level < 0:
             raise ValueError("a leaf base, but no earlier isovalue to take leaves from")
         return [Layer(LayerKind.LEAF_BASE, state.lean_level)]
-    if operation == Operation.REFINE and argument == 0 and not stated_all:
-        if state.level == full:
-            raise ValueError("a raster layer on the full grid")
-        return [Layer(LayerKind.RASTER, full)]
     if state.level < 0:
         raise ValueError("a layer before the base")
     if operation == Operation.ADAPT:

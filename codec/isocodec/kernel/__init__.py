@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from .execution import EXECUTION, Execution
 from .running import kernels, untested
-from .status import BAD, CUT, DONE, GROW, NEED
+from .status import BAD, DONE, GROW, NEED, SPENT
 
 if TYPE_CHECKING:
     from .constants import constant
@@ -25,8 +25,20 @@ if TYPE_CHECKING:
     from .types import record
 
 __all__ = [
-    "BAD", "CUT", "DONE", "EXECUTION", "GROW", "NEED", "Execution", "constant", "inlined", "inner", "kernel", "kernels",
-    "record", "untested",
+    "BAD",
+    "DONE",
+    "EXECUTION",
+    "GROW",
+    "NEED",
+    "SPENT",
+    "Execution",
+    "constant",
+    "inlined",
+    "inner",
+    "kernel",
+    "kernels",
+    "record",
+    "untested",
 ]
 
 if not TYPE_CHECKING:  # or type checkers would take any name for one that is there

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..entropy.guesses import DEPTHS, FINE, clear_opinions, decided, hear, near_guess
 from ..entropy.range_coder import DECODE, Coder, code
-from ..kernel import BAD, CUT, DONE, GROW, inlined, inner, kernel, record
+from ..kernel import BAD, DONE, GROW, SPENT, inlined, inner, kernel, record
 from ..kernel.types import IntMatrix, IntVector
 from .complex import Complex, assembled
 from .expected import expect, learn_miss
@@ -239,13 +239,13 @@ def _code_seed(g, cd, origin, seed):
 def code_mesh(g: Growth, origin: Original, cd: Coder) -> int:
     """Code a mesh: the encoder's original, or the decoder's from the run.
 
-    GROW where there is no room for the next cell, CUT if too many cells are looked at; it can go on from there.
+    GROW where there is no room for the next cell, SPENT if too many cells are looked at; it can go on from there.
     """
     corners = g.cell.shape[1]
     seed = np.int64(0)
     while g.reg.cells < g.reg.all_cells:
         if g.reg.work + g.reg.granted - cd.reg.left > g.reg.most:
-            return CUT
+            return SPENT
         if g.reg.cells == len(g.cell) or g.reg.vertices + corners > len(g.position):
             return GROW
         status = DONE

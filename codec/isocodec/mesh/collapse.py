@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel import CUT, DONE, inlined, inner, kernel, record
+from ..kernel import DONE, SPENT, inlined, inner, kernel, record
 from ..kernel.types import BoolVector, IntMatrix, IntVector, Registers
 from .complex import holds
 from .shape import tetrahedron_quality, triangle_quality, turned
@@ -378,11 +378,11 @@ def _collapse(w, v, u):
 
 @kernel
 def collapse(w: Collapsing, order: IntVector, most: int) -> int:
-    """Go on with a round from ``reg.at``; CUT once more than ``most`` cells have been looked at."""
+    """Go on with a round from ``reg.at``; SPENT once more than ``most`` cells have been looked at."""
     while w.reg.at < len(order):
         v = order[w.reg.at]
         if w.reg.work > most:
-            return CUT
+            return SPENT
         w.reg.at += 1
         if w.stays[v] or w.blocked[v] or w.degree[v] == 0 or w.degree[v] > w.reg.most:
             continue

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..deferred import dataclass
 from ..errors import OptionError
-from ..kernel import CUT
+from ..kernel import SPENT
 from .collapse import CollapseRegisters, Collapsing, collapse, find_stays, sew
 from .complex import Complex
 
@@ -138,7 +138,7 @@ def hierarchy_of(domain: Complex, watch: Callable[[int, int], None] | None = Non
     while True:
         w.reg.at = w.reg.nodes = w.reg.faces = 0
         w.blocked[:] = False
-        while collapse(w, order, SLICE) == CUT:
+        while collapse(w, order, SLICE) == SPENT:
             _heard(w, held, watch)
         _heard(w, held, watch)
         gone, faces = w.reg.nodes, w.reg.faces

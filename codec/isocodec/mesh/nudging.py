@@ -1,4 +1,4 @@
-"""Moves of rounded points by a step or two, for the triangles of the given ones: for encoders (spec annex G.5)."""
+"""Moves of rounded points by a step or two, for the triangles of the given ones: for encoders (docs/encoders.md, 5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places for scattered points in a file, where they have the triangles of the given ones: for encoders (annex G.5)."""
+"""Places for scattered points in a file, where they have the triangles of the given ones (docs/encoders.md, 5)."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def placements(wanted: WantedTriangles, error: float, reach: float) -> Iterator[
     """Place points on finer and finer lattices; None where triangles are not those of the given points.
 
     Points are rounded to within ``error``; those that are moved, because triangles would change, stay within ``reach``.
-    Origin and extent are those of all points, so that ties are decided as among all of them (annex G.5).
+    Origin and extent are those of all points, so that ties are decided as among all of them (docs/encoders.md, 5).
 
     Raises
     ------

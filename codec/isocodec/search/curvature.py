@@ -1,4 +1,4 @@
-"""Curvature of the extracted curve or surface at its points (row C2-curvature; spec annex G.2)."""
+"""Curvature of the extracted curve or surface at its points (row C2-curvature; docs/encoders.md, 2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check that the curve stays near enough when a vertex goes (rows C2-distortion, S3-distortion; spec annex G.2).
+"""Check that the curve stays near enough when a vertex goes (rows C2-distortion, S3-distortion; docs/encoders.md, 2).
 
 Each point of the original curve is carried along with the place of the coarser curve that is nearest to it: whenever
 the diamond around that place is drawn anew, the point is held against the new pieces. The other way, each new piece is

@@ -1,4 +1,4 @@
-"""Curves of neighbouring isovalues, which a curve of the plane must not cross (spec annex G.3)."""
+"""Curves of neighbouring isovalues, which a curve of the plane must not cross (docs/encoders.md, 3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Meshes of a plan that keep their distances, with all that decoders know by then (row C2-distortion; annex G.3).
+"""Meshes of a plan that keep their distances, with all that decoders know by then (row C2-distortion).
 
 The test of the reduction looks at one diamond at a time, and at points of the original curve only. So the plan is
 encoded, drawn as a decoder draws it once the geometry behind each mesh is known, quantised as it is, and held against
@@ -17,7 +17,7 @@ from ..deferred import dataclass
 from ..errors import OptionError
 from ..format.kinds import GEOMETRY, LayerKind
 from ..grid.lattice.vertex_set import Chosen
-from ..grid.layers.plan import Entry, where
+from ..grid.layers.plan import Entry
 from .promise import Promise
 from .reduced import LINEAR_POINTS
 from .reduction import Reduction
@@ -128,7 +128,7 @@ def _put_back(meshes: Sequence[PlannedMesh], number: int, places: NDArray[np.flo
 
 def _not_kept(entry: Entry, distance: float) -> OptionError:
     return OptionError(
-        f"{where(entry)}no mesh was proven to stay within a distortion of {distance:g} cells", code="plan",
+        f"no mesh was proven to stay within a distortion of {distance:g} cells", code="plan",
         remedy="allow a larger distortion or a finer level, or let offsets or values follow it that store crossings "
                "more precisely",
     )

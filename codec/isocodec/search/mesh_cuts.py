@@ -1,4 +1,4 @@
-"""Cuts of the hierarchy of a mesh that keep the contour within a distance (row C2-distortion; spec annex G.6).
+"""Cuts of the hierarchy of a mesh that keep the contour within a distance (row C2-distortion; docs/encoders.md, 6).
 
 Each cell that there is at any time has a piece of contour with its points where a decoder would have them. Nodes in
 whose patch a piece is too far from the contour of the whole mesh have to come back. What of that contour is then too

@@ -1,4 +1,4 @@
-"""Nodes of the hierarchy of a mesh that may go without a change of topology (row C2-topology; spec annex G.6).
+"""Nodes of the hierarchy of a mesh that may go without a change of topology (row C2-topology; docs/encoders.md, 6).
 
 In the cells around the vertex that goes, the contour is a copy of the part of the link with the other sign than the
 vertex; in the cells that take their place, of the part with the other sign than its target. If both have the same sign,

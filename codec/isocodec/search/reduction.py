@@ -1,4 +1,4 @@
-"""Reduction of a mesh, level by level from the finest, while criteria allow it (row C2-reduce; spec annex G)."""
+"""Reduction of a mesh, level by level from the finest, while criteria allow it (row C2-reduce; docs/encoders.md)."""
 
 from __future__ import annotations
 

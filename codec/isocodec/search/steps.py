@@ -1,4 +1,4 @@
-"""Layers that promise one distance after the other (row S3-distortion; spec annex G.3).
+"""Layers that promise one distance after the other (row S3-distortion; docs/encoders.md, 3).
 
 Coarse steps are meshes without offsets, each part of the next: finer ones need their signs anyway. Steps that no even
 mesh is worth it for lead to the full grid, with offsets where its signs alone do not keep the distance.

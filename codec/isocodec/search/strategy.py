@@ -1,4 +1,4 @@
-"""Plans of layers that keep a promise (row S3-distortion; spec annex G.3): reduce, prove, put back where it is too far.
+"""Plans of layers that keep a promise (docs/encoders.md, 3): reduce, prove, put back where it is too far.
 
 A user states how far the decoded curve may lie from the original one, and whether its topology is to be kept. Points
 in the middles of edges are within half the edge of where the curve crosses these. So the encoder begins with even

@@ -1,4 +1,4 @@
-"""Precision of stored crossings for a tolerance, and their slack (spec annex G.3)."""
+"""Precision of stored crossings for a tolerance, and their slack (docs/encoders.md, 3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cuts of a known mesh that isovalues are coded on: within distances, with the topology kept (spec annex G.6)."""
+"""Cuts of a known mesh that isovalues are coded on: within distances, with the topology kept (docs/encoders.md, 6)."""
 
 from __future__ import annotations
 

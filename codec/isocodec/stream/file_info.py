@@ -33,9 +33,9 @@ class LayerInfo:
         Number of the isovalue that it belongs to.
     within : float or None
         How many cells decoded and original curve lie from each other at most, when this layer is complete and no later
-        one begun: as the writer promises, or 0 of all values of integers on the full grid. None without a promise, and
-        of layers in a cut chunk, which may not be complete; counting symbols finds out. On a mesh in the unit of its
-        points, and only of the last layer of an isovalue: files state no distances of those before.
+        one begun: as the writer promises, or 0 of all values of integers on the full grid. None without a promise. On a
+        mesh in the unit of its points, and only of the last layer of an isovalue: files state no distances of those
+        before.
     frame : int
         Number of the frame that it belongs to.
     """

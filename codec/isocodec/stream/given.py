@@ -25,13 +25,11 @@ from ..field.missing import filled
 from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Placement, closed, read_placement
 from ..field.sampled import Field
 from ..field.samples import Samples, check_field, isovalue_of, missing_of, without_holes
-from ..grid.lattice.tables import cube_exponent
 from ..search.original import original
 from ..search.rounds import rounds_for
 from ..search.tolerance import radices
 from .options import COORDINATES_SHARE, INDEPENDENT, LEVELS, Options, Precision
 from .placing import without_folds
-from .plan_file import check_plan
 from .promises import PROMISE
 
 
@@ -164,10 +162,6 @@ def completed(
     options.check_data(samples[0].integer)
     options.check_placement_note(len(shape))
     radices(options.precision.offsets)  # refuses a tolerance out of range
-    if options.layers.written:
-        plans = options.layers.plans or options.layers.plan
-        assert plans is not None
-        check_plan(plans, isovalues, len(shape) * cube_exponent(shape), not options.independent)
     return replace(given, options=_as_smooth(options, samples, given.periodic)), samples
 
 
@@ -321,7 +315,6 @@ def levels_of(
     InputError, OptionError
         As `isovalues_of`; or if no isovalue is given.
     """
-    plans = options.layers.plans
     if isinstance(first, Field) and first.labels is not None:
         if isovalue is not None:
             raise OptionError("a field with labels cannot have isovalues, too",
@@ -330,23 +323,12 @@ def levels_of(
             raise OptionError("no labels", code="labels", remedy="give one")
         return isovalues_of(list(first.labels), most=most)
     if isovalue is None:
-        if options.layers.written and plans is not None:
-            return isovalues_of(list(plans))
         if isinstance(first, Field) and np.asarray(first.values).dtype.kind == "b":
             return [0.5]
-        if options.layers.written and options.layers.planned:
-            raise OptionError("the plan names no isovalue", code="plan",
-                              remedy="begin the plan with a line such as: isovalue 500.5")
         raise OptionError("no isovalue",
                           code="isovalue", remedy="only a mask (bool) or labels can be encoded without one")
     ends = None if all_of is None else lambda: _ends(all_of)
-    found = isovalues_of(isovalue, ends, most)
-    if options.layers.written and plans is not None and set(found) != set(plans):
-        raise OptionError(
-            f"the isovalues given, {', '.join(f'{v:g}' for v in found)}, differ from those of the plan, "
-            f"{', '.join(f'{v:g}' for v in plans)}", code="plan", remedy="leave them out",
-        )
-    return found
+    return isovalues_of(isovalue, ends, most)
 
 
 def _ends(frames: Iterable[Any]) -> tuple[float, float]:

@@ -32,7 +32,6 @@ from ..format.program import Layer
 from ..grid.layers.layer_reader import LayerReader
 from ..grid.passes.runner import Tube
 from ..grid.tube.decoded import Decoded
-from .outline import LAYER_CHUNKS
 from .placing import DecodedCoordinates
 from .session import Session, within_memory
 from .tubes import Tubes
@@ -84,7 +83,7 @@ class GridContents:
         mask = self._strands.mask_reader
         if mask is not None and not mask.read(chunk, at):
             return None, False
-        if chunk.type in LAYER_CHUNKS and self._tube is not None:
+        if chunk.type == ChunkType.LAYERS and self._tube is not None:
             event = self._reader.go_on(chunk, at)
             return event, not self._reader.waiting
         return None, True
@@ -97,14 +96,13 @@ class GridContents:
             self._reader.leave()
             self._strands.end_mask()
             return MaskComplete(behind, size)
-        if chunk.type in LAYER_CHUNKS and self._tube is None:
+        if chunk.type == ChunkType.LAYERS and self._tube is None:
             event = ChunkSkipped(behind, chunk.type, size)
         self._reader.leave()
-        if chunk.type not in LAYER_CHUNKS:
+        if chunk.type != ChunkType.LAYERS:
             event = self.outline.read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
             self._begin(event)
-        # what a cut run began is drawn with what only further layers need
-        if chunk.last and not self._session.cut:
+        if chunk.last:
             self._strands.settle()
         return event
 
@@ -153,11 +151,6 @@ class GridContents:
     def coder(self) -> Coder:
         """The coder of the last run that was begun."""
         return self._reader.coder
-
-    @property
-    def run_symbols(self) -> int:
-        """Symbols decoded so far of the last run that was begun."""
-        return self._reader.run_symbols
 
     @property
     def symbols(self) -> dict[str, int]:

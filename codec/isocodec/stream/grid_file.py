@@ -160,7 +160,7 @@ def _searched(fields: Sequence[Samples], options: Options, periodic: bool) -> fl
 
 
 def _in_order(isovalues: Sequence[float], options: Options, fine: float | None) -> bool:
-    """Whether the crossings of several isovalues stay in order if they are coded with slack (spec annex G.3).
+    """Whether the crossings of several isovalues stay in order if they are coded with slack (docs/encoders.md, 3).
 
     First digits cannot pass those of the isovalue that is used for prediction, so each isovalue must lie beyond all
     earlier ones.

@@ -15,12 +15,12 @@ from ..format.coordinate_record import CoordinatesRecord
 from ..format.domain import read_mesh_layer
 from ..format.events import Event, FrameRead, LayerComplete
 from ..format.frames import is_key
-from ..format.header import Header, varint
-from ..format.program import Layer, Progress, read_program
+from ..format.header import Header
+from ..format.program import Layer, read_program
 from ..format.surface import read_tin
 from ..limits import Limits
 from .file_info import ChunkInfo, FileInfo, FrameInfo, LayerInfo
-from .outline import LAYER_CHUNKS, holds_surface
+from .outline import holds_surface
 from .promises import promised_on_grid, promised_on_mesh
 from .session import Session
 
@@ -48,8 +48,6 @@ class _Survey:
         Promises by frame and isovalue.
     frames : list of tuple
         Byte offset of each frame, and for each of its isovalues what it is predicted from, as of `FrameInfo`.
-    uncertain : set of int
-        Numbers of the layers, from 0, in chunks that were cut.
     """
 
     def __init__(self, session: Session, header: Header, to_layers: bool = False) -> None:
@@ -59,20 +57,19 @@ class _Survey:
         self.coded = self.mask_bytes = 0
         self.promised: dict[tuple[int, int], Promises] = {}
         self.frames: list[tuple[int, list[int | None], list[bool]]] = [(0, self.outline.leans, [])]
-        self.uncertain: set[int] = set()
         self._session, self._header = session, header
         self._to_layers = to_layers
 
     def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
         """See `Contents.arrive`."""
-        if self._to_layers and chunk.type in LAYER_CHUNKS:
+        if self._to_layers and chunk.type == ChunkType.LAYERS:
             return None, False
         data = self._session.data
         there = max(min(chunk.end, len(data)) - chunk.start, 0)
         if chunk.type == ChunkType.MASK:
             self.mask_bytes = there
             self.coded += there
-        elif self._header.cells is None and chunk.type in LAYER_CHUNKS:
+        elif self._header.cells is None and chunk.type == ChunkType.LAYERS:
             self._grid_layers(chunk, chunk.start + there)
         elif chunk.type == ChunkType.LAYERS and there == chunk.end - chunk.start:
             self._mesh_layer(chunk)
@@ -84,7 +81,7 @@ class _Survey:
     def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
         """See `Contents.take`."""
         self.note(chunk, at, behind)
-        if chunk.type in (*LAYER_CHUNKS, ChunkType.MASK):
+        if chunk.type in (ChunkType.LAYERS, ChunkType.MASK):
             return None
         payload = bytes(self._session.data[chunk.start : chunk.end])
         if chunk.type == ChunkType.DOMAIN and payload and holds_surface(self._header, payload[0]):
@@ -118,7 +115,7 @@ class _Survey:
             progress, lean = outline.progresses[number], outline.leans[number]
             if outline.turned and lean is not None:
                 progress.lean_level = outline.progresses[lean].level
-            read = _program(data, chunk, end, progress)
+            read = read_program(data, chunk.start, end, progress)
             outline.layered.add(number)
             if read is None:
                 return
@@ -130,8 +127,6 @@ class _Survey:
         self.coded += end - run
         rounds = zip(*plain, strict=True)
         found = [(number, layer) for each in rounds for number, layer in zip(outline.turn, each, strict=True)]
-        if chunk.type == ChunkType.CUT_LAYERS:
-            self.uncertain |= set(range(len(self.layers), len(self.layers) + len(found)))
         for i, (number, layer) in enumerate(found):
             outline.layers.append(layer)
             self.layers.append(LayerInfo(
@@ -205,7 +200,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     session, header, survey = _surveyed(data, replace(limits or Limits(), bytes=max(len(data), 1)))
     if session.pending is not None:
         survey.note(session.pending, session.at, len(data))
-    outline, layers, uncertain = session.outline, survey.layers, survey.uncertain
+    outline, layers, uncertain = session.outline, survey.layers, set[int]()
     earlier = sum(layer.frame < outline.frame for layer in layers)
     layers = layers[:earlier] + _with_index(outline.records, layers[earlier:])
     kind, surface = outline.kind, outline.surface
@@ -245,19 +240,6 @@ def _in_words(record: CoordinatesRecord | None) -> str | None:
     periods = zip("xyz", record.coordinates, strict=False)
     parts += [f"{name} repeats after {one.unit * one.period:.12g}" for name, one in periods if one.period]
     return ", ".join(parts)
-
-
-def _program(
-    data: bytes | bytearray, chunk: Envelope, end: int, progress: Progress
-) -> tuple[list[Layer], int] | None:
-    """Read the program of a chunk and where its run begins; None if more bytes are needed."""
-    at = chunk.start
-    if chunk.type == ChunkType.CUT_LAYERS:
-        number = varint(data, at, end, "3.5.4")
-        if number is None:
-            return None
-        at = number[1]
-    return read_program(data, at, end, progress)
 
 
 def _with_index(records: Sequence[LayerRecord], layers: list[LayerInfo]) -> list[LayerInfo]:

@@ -1,4 +1,4 @@
-"""The plan of an isovalue's layers that the options of a file ask for; `search` finds the meshes (spec annex G)."""
+"""The plan of an isovalue's layers that the options of a file ask for; `search` finds the meshes (docs/encoders.md)."""
 
 from __future__ import annotations
 

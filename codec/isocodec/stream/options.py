@@ -20,7 +20,6 @@ from ..field.units import distance_of
 from ..grid.lattice.tables import cube_exponent
 from ..grid.layers.plan import Entry
 from ..search.tolerance import EXACT
-from .plan_file import CRITERIA, read_plan
 from .plan_meshes import ends_alike
 from .promises import STEP
 
@@ -48,6 +47,7 @@ COORDINATES_SHARE = 0.05
 SMOOTH = " smooth"
 """Suffix of a precision."""
 _CRITERIA = ("crossing", "topology", "curvature", "distortion", "level")
+_WORDS = "crossing, topology, curvature=K, distortion=D or level=L"
 EFFORTS = NORMAL, BEST = ("normal", "best")
 """Efforts of encoding."""
 LEVELS, ISOVALUES, INDEPENDENT = ORDERS = ("levels", "isovalues", "independent")
@@ -218,8 +218,6 @@ class Layers:
         Explicit layers for all isovalues.
     plans : mapping of float to sequence of entries, or None
         Explicit layers for each isovalue.
-    written : bool
-        Whether the plan was given as a text, which can be checked before layers are made.
     """
 
     level: int | None = None
@@ -227,11 +225,10 @@ class Layers:
     parameter: float | None = None
     plan: Sequence[Entry] | None = None
     plans: Mapping[float, Sequence[Entry]] | None = None
-    written: bool = False
 
     @classmethod
     def of(cls, given: LayersGiven | Layers) -> Layers:
-        """Parse layers: a level, "distortion=1.0", the text of a plan, its entries, or entries by isovalue.
+        """Parse layers: a level, "distortion=1.0", the entries of a plan, or entries by isovalue.
 
         Raises
         ------
@@ -258,19 +255,16 @@ class Layers:
     @classmethod
     def _of_text(cls, text: str) -> Layers:
         name, equals, number = text.strip().partition("=")
-        if name in _CRITERIA and "\n" not in text.strip():
-            parameter = _in_text(number, text, f"give one of {CRITERIA}") if equals else None
-            if parameter is not None and not (math.isfinite(parameter) and parameter >= 0):
-                raise OptionError(
-                    f"the criterion's parameter is {parameter}; it must be a number, 0 or greater", code="criterion"
-                )
-            return cls(criterion=name, parameter=parameter)
         if text.strip().isdecimal():
             return cls(level=int(text))
-        found = read_plan(text)
-        if isinstance(found, dict):
-            return cls(plans=found, written=True)
-        return cls(plan=found, written=True)
+        if name not in _CRITERIA:
+            raise OptionError(f"unknown layers {text!r}", code="plan", remedy=f"a level, or {_WORDS}")
+        parameter = _in_text(number, text, f"give one of {_WORDS}") if equals else None
+        if parameter is not None and not (math.isfinite(parameter) and parameter >= 0):
+            raise OptionError(
+                f"the criterion's parameter is {parameter}; it must be a number, 0 or greater", code="criterion"
+            )
+        return cls(criterion=name, parameter=parameter)
 
     @property
     def planned(self) -> bool:

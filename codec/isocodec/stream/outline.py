@@ -39,11 +39,6 @@ from ..format.program import Layer, Progress
 from ..format.surface import TinHead
 from ..grid.lattice.tables import cube_exponent
 
-REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
-"""Critical chunks that a file on a mesh cannot have."""
-LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
-"""Chunks that are decoded as they arrive, as masks are; the others are read when they are complete."""
-
 
 @dataclass
 class Outline:
@@ -178,13 +173,13 @@ class Outline:
                 raise FormatError("a second mask", code="mask", offset=at, clause="3.5.6")
             self.masked = True
         elif self.cells is not None:
-            if chunk.type in REFUSED:
+            if mask:
                 raise FormatError("not allowed in a file on a mesh", code="chunk", offset=at, clause="10.1.1")
             if domain == self.placed:
                 what = "a second mesh (domain)" if domain else "the mesh (domain) must come first"
                 raise FormatError(what, code="domain", offset=at, clause="3.5.8")
             self.placed = True
-        self.begun |= chunk.type in LAYER_CHUNKS
+        self.begun |= chunk.type == ChunkType.LAYERS
 
     def read(self, chunk: Envelope, payload: bytes, behind: int) -> Event:
         """Read a chunk other than of layers; ``behind`` is the offset after it in the file.

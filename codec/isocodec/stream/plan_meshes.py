@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from ..format.kinds import ADAPTIVE, LayerKind
 from ..grid.lattice.vertex_set import Chosen
-from ..grid.layers.plan import Criteria, Entry, Line
+from ..grid.layers.plan import Criteria, Entry
 from ..search.kept_distances import PlannedMesh, keep, known_by
 from ..search.promise import Promise
 from ..search.reduction import Reduction
@@ -53,10 +53,7 @@ def with_meshes(
         elif _is_adaptive(entry) and isinstance(entry[-1], Chosen):
             later = entry[-1]
             meshes.insert(0, PlannedMesh(i, later))
-    return [
-        Line(found, given.number, given.text) if isinstance(given, Line) else found
-        for found, given in zip(keep(original, plan, meshes), plan, strict=True)
-    ]
+    return keep(original, plan, meshes)
 
 
 def _asked(plan: Sequence[Entry]) -> list[Criteria | None]:
@@ -124,7 +121,7 @@ def _ends_alike(plan: Sequence[Entry], n: int, full_level: int) -> tuple[bool | 
             uniform = False
         elif kind == LayerKind.LEAF_BASE:
             leaves = True
-        elif kind == LayerKind.RASTER or (kind == LayerKind.REFINE and level == full_level):
+        elif kind == LayerKind.REFINE and level == full_level:
             uniform, leaves = True, False
     alike = kept or (uniform and level % n == 0)
     return (None if leaves and not kept else alike), level == full_level
@@ -141,8 +138,6 @@ def _uniform_levels(plan: Sequence[Entry], full_level: int, lean_level: int) -> 
             level = full_level if number is None else number
         elif kind == LayerKind.LEAF_BASE:
             level = max(lean_level, 0)
-        elif kind == LayerKind.RASTER:
-            level = full_level
         elif kind == LayerKind.REFINE:
             level = full_level if number is None else level + number
         out.append(min(level, full_level))

@@ -135,9 +135,8 @@ def of_samples(info: FileInfo) -> str | None:
     last = layers[-1]
     whole = info.domain is not None or last.level == len(info.shape) * cube_exponent(info.shape)
     geometry = {LayerKind.VALUES, LayerKind.OFFSETS} & {layer.kind for layer in layers}
-    cut = any(chunk.type == "cut_layers" for chunk in info.chunks)
     coarser = any(layer.kind == "cut" for layer in layers)
-    if not whole or coarser or (cut and last.bytes is None):
+    if not whole or coarser:
         return None
     if last.kind == LayerKind.VALUES and last.plane == 0:
         return EXACT if info.scale is None else f"values to within {info.scale / 2:g}"

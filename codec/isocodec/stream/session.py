@@ -86,8 +86,6 @@ class Session:
     outline : Outline
     contents : Contents or None
         None before the header has been read.
-    cut : bool
-        Whether a run that ends early has been read (spec clause 3.5.4).
     """
 
     def __init__(self, limits: Limits | None, contents_of: ContentsOf) -> None:
@@ -98,7 +96,6 @@ class Session:
         self.header: Header | None = None
         self.outline = Outline()
         self.contents: Contents | None = None
-        self.cut = False
         self._contents_of = contents_of
         self._chunk: Envelope | None = None
         self._last = self._ended = self._closed = False
@@ -125,7 +122,7 @@ class Session:
         """Whether all layers of a frame, of the current one if None or not reached yet, have been received."""
         now = self.outline.frame
         drawn = now if frame is None else min(frame, now)
-        return self.frames > drawn and not (self.cut and drawn == now)
+        return self.frames > drawn
 
     @property
     def pending(self) -> Envelope | None:
@@ -224,8 +221,6 @@ class Session:
             if chunk is None:
                 return None
             if not chunk.ancillary:
-                if self.cut:
-                    raise FormatError("layers after a truncated run", code="cut", offset=self.at, clause="3.5.4")
                 self.outline.expect(chunk, self.at)
                 # further layers of a frame that was marked as ended
                 self.outline.ended &= chunk.type == ChunkType.FRAME
@@ -238,7 +233,6 @@ class Session:
         if behind is None:
             return None
         start, self.at, self._chunk = self.at, behind, None
-        self.cut |= chunk.type == ChunkType.CUT_LAYERS
         self._last = chunk.last
         # a file without a grid may only now know which kind it is
         assert self.contents is not None

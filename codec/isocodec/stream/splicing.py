@@ -79,7 +79,7 @@ def parts_of(data: bytes, what: str = "the file") -> Parts:
     info = inspect(data)
     found = read_header(data)
     assert found is not None
-    if not info.complete or any(chunk.type == "cut_layers" for chunk in info.chunks):
+    if not info.complete:
         raise OptionError(f"{what} is not complete", code="splice", remedy="edit the whole file")
     if info.turned:
         raise OptionError(f"{what} has layers of several isovalues in turn", code="lean", remedy="keep all of them")

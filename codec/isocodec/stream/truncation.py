@@ -1,15 +1,15 @@
-"""Shorten files: at the end of a layer, or to a number of bytes (spec clause 6.6)."""
+"""Shorten files at the end of a layer: after a number of layers, or the last one that fits into a number of bytes."""
 
 from __future__ import annotations
 
 import zlib
 from dataclasses import replace
 
-from isospec.container import Checksum, ChunkType, write_varint
+from isospec.container import Checksum, ChunkType
 
 from ..entropy.range_coder import cut
 from ..errors import OptionError, TruncatedError
-from ..format.chunks import CHECKSUM_BYTES, payload_of, read_metadata, whole_bytes, write_chunk, write_metadata
+from ..format.chunks import payload_of, read_metadata, whole_bytes, write_chunk, write_metadata
 from ..format.events import LayerComplete
 from ..format.frames import as_last
 from ..format.program import write_program
@@ -21,14 +21,11 @@ from .inspect import inspect
 from .promises import PROMISE, last_promise
 from .surface_contents import surface_chunks
 
-_CLOSING = 24
-"""Upper bound on the bytes that truncation adds to those that it keeps."""
-
 
 def truncate(
     data: bytes, *, layers: int | None = None, max_bytes: int | None = None, limits: Limits | None = None
 ) -> bytes:
-    """Make a complete, valid file from the first layers, or the first symbols, of another.
+    """Make a complete, valid file from the first layers of another.
 
     Parameters
     ----------
@@ -37,7 +34,7 @@ def truncate(
     layers : int, optional
         Number of layers to keep.
     max_bytes : int, optional
-        Largest size of the result, in bytes.
+        Largest size of the result, in bytes; it ends with the last whole layer that fits.
     limits : Limits, optional
         Limits for decoding.
 
@@ -69,20 +66,7 @@ def truncate(
         return _first_points(data, layers, max_bytes, limits)
     if info.kind == "mesh":
         return _first_chunks(data, info, layers, max_bytes)
-    if layers is not None:
-        return _first_layers(data, info, layers, limits)
-    assert max_bytes is not None
-    if max_bytes >= len(data) and _decoder(data, limits).take().complete:
-        return data
-    short = _first_bytes(data, max_bytes, limits) if max_bytes > 0 else None
-    if short is not None:
-        return short
-    if max_bytes >= len(data):
-        raise TruncatedError(
-            f"the file ends after {len(data)} bytes, before its curve begins", code="truncated", offset=len(data)
-        )
-    raise OptionError(f"{max_bytes} bytes are too few for the header of this file and a curve", code="max-bytes",
-                      remedy="allow more bytes")
+    return _first_layers(data, info, layers, max_bytes, limits)
 
 
 def _too_few(received: int, remedy: str = "ask for fewer, or for a number of bytes") -> OptionError:
@@ -143,56 +127,54 @@ def _decoder(data: bytes, limits: Limits | None) -> Decoder:
     return decoder
 
 
-def _first_layers(data: bytes, info: FileInfo, layers: int, limits: Limits | None) -> bytes:
+def _first_layers(
+    data: bytes, info: FileInfo, layers: int | None, max_bytes: int | None, limits: Limits | None
+) -> bytes:
+    """Truncate a file of a grid at the end of a layer; of isovalues in turn, at the end of the same one of all."""
     decoder = _decoder(data, limits)
-    number = 0
+    best, ends = None, [0]
     for event in decoder:
-        if isinstance(event, LayerComplete):
-            number = event.number
-            if number == layers:
-                break
-    if number < layers:
-        if decoder.complete:
+        if not isinstance(event, LayerComplete):
+            continue
+        run = decoder.grid.runs[-1]
+        whole, part = divmod(event.number - run.done, len(run.turn))
+        if part:
+            continue
+        ends.append(event.number)
+        if layers is not None and event.number < layers:
+            continue
+        if layers is not None and event.number > layers:
+            raise OptionError(
+                f"layer {layers} is one of {len(run.turn)} isovalues in turn, which end together", code="layers",
+                remedy=f"ask for {ends[-1]} layers" + (f", or for {ends[-2]}" if ends[-2] else ""),
+            )
+        kept = write_program(run.layers[:whole], run.before.copy(), decoder.grid.value_bits)
+        chunks = [write_chunk(ChunkType.LAYERS, kept + cut(decoder.grid.coder))]
+        # a complete mask may follow
+        chunks += [
+            write_chunk(ChunkType.MASK, payload_of(data[chunk.offset : chunk.offset + chunk.bytes]))
+            for chunk in info.chunks if chunk.type == "mask" and chunk.offset >= run.chunk_start
+        ]
+        out = b"".join(closed([data[: run.chunk_start], *chunks]))
+        if layers is not None:
+            return out
+        assert max_bytes is not None
+        if len(out) > max_bytes:
+            break
+        best = out
+    else:
+        if decoder.complete and (max_bytes is None or len(data) <= max_bytes):
             return data
-        raise _too_few(number)
-    contents = decoder.grid
-    run = contents.runs[-1]
-    whole, part = divmod(number - run.done, len(run.turn))
-    kind, stated = ChunkType.LAYERS, b""
-    kept = write_program(run.layers[:whole], run.before.copy(), contents.value_bits)
-    if part:
-        # the last layer of some of the isovalues only
-        kind, stated = ChunkType.CUT_LAYERS, write_varint(contents.run_symbols)
-        kept = data[run.program_start : run.start]
-    chunks = [write_chunk(kind, stated + kept + cut(contents.coder))]
-    # a complete mask may follow
-    chunks += [
-        write_chunk(ChunkType.MASK, payload_of(data[chunk.offset : chunk.offset + chunk.bytes]))
-        for chunk in info.chunks if chunk.type == "mask" and chunk.offset >= run.chunk_start
-    ]
-    return b"".join(closed([data[: run.chunk_start], *chunks]))
-
-
-def _first_bytes(data: bytes, most: int, limits: Limits | None) -> bytes | None:
-    """Make a file of as many symbols as fit into ``most`` bytes; None if that is not enough for a run."""
-    decoder = Decoder(limits)
-    end = min(most, len(data))
-    at = max(end - _CLOSING, 0)
-    decoder.feed(data[:at])
-    best = None
-    while True:
-        decoder.take()
-        if decoder.contents is not None and (contents := decoder.grid).runs:
-            run = contents.runs[-1]
-            symbols = contents.run_symbols
-            payload = write_varint(symbols) + data[run.program_start : run.start] + cut(contents.coder)
-            chunk = write_chunk(ChunkType.CUT_LAYERS, payload, last=True)
-            if run.chunk_start + len(chunk) + CHECKSUM_BYTES <= most:
-                best = run.chunk_start, chunk
-        if at == end:
-            return _with_checksum(data[: best[0]] + best[1]) if best else None
-        decoder.feed(data[at : at + 1])
-        at += 1
+    if layers is not None:
+        raise _too_few(ends[-1])
+    if best is None and len(ends) == 1:
+        raise TruncatedError(
+            f"the file ends after {len(data)} bytes, before its first layer does", code="truncated", offset=len(data)
+        )
+    if best is None:
+        raise OptionError(f"{max_bytes} bytes are too few for the first layer of this file", code="max-bytes",
+                          remedy="allow more bytes")
+    return best
 
 
 def _with_checksum(data: bytes) -> bytes:

@@ -16,11 +16,11 @@ export interface Contents {
 /** Takes an ancillary chunk, its checksums verified; false if it means nothing. */
 export type Note = (type: number, payload: Uint8Array, bytes: number) => boolean;
 
-const CRITICAL = [1, 2, 5, 7, 9, 10, 11, 13];
+const CRITICAL = [1, 5, 7, 9, 10, 11, 13];
 
 export function* readChunks(s: Session, contents: Contents, note: Note): Steps {
   const { r, meter } = s;
-  for (let last = false, cut = false; !last; ) {
+  for (let last = false; !last; ) {
     r.begin();
     meter.bytes = r.offset;
     yield* r.need(1);
@@ -28,12 +28,10 @@ export function* readChunks(s: Session, contents: Contents, note: Note): Steps {
     if (critical !== CRITICAL.includes(type)) throw r.error("3.5.2", "an unknown critical chunk");
     r.at++;
     const length = yield* r.varint("3.4.2");
-    if (critical && cut) throw r.error("3.5.4", "a critical chunk behind cut layers");
     if (critical) contents.expect(type);
     const payload = r.at, stop = payload + length;
     r.stop = stop;
     if (critical) yield* contents.arrive(type);
-    cut ||= type === 2;
     yield* r.need(stop - r.at);
     r.at = stop;
     last = (head & 32) !== 0;

@@ -32,33 +32,24 @@ const TOP = 2 ** 32;
 /** Steps of adaptation by symbols seen (6.5). */
 export const STEP = Int32Array.from({ length: 160 }, (_, seen) => Math.floor(65536 / (seen + 2)));
 
-/**
- * Decodes the symbols of a run. Every method that decodes returns -1, and changes nothing, if the symbol is not received
- * yet (6.4), or, with `cut` set, if no more symbols may be decoded (3.5.4).
- */
+/** Decodes the symbols of a run. Methods that decode return -1, and change nothing, if the symbol is not received yet (6.4). */
 export class Coder {
   models!: Contexts;
   shifts = 0;
-  cut = false;
-  /** Symbols decoded in this run, and by number of the syntax element in the layer. */
-  symbols = 0;
   private range = TOP;
   private code = 0;
   private loaded = 0;
   private start = 0;
   private length = 0;
-  private most = Infinity;
 
   constructor(private readonly input: Input, readonly meter: Meter) {}
 
   /** Begin a run of `length` bytes at the place `start` of the input (6.1). */
-  begin(start: number, length: number, most: number): void {
+  begin(start: number, length: number): void {
     this.start = start;
     this.length = length;
-    this.most = most;
     this.range = TOP;
-    this.code = this.shifts = this.loaded = this.symbols = 0;
-    this.cut = false;
+    this.code = this.shifts = this.loaded = 0;
     this.meter.bytes = this.input.dropped + start;
   }
 
@@ -79,10 +70,6 @@ export class Coder {
 
   /** A symbol by 6.2 with the probability `p` of a 1, without an update. */
   raw(p: number): number {
-    if (this.symbols >= this.most) {
-      this.cut = true;
-      return -1;
-    }
     if (this.shifts > this.length)
       throw new IsoError("malformed", "6.3", this.input.dropped + this.start + this.length, "a run is too short");
     const bound = Math.floor((this.range * p) / 65536);
@@ -114,7 +101,6 @@ export class Coder {
     }
     this.code = code;
     this.range = range;
-    this.symbols++;
     this.meter.step(16);
     return bit;
   }

@@ -43,22 +43,9 @@ class List {
   }
 }
 
-/** During a raster layer: the simplices found so far, and the leaves of the mesh before that lie behind them. */
-function inRaster(t: Tube, row: number, next: Leaves): Leaves {
-  const drawn = new Leaves(t.meter), p = new Int32Array(12);
-  for (const leaves of [t.leaves, next])
-    for (let l = 0; l < leaves.length / 4; l++) {
-      leafVertices(t, leaves, l, p);
-      const [key, x, y, z] = leaves.data.subarray(4 * l, 4 * l + 4) as unknown as [number, number, number, number];
-      if (leaves === next || Math.min(p[0]!, p[3]!, p[6]!) >= row) drawn.add(key >> 8, key & 255, x, y, z);
-    }
-  return drawn;
-}
-
 /** A tube with the leaves that are drawn at the moment: in a round the middles that have come are bisected, in a copy (9.1(1)). */
 function atPresent(t: Tube): Tube {
-  const { round, raster, grid, n, meter, leaves } = t;
-  if (raster) return Object.assign(t.copy(), { leaves: inRaster(t, raster.row, raster.next) });
+  const { round, grid, n, meter, leaves } = t;
   if (!round) return t;
   const { level, active: { data: active }, coded } = round, drawn = t.copy(), side = 2 ** grid.k + 1;
   const bisected = new Cells(meter, side, side, n === 2 ? 1 : side), own = (drawn.leaves = new Leaves(meter)), next = new Leaves(meter);

@@ -9,8 +9,8 @@ import { type Layer, Progress, readProgram } from "./program.js";
 import type { Steps } from "./reader.js";
 import { Series } from "./series.js";
 import type { Session } from "./session.js";
-import { type Engine, type Kernels, type Learned, Passes, type Run, type Strand } from "./strand.js";
-import { type Missing, type Pass, Tube } from "./tube.js";
+import { type Engine, type Kernels, type Learned, Passes, type Strand } from "./strand.js";
+import { type Missing, Tube } from "./tube.js";
 
 /** One isovalue of a file. */
 export interface Contour {
@@ -144,9 +144,9 @@ export class GridFile implements Contents, Engine {
 
   *arrive(type: number): Steps {
     if (type === 7) yield* this.readMask();
-    if (type > 2) return;
+    if (type !== 1) return;
     this.series.layered = true;
-    yield* this.layers(type === 2 ? yield* this.s.r.varint("3.6") : Infinity);
+    yield* this.layers();
   }
 
   *take(type: number, payload: number, stop: number, bytes: number): Steps {
@@ -171,17 +171,17 @@ export class GridFile implements Contents, Engine {
     return true;
   }
 
-  private *layers(most: number): Steps {
+  private *layers(): Steps {
     const { series, s, s: { r } } = this;
     const [first, count] = series.turn, turn = series.contours.slice(first, first + count), programs = yield* this.programs(turn);
     for (let i = first; i < first + count; i++) series.fresh.add(i);
     this.part(turn);
-    let run = this.ready(turn[0]!).run(r.at, r.stop - r.at, most);
-    decoding: for (const k of programs[0]!.keys()) {
+    let run = this.ready(turn[0]!).run(r.at, r.stop - r.at);
+    for (const k of programs[0]!.keys()) {
       for (const [i, contour] of turn.entries()) {
         const strand = this.ready(contour), layer = programs[i]![k]!;
         run = strand.goOn(run);
-        if (!(yield* this.steps(strand.begin(layer, contour.progress.bits), run))) break decoding;
+        yield* strand.begin(layer, contour.progress.bits);
         s.layer(r.offset + run.used, layer.kind, series.frames.length - 1, first + i, strand.completed());
         yield;
       }
@@ -206,22 +206,13 @@ export class GridFile implements Contents, Engine {
 
   private *readMask(): Steps {
     const { grid, s, s: { r, meter } } = this, before = meter.usage;
-    const mask = (this.mask = this.engine.strand(0.5, undefined, false, this.engine.learn(undefined, false, false))), run = mask.run(r.at, r.stop - r.at, Infinity);
+    const mask = (this.mask = this.engine.strand(0.5, undefined, false, this.engine.learn(undefined, false, false))), run = mask.run(r.at, r.stop - r.at);
     const level = Math.min(grid.n, grid.full);
     for (let done = level; done <= grid.full; done++) {
-      yield* this.steps(mask.begin(done === level ? { kind: "base", level } : { kind: "refine" }, undefined), run);
+      yield* mask.begin(done === level ? { kind: "base", level } : { kind: "refine" }, undefined);
       mask.completed();
     }
     yield* s.finish(run);
     meter.setAside(before);
-  }
-
-  /** Let a pass run; false if the run is cut in it. */
-  private *steps(pass: Pass, run: Run): Steps<boolean> {
-    while (!pass.next().done) {
-      if (run.cut) return false;
-      yield;
-    }
-    return true;
   }
 }

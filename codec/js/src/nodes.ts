@@ -25,7 +25,7 @@ function decodeCoordinates(chunk: CoordinateChunk, limits: Limits): Coordinates 
   const meter = new Meter({ ...limits, work: Infinity }), input = new Input(), coder = new Coder(input, meter);
   input.push(chunk.run);
   input.ended = true;
-  coder.begin(0, chunk.run.length, Infinity);
+  coder.begin(0, chunk.run.length);
   try {
     const coordinates = chunk.coordinates.map((c): Coordinate => {
       coder.models = { p: new Uint16Array(CONTEXTS).fill(32768), seen: new Uint8Array(CONTEXTS).fill(1) };

@@ -5,7 +5,7 @@ import type { Bytes, Steps } from "./reader.js";
 /** One layer of a program. */
 export type Layer =
   | { kind: "base" | "adaptive_base"; level: number }
-  | { kind: "leaf_base" | "refine" | "raster" }
+  | { kind: "leaf_base" | "refine" }
   | { kind: "values"; plane: number }
   | { kind: "offsets"; Q: number; q: number }
   | { kind: "adapt"; births: boolean };
@@ -49,12 +49,6 @@ export function* readProgram(bytes: Bytes, p: Progress, before: number): Steps<L
         break;
       }
       case 1: {
-        if (argument === 0 && !far) {
-          if (p.uniform === p.full) throw wrong("a raster layer on the full grid");
-          p.uniform = p.full;
-          add({ kind: "raster" });
-          break;
-        }
         const rounds = far ? p.full - p.uniform : argument;
         if (none || rounds < 1 || p.uniform + rounds > p.full) throw wrong("rounds that cannot be");
         for (let i = 0; i < rounds; i++) add({ kind: "refine" });

@@ -5,7 +5,6 @@ import type { Grid } from "./grid.js";
 import type { MainProfile } from "./main/profile.js";
 import { Offsets } from "./offsets.js";
 import type { Layer } from "./program.js";
-import { Raster } from "./raster.js";
 import { Rounds } from "./refine.js";
 import type { Session } from "./session.js";
 import type { Missing, Pass, Tube } from "./tube.js";
@@ -16,8 +15,6 @@ export interface Run {
   /** Bytes after the last symbol (8.2.3), and bytes that the coder has moved past. */
   readonly used: number;
   readonly shifts: number;
-  /** Whether no more symbols may be decoded (3.5.4). */
-  readonly cut: boolean;
 }
 
 export interface Strand {
@@ -25,8 +22,8 @@ export interface Strand {
   readonly tube: Tube;
   /** Whether a layer has begun that gives signs. */
   readonly begun: boolean;
-  /** Begin a run of `length` bytes at the place `start` of the input, of `most` symbols. */
-  run(start: number, length: number, most: number): Run;
+  /** Begin a run of `length` bytes at the place `start` of the input. */
+  run(start: number, length: number): Run;
   /** Go on with a run that another strand may have had. */
   goOn(run: Run): Run;
   /** Begin a layer; `bits` are those of values above and below, once they are stated. */
@@ -72,9 +69,9 @@ export class Passes implements Strand {
     return this.tube.hasBase;
   }
 
-  run(start: number, length: number, most: number): Run {
+  run(start: number, length: number): Run {
     this.coder.models = this.tube.models;
-    this.coder.begin(start, length, most);
+    this.coder.begin(start, length);
     return this.coder;
   }
 
@@ -89,8 +86,6 @@ export class Passes implements Strand {
         return new Base(tube, LEAVES, 0).decode();
       case "refine":
         return (tube.rounds ??= new Rounds(tube)).uniform();
-      case "raster":
-        return (tube.raster = new Raster(tube)).decode();
       case "adapt":
         return (tube.rounds ??= new Rounds(tube)).adapt(layer.births);
       case "values":

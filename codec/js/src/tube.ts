@@ -6,7 +6,6 @@ import type { Mixing } from "./main/mixing.js";
 import type { MainProfile } from "./main/profile.js";
 import { Models, type Weighed } from "./models.js";
 import type { Offsets } from "./offsets.js";
-import type { Raster } from "./raster.js";
 import type { Rounds } from "./refine.js";
 import { type Shift, shiftOf } from "./shift.js";
 import { EXPLICIT, Ints, KNOWN, OUT, SIGN, Store } from "./store.js";
@@ -70,8 +69,6 @@ export class Tube {
   adapted = false;
   leaves: Leaves;
   round: Round | undefined;
-  /** A raster layer that is being decoded. */
-  raster: Raster | undefined;
   baseDone = false;
   hasBase = false;
   /** Changes of the mesh, so that lists are made anew when they have to be. */

@@ -14,11 +14,11 @@ const folder = new URL("../../../conformance/vectors/", import.meta.url);
 const vector = (name) => new Uint8Array(readFileSync(new URL(`${name}.iso`, folder)));
 const main = new MainProfile(readFileSync(new URL("../dist/main.bin", import.meta.url)));
 
-const LAYERS = 1, CUT = 2, ISOVALUE = 5, MASK = 7, FRAME = 9, DOMAIN = 10, TURN = 11, SERIES = 13;
-const CRITICAL = [LAYERS, CUT, ISOVALUE, MASK, FRAME, DOMAIN, TURN, SERIES];
+const LAYERS = 1, ISOVALUE = 5, MASK = 7, FRAME = 9, DOMAIN = 10, TURN = 11, SERIES = 13;
+const CRITICAL = [LAYERS, ISOVALUE, MASK, FRAME, DOMAIN, TURN, SERIES];
 /** A file of each kind. */
 const FILES = {
-  grid: "plane_isovalues_signs", turns: "plane_turns_masked", cut: "plane_turns_cut", series: "plane_frames_main_signs", "series of a masked field": "plane_frames_missing",
+  grid: "plane_isovalues_signs", turns: "plane_turns_masked", series: "plane_frames_main_signs", "series of a masked field": "plane_frames_missing",
   known: "mesh_plane_signs", coded: "mesh_plane_coded", delaunay: "mesh_plane_delaunay_all_ties", "series of a mesh": "mesh_plane_frames_signs", surface: "tin_scattered",
 };
 const PAYLOADS = [[], [0, 1]];
@@ -28,8 +28,7 @@ function forbidden(explicit, surface, before, { head }) {
   const type = head & 31, had = (...types) => before.some((chunk) => !(chunk.head & 128) && types.includes(chunk.head & 31));
   if (!(head & 128) !== CRITICAL.includes(type)) return "3.5.2";
   if (head & 128) return undefined;
-  if (had(CUT)) return "3.5.4";
-  if (explicit && (type === CUT || type === MASK)) return "10.1.1";
+  if (explicit && type === MASK) return "10.1.1";
   if (explicit && had(DOMAIN) === (type === DOMAIN)) return "3.5.8";
   if (surface && type !== DOMAIN) return "10.9.1";
   if (type === DOMAIN) return explicit ? undefined : "3.5.8";
@@ -37,7 +36,7 @@ function forbidden(explicit, surface, before, { head }) {
   if ([ISOVALUE, MASK].includes(type) && had(FRAME)) return "3.5.7";
   if (type === MASK && had(MASK)) return "3.5.6";
   if (type === FRAME && !had(SERIES)) return "3.5.7";
-  return type === SERIES && had(SERIES, LAYERS, CUT, TURN) ? "3.5.7" : undefined;
+  return type === SERIES && had(SERIES, LAYERS, TURN) ? "3.5.7" : undefined;
 }
 
 function decoded(data, mesh) {

@@ -113,8 +113,6 @@ def begin_layer(tube: Tube, layer: Layer) -> None:
             tube.begin_leaf_base()
         case LayerKind.REFINE:
             tube.begin_round()
-        case LayerKind.RASTER:
-            tube.begin_raster()
         case LayerKind.ADAPT:
             tube.begin_adapt(layer.births)
         case LayerKind.VALUES:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
@@ -10,21 +9,18 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import LAYER_LIMIT, ChunkType
+from isospec.container import LAYER_LIMIT
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ...deferred import dataclass
-from ...entropy.range_coder import UNLIMITED, Coder
+from ...entropy.range_coder import Coder
 from ...entropy.run import Account, ReadingRun
 from ...errors import FormatError, LimitError
 from ...format.chunks import Envelope
 from ...format.events import Event, LayerComplete
-from ...format.header import varint
-from ...format.kinds import LayerKind
 from ...format.program import Layer, ProgramReader, Progress, mask_layers
-from ...kernel import CUT, DONE
+from ...kernel import DONE, SPENT
 from ...limits import WORK_LIST, Limits
-from ..passes.raster import WORK
 from ..passes.runner import Tube, out_of_steps
 from .beginning import begin_layer
 
@@ -43,8 +39,6 @@ class BegunRun:
         Numbers of the isovalues.
     before : Progress
         Where the programs of the first of them stood before.
-    symbols : int
-        The stated number of symbols of a cut run, or no limit.
     done : int
         Layers of the file that were complete before.
     """
@@ -55,7 +49,6 @@ class BegunRun:
     layers: list[Layer]
     turn: range
     before: Progress
-    symbols: int
     done: int = 0
 
 
@@ -156,7 +149,6 @@ class LayerReader:
         self._pending: deque[tuple[int, Layer]] | None = None
         self._program: ProgramReader | None = None
         self._program_start = 0
-        self._symbols = UNLIMITED
         self._before = np.zeros(len(ELEMENTS), np.int64)
         self._layer_start = 0
         self._done = 0
@@ -210,11 +202,6 @@ class LayerReader:
         """The chunk has been read."""
         self._pending = None
 
-    @property
-    def run_symbols(self) -> int:
-        """Symbols that have been decoded of the last run that was begun."""
-        return self._run.symbols
-
     def symbols(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, of all isovalues."""
         return self.tally()[: len(ELEMENTS)]
@@ -242,10 +229,8 @@ class LayerReader:
                     run.spend(_listed(tube))
                     self._grant(run)
                     begin_layer(tube, layer)
-                    if layer.kind == LayerKind.RASTER:
-                        run.spend(math.prod(tube.shape), WORK)
                 status = tube.advance()
-                while status == CUT and not run.complete:
+                while status == SPENT:
                     self._grant(run)
                     status = tube.advance()
                 if self._steps() >= self.limits.steps:
@@ -253,13 +238,10 @@ class LayerReader:
             except (FormatError, LimitError) as error:
                 error.offset = run.place
                 raise
-            if status == CUT:
-                self._pending = deque()
-            elif status != DONE:
+            if status != DONE:
                 return None
-            else:
-                self._pending.popleft()
-                return self._completed(layer, chunk)
+            self._pending.popleft()
+            return self._completed(layer, chunk)
         if whole:
             run.end()
         return None
@@ -289,15 +271,8 @@ class LayerReader:
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
         """Read the program of a chunk and start its run; False if more bytes are needed."""
         if self._program is None:
-            at = chunk.start
-            self._symbols = UNLIMITED
-            if chunk.type == ChunkType.CUT_LAYERS:
-                stated = varint(self._data, at, there, "3.5.4")
-                if stated is None:
-                    return self._incomplete(there, whole)
-                self._symbols, at = stated
-            self._program = ProgramReader(at, self._progress(self._turns.turn[0]))
-            self._program_start = at
+            self._program = ProgramReader(chunk.start, self._progress(self._turns.turn[0]))
+            self._program_start = chunk.start
         program = self._program
         if not program.read(self._data, there):
             return self._incomplete(there, whole)
@@ -318,7 +293,7 @@ class LayerReader:
             self._progresses[number] = one.progress
         self._program = None
         self._begin_run(BegunRun(
-            chunk_start, self._program_start, program.at, program.layers, turn, before, self._symbols, self._done
+            chunk_start, self._program_start, program.at, program.layers, turn, before, self._done
         ), [one.layers for one in programs])
         return True
 
@@ -346,7 +321,7 @@ class LayerReader:
         self.layers += [layer for _, layer in self._pending]
         self._layer_start = 0
         coder = self._turns.ready(run.turn[0]).coder
-        reading = ReadingRun(coder, self._account, run.start, stated=run.symbols)
+        reading = ReadingRun(coder, self._account, run.start)
         self._reading = self._turns.ready(run.turn[0]), reading
         self.runs.append(run)
 
@@ -396,7 +371,7 @@ class MaskReader(LayerReader):
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
         tube = self._turns.ready(0)
         layers = mask_layers(tube.n, tube.full_level)
-        run = BegunRun(chunk_start, chunk.start, chunk.start, layers, range(1), self._progresses[0], UNLIMITED)
+        run = BegunRun(chunk_start, chunk.start, chunk.start, layers, range(1), self._progresses[0])
         self._begin_run(run, [layers])
         return True
 

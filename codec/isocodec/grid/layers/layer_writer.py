@@ -24,7 +24,7 @@ from ..passes.runner import Tube
 from ..tube.holes import Holes
 from ..tube.truth import Place, Truth
 from .beginning import begin_layer, leaning_tube, mask_tube
-from .plan import PROMISE, Entry, check_entries, operation_of, promised, where
+from .plan import PROMISE, Entry, check_entries, operation_of, promised
 
 RUN_BYTES = 1 << 16
 """A run is ended at the first end of a layer after this many bytes."""
@@ -128,17 +128,16 @@ class LayerWriter:
             try:
                 fresh = expand(operation, number or 0, number is None, state, unit)
             except ValueError as error:
-                line = where(self._entries[self._expanded])
                 fewer = "fewer bits, or all of them" if operation == Operation.VALUES else None
-                raise OptionError(f"{line}the plan cannot be carried out: {error}", code="plan", remedy=fewer) from None
+                raise OptionError(
+                    f"the plan cannot be carried out: {self._entries[self._expanded]!r}: {error}", code="plan",
+                    remedy=fewer,
+                ) from None
             if state.layers + len(fresh) > LAYER_LIMIT:
                 raise OptionError(
                     f"more than {LAYER_LIMIT:,} layers, which is as many as a file may have", code="plan",
                     remedy="fewer of them, or fewer isovalues",
                 )
-            if fresh[0].kind == LayerKind.RASTER and self.tube.no_raster:
-                line = where(self._entries[self._expanded])
-                raise OptionError(f"{line}{self.tube.no_raster}", code="plan", remedy="refine")
             for layer in fresh:
                 state.add(layer)
             if mesh is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from numbers import Integral
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from ..lattice.vertex_set import Chosen
 from ..tube.truth import Place
 
 if TYPE_CHECKING:
-    from typing import Self
+    pass
 
 MAX_PROMISE = 1e12
 """Least distance that is too great to be promised, in cells: none is that large."""
@@ -25,24 +25,10 @@ Entry = Sequence[object]
 PROMISE = "promise"
 """An entry that makes no layer: what is promised of those before it."""
 _MEMBERS: dict[str, int] = {
-    LayerKind.BASE: 2, LayerKind.ADAPTIVE_BASE: 3, LayerKind.LEAF_BASE: 1, LayerKind.REFINE: 2, LayerKind.RASTER: 1,
-    LayerKind.ADAPT: 3,
+    LayerKind.BASE: 2, LayerKind.ADAPTIVE_BASE: 3, LayerKind.LEAF_BASE: 1, LayerKind.REFINE: 2, LayerKind.ADAPT: 3,
     LayerKind.VALUES: 3, LayerKind.OFFSETS: 5, PROMISE: 2,
 }
 """Kinds of entries, and how many members they have at most."""
-
-
-class Line(tuple[object, ...]):
-    """An entry that was written on a line of a file (see `stream.plan_file`): errors name the line."""
-
-    number: int
-    """Counted from 1."""
-    text: str
-
-    def __new__(cls, members: Iterable[object], number: int, text: str) -> Self:
-        line = super().__new__(cls, members)
-        line.number, line.text = number, text
-        return line
 
 
 @dataclass(frozen=True)
@@ -76,11 +62,6 @@ class Criteria:
             number = getattr(self, name)
             if number is not None and not (math.isfinite(number) and number >= 0):
                 raise OptionError(f"{name} is {number:g}; it must be a number from 0 on", code="plan")
-
-
-def where(entry: Entry) -> str:
-    """The line that an entry was written on, to begin a message with; nothing for others."""
-    return f"line {entry.number}, {entry.text!r}: " if isinstance(entry, Line) else ""
 
 
 def promised(plan: Sequence[Entry]) -> dict[int, float]:
@@ -126,7 +107,7 @@ def operation_of(
     The unit is that of offsets; of values it is the number of bits that are left.
     """
     argument = None if number is None else _count(kind, number)
-    if kind in (LayerKind.LEAF_BASE, LayerKind.RASTER):
+    if kind == LayerKind.LEAF_BASE:
         argument = 0
     if kind == LayerKind.REFINE and argument == 0:
         raise OptionError("refine in a plan with 0 rounds", code="plan", remedy="give at least 1")

@@ -177,7 +177,7 @@ def code_coordinate(cd: Coder, nodes: Nodes, period: int, first: int) -> int:
     Returns
     -------
     int
-        DONE, NEED, CUT, or BAD if a number is out of range.
+        DONE, NEED, SPENT, or BAD if a number is out of range.
     """
     counts = nodes.counts
     nodes.value[0] = 0

@@ -6,7 +6,6 @@ needs bytes. Encoder and decoder use it alike: they differ in the mode of the co
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable
 from copy import copy
@@ -18,7 +17,7 @@ from ...entropy.context_layout import put_away
 from ...entropy.mixer import mixing
 from ...entropy.range_coder import Coder
 from ...errors import FormatError, LimitError
-from ...kernel import BAD, CUT, DONE, GROW, NEED
+from ...kernel import BAD, DONE, GROW, NEED, SPENT
 from ...limits import Budget, Limits
 from ..lattice.order import COUNTS, in_order
 from ..lattice.store import PAGES, copied, get, new_store, size_of
@@ -48,7 +47,6 @@ from ..tube.state import (
 from ..tube.truth import Truth
 from . import base as base_pass
 from . import new_components, refinement
-from . import raster as raster_pass
 from .geometry import Estimates
 
 _SEED, _MIDDLE = 200, 36
@@ -117,7 +115,6 @@ class Tube:
         self._finest = -1
         self._items = NOTHING
         self._running = ""
-        self._raster: tuple[raster_pass.SampleRows, Coder] | None = None
         told = (lean.estimates, lambda: lean.state) if lean and side != FRAME else None
         self.budget = budget or Budget(sys.maxsize)
         self.estimates: Estimates = Estimates(shape, truth, told, shift, self.budget)
@@ -177,11 +174,6 @@ class Tube:
         return self._running not in ("base",) and self.level == self.full_level
 
     @property
-    def no_raster(self) -> str:
-        """Why there may be no raster layer, or the empty string."""
-        return raster_pass.refusal(self.shape, self.lean is not None)
-
-    @property
     def begun(self) -> bool:
         """Whether a base has begun."""
         return bool(self.state.counters.edge)
@@ -234,26 +226,6 @@ class Tube:
         self._births = True
         self._begin_significance()
 
-    def begin_raster(self) -> None:
-        """Begin a raster layer.
-
-        Raises
-        ------
-        FormatError, LimitError
-            If there may be none.
-        """
-        refusal = self.no_raster
-        if refusal:
-            raise FormatError(refusal, code="program", clause="5.12")
-        if math.prod(self.shape) > self.limits.samples:
-            raise LimitError(
-                f"a raster layer of more than {self.limits.samples} samples", code="limit-samples", clause="11.2",
-                remedy="raise Limits.samples if the file is trusted",
-            )
-        self._running = "raster"
-        self._hold(state_bytes(self.state, self._mark), 0)
-        self._raster = raster_pass.new_raster(self.shape, self.vertices > 0), raster_pass.raster_coder(self.coder)
-
     def begin_adapt(self, births: bool) -> None:
         """Begin an adaptive layer of refinement; with ``births`` new components may come in it."""
         st = self.state
@@ -297,7 +269,7 @@ class Tube:
         self._items = NOTHING
 
     def advance(self) -> int:
-        """Go on with the layer begun: ``DONE``, ``NEED`` (bytes or room for them) or ``CUT``."""
+        """Go on with the layer begun: ``DONE``, ``NEED`` (bytes or room for them) or ``SPENT``."""
         if self.lean is not None:
             earlier, told = self.lean, self.lean.estimates
             known = self._shift is not None and told.has_values
@@ -309,7 +281,7 @@ class Tube:
         while True:
             status = self._kernel()
             counters = self.state.counters
-            if status in (NEED, CUT):
+            if status in (NEED, SPENT):
                 counters.work = counters.step_work
             counters.step_work = counters.work
             number = int(counters.error)
@@ -325,7 +297,7 @@ class Tube:
                 if self._finish():
                     return DONE
             else:
-                if status != CUT and self.coder.reg.over:
+                if status != SPENT and self.coder.reg.over:
                     raise FormatError("symbols go on past the end of their run", code="overrun", clause="6.3")
                 return int(status)
 
@@ -339,10 +311,6 @@ class Tube:
                 return self._call(new_components.significance, self._items)
             case "refinement":
                 return self._call(refinement.refine)
-            case "raster":
-                assert self._raster is not None
-                own, models = self._raster
-                return raster_pass.raster(self.state, models._replace(reg=self.coder.reg, buf=self.coder.buf), own)
             case "values":
                 return self.estimates.code_values(self.state, self.coder)
             case "offsets":
@@ -380,14 +348,6 @@ class Tube:
             case "significance":
                 self._begin_refinement()
                 return False
-            case "raster":
-                self._raster = None
-                self._take_list()
-                if not self.begun:
-                    counters.base_level = self.full_level
-                counters.row = 0
-                counters.uniform = self.full_level
-                self._set_level(self.full_level)
                 self._end_mesh()
                 self._running = ""
                 self._hold(state_bytes(self.state, self._mark), 0)
@@ -488,8 +448,6 @@ class Tube:
     def _hold(self, size: int, passing: int) -> None:
         """Count the memory of the state; that of the models beside it, but for what all isovalues share."""
         panel = self.coder.blend.panel
-        if self._running == "raster":
-            size += raster_pass.raster_bytes(self.shape)
         if self.lean is not None:
             size += numbers_bytes(self.lean.state)
         models = (self.coder.prob, self.coder.seen, self.coder.blend.mix, panel.prob, panel.seen)

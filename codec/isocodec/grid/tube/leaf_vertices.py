@@ -80,13 +80,7 @@ def drawn(st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     room = drawn_leaves(st)
     number = np.empty(MOST_CORNERS + 1, np.int64)
     rows, levels = np.empty((room, dimension(st.grid.tables) + 1), np.int64), np.empty(room, np.int64)
-    row = counters.row
     numbers = numbers_of(st)
     used = vertex_numbers(st, numbers, st.leaf[: counters.leaves], number, rows, levels)
-    if row:
-        # a raster layer replaces what reaches into its rows
-        left = np.flatnonzero(st.vertex[rows[:used], 0].min(axis=1) >= row)
-        used = len(left)
-        rows[:used], levels[:used] = rows[left], levels[left]
     used += vertex_numbers(st, numbers, st.below[: counters.next], number, rows[used:], levels[used:])
     return rows[:used], levels[:used]

@@ -24,7 +24,7 @@ MOST_ANCESTORS = 4096
 # Syntax elements, in the order of isospec (spec clause 5.2).
 (
     ORIGIN, COMPONENT, LOCATION, BASE_SIGN, SIGNIFICANCE, REFINEMENT_SIGN, VALUE_BIT, OFFSET_BIT,
-    LEVEL_SYMBOL, SPLIT, CONTINUE, SAMPLE,
+    LEVEL_SYMBOL, SPLIT, CONTINUE,
 ) = range(len(ELEMENTS))
 PREDICTED, PREDICTED_RIGHT = len(ELEMENTS), len(ELEMENTS) + 1
 
@@ -80,8 +80,6 @@ class Counters(Registers):
         How often signs have been those of the earlier isovalue (7.12).
     masked : int
         Whether a mask marks missing samples (5.10).
-    row : int
-        Row of the next sample of a raster layer (5.12).
     """
 
     level: int
@@ -118,7 +116,6 @@ class Counters(Registers):
     board_edge: int
     agreed: int
     masked: int
-    row: int
 
 
 class BaseWalk(Registers):

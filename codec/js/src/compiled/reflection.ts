@@ -102,9 +102,8 @@ export class Reflection {
   /** The leaves; a round that goes on, of which those that it has made are told apart. */
   private list(st: State, running: string): void {
     const { tube, m } = this, { counters } = st, done = counters.get("done_leaves"), { meter } = tube;
-    const round = running === "refinement", row = running === "raster" ? counters.get("row") : 0;
-    const leaves = (tube.leaves = new Leaves(meter)), next = round ? new Leaves(meter) : leaves;
-    this.add(st, st.leaf.rows(done), counters.get("leaves") - done, leaves, row);
+    const round = running === "refinement", leaves = (tube.leaves = new Leaves(meter)), next = round ? new Leaves(meter) : leaves;
+    this.add(st, st.leaf.rows(done), counters.get("leaves") - done, leaves);
     this.add(st, st.below, counters.get("next"), next);
     tube.round = undefined;
     if (!round) return;
@@ -125,8 +124,8 @@ export class Reflection {
   }
 
   /** Add the leaves that rows stand for, those that lie at a row of samples or behind it. */
-  private add(st: State, rows: Arr, count: number, leaves: Leaves, row = 0): void {
-    const { m, grid: { phases, n, last } } = this, total = this.total(rows, count);
+  private add(st: State, rows: Arr, count: number, leaves: Leaves): void {
+    const { m } = this, total = this.total(rows, count);
     const own = m.registers<CounterNames>("Counters", m.array("int64", [st.counters.size], false));
     const room = m.array("int32", [total, 5], false);
     own.set("leaves", count);
@@ -134,9 +133,7 @@ export class Reflection {
     const found = m.words(room);
     for (let i = 0; i < 5 * total; i += 5) {
       const level = found[i + 4]!, s = 2 * this.grid.edge(level), [cls, x, y, z] = this.classes[level % this.grid.n]![found[i]!]!;
-      const { off } = phases[level % n]!, half = s / 4;
-      const first = row && Math.min(...[0, 3, 6].map((j) => Math.min(s * (found[i + 1]! + x) + off[12 * cls + j]! * half, last[0])));
-      if (first >= row) leaves.add(level, cls, s * (found[i + 1]! + x), s * (found[i + 2]! + y), s * (found[i + 3]! + z));
+      leaves.add(level, cls, s * (found[i + 1]! + x), s * (found[i + 2]! + y), s * (found[i + 3]! + z));
     }
     m.release(room, false);
     m.release(own.array, false);

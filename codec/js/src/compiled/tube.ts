@@ -11,14 +11,13 @@ import type { Coder, Coders } from "./coder.js";
 import { Estimates } from "./estimates.js";
 import type { Arr, Machine } from "./machine.js";
 import { numbered, type Numbers, release as releaseNumbers } from "./numbers.js";
-import { beginRaster, type RasterRun } from "./raster.js";
 import { Reflection } from "./reflection.js";
 import { softened } from "./softened.js";
 import { type CounterNames, FRAME, type Lean, type State, type States } from "./state.js";
 import { copied, mask, newStore, release, type Store } from "./store.js";
 
 /** Why a kernel came back: it is done, or needs bytes, or has decoded the symbols that were granted, or room, or is at a loss. */
-const DONE = 0, NEED = -1, CUT = -2, GROW = -3, BAD = -4;
+const DONE = 0, NEED = -1, SPENT = -2, GROW = -3, BAD = -4;
 /** In the counter `error`: steps are used up; else the clause that is violated. */
 const OUT_OF_STEPS = 5;
 const CLAUSES: Record<number, string> = { 1: "5.3.2", 3: "5.3.3", 4: "5.5", 7: "5.4.3" };
@@ -56,10 +55,9 @@ export interface Leaning {
   readonly side: number;
 }
 
-type Running = "" | "base" | "raster" | "continue" | "significance" | "refinement" | "values" | "offsets";
+type Running = "" | "base" | "continue" | "significance" | "refinement" | "values" | "offsets";
 
 export class CompiledStrand implements Strand, Run {
-  cut = false;
   running: Running = "";
   state: State;
   readonly estimates: Estimates;
@@ -69,7 +67,6 @@ export class CompiledStrand implements Strand, Run {
   private leaning: Leaning | undefined;
   private marks: Store | undefined;
   private seeds: Arr;
-  private raster: RasterRun | undefined;
   private births = false;
   private numbers: Numbers | undefined;
   private resting = false;
@@ -81,7 +78,6 @@ export class CompiledStrand implements Strand, Run {
   private start = 0;
   private length = 0;
   private come = 0;
-  private most = Infinity;
   private granted = 0;
   private counted = 0;
 
@@ -146,9 +142,9 @@ export class CompiledStrand implements Strand, Run {
 
   // -- runs ------------------------------------------------------------------------------------------------------
 
-  run(start: number, length: number, most: number): Run {
+  run(start: number, length: number): Run {
     const { reg } = this.coder;
-    Object.assign(this, { start, length, most, come: 0, granted: 0, counted: 0, cut: false });
+    Object.assign(this, { start, length, come: 0, granted: 0, counted: 0 });
     reg.clear();
     reg.set("mode", 1);
     reg.set("range", 2 ** 32);
@@ -159,8 +155,8 @@ export class CompiledStrand implements Strand, Run {
   goOn(run: Run): Run {
     const other = run as CompiledStrand;
     if (other === this) return this;
-    const { start, length, most, come, granted, counted, cut } = other;
-    Object.assign(this, { start, length, most, come, granted, counted, cut, borrowed: true });
+    const { start, length, come, granted, counted } = other;
+    Object.assign(this, { start, length, come, granted, counted, borrowed: true });
     return this;
   }
 
@@ -186,12 +182,11 @@ export class CompiledStrand implements Strand, Run {
     reg.set("final", Number(count === this.length));
   }
 
-  /** Grant some more symbols; false if there may be none. */
-  private grant(): boolean {
-    const { reg } = this.coder, more = Math.min(SLICE, this.most - this.granted);
-    reg.set("left", reg.get("left") + more);
-    this.granted += more;
-    return more > 0;
+  /** Grant some more symbols. */
+  private grant(): void {
+    const { reg } = this.coder;
+    reg.set("left", reg.get("left") + SLICE);
+    this.granted += SLICE;
   }
 
   /** Count what a kernel has done to the limits. */
@@ -218,9 +213,8 @@ export class CompiledStrand implements Strand, Run {
       this.arrive();
       const status = this.advance();
       if (status === DONE) return;
-      if (status === CUT && this.grant()) continue;
-      this.cut = status === CUT;
-      yield;
+      if (status === SPENT) this.grant();
+      else yield;
     }
   }
 
@@ -234,7 +228,6 @@ export class CompiledStrand implements Strand, Run {
   }
 
   private beginLayer(layer: Layer, bits: [number, number] | undefined): void {
-    const { meter } = this.shared;
     switch (layer.kind) {
       case "base":
         return this.beginBase(layer.level, false);
@@ -246,12 +239,6 @@ export class CompiledStrand implements Strand, Run {
         this.counters.set("asks", 0);
         this.births = true;
         return this.fresh("significance");
-      case "raster": {
-        const { m, grid } = this.shared;
-        this.raster = beginRaster(m, grid, meter, this.leaning !== undefined, this.coder, this.counters.get("vertices") > 0);
-        this.running = "raster";
-        return;
-      }
       case "adapt":
         this.counters.set("asks", 1);
         this.counters.set("adapted", 1);
@@ -334,7 +321,7 @@ export class CompiledStrand implements Strand, Run {
       counters.set("most_work", before + left);
       on?.set("most_work", earlier + left);
       const status = this.kernel(), tired = on !== undefined && on.get("work") >= on.get("most_work");
-      if (status === NEED || status === CUT) counters.set("work", counters.get("step_work"));
+      if (status === NEED || status === SPENT) counters.set("work", counters.get("step_work"));
       counters.set("step_work", counters.get("work"));
       this.settle(counters.get("work") - before + (on ? on.get("work") - earlier : 0));
       const error = counters.get("error");
@@ -364,8 +351,6 @@ export class CompiledStrand implements Strand, Run {
         return m.call("passes_new_components_significance", state, coder, none);
       case "refinement":
         return m.call("passes_refinement_refine", state, coder);
-      case "raster":
-        return m.call("passes_raster_raster", state, { ...this.raster!.coder, reg: coder.reg, buf: coder.buf }, this.raster!.own);
       case "values":
         return this.estimates.codeValues(state, coder);
       case "offsets":
@@ -400,16 +385,6 @@ export class CompiledStrand implements Strand, Run {
       case "significance":
         this.refine();
         return false;
-      case "raster":
-        this.raster!.release();
-        this.raster = undefined;
-        this.takeList();
-        if (!this.begun) counters.set("base_level", grid.full);
-        counters.set("row", 0);
-        counters.set("uniform", grid.full);
-        this.setLevel(grid.full);
-        this.endMesh();
-        break;
       case "refinement":
         this.takeList();
         this.setLevel(at("level") + 1);

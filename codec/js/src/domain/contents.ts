@@ -47,7 +47,7 @@ export class DomainFile implements Contents {
 
   expect(type: number): void {
     const { r } = this.s;
-    if (type === 2 || type === 7) throw r.error("10.1.1", "a chunk that files of explicit domains do not have");
+    if (type === 7) throw r.error("10.1.1", "a mask in a file of an explicit domain");
     if (this.begun === (type === 10)) throw r.error("3.5.8", "a domain has to be the first critical chunk");
     if (this.surface) throw r.error("10.9.1", "a critical chunk behind a surface");
   }
@@ -101,7 +101,7 @@ export class DomainFile implements Contents {
     for (let k = 0; k < d; k++) extent.push(yield* r.varint(clause));
     if (factor < 1 || factor > 2 ** 20 || origin.some((x) => Math.abs(x) > 2 ** 40) || V + T > 512 * length ||
       extent.some((x) => x < 1 || x > 2 ** 24)) throw error();
-    coder.begin(r.at, stop - r.at, Infinity);
+    coder.begin(r.at, stop - r.at);
     const mesh = kind === "coded" ? new CodedMesh(coder, d, n, V, T, extent, (at, what) => r.error(at, what)).decode()
       : yield* this.triangulation(V, T, extent);
     yield* this.s.finish(this.s.coder);
@@ -161,7 +161,7 @@ export class DomainFile implements Contents {
     meter.take(8 * mesh.V + 4 * mesh.T);
     if (kind === 3 && !contour.levels) contour.levels = this.levels(contour, first, wrong);
     if (kind === 4 && !contour.cut) contour.cut = this.cut(contour);
-    coder.begin(r.at, r.stop - r.at, Infinity);
+    coder.begin(r.at, r.stop - r.at);
     const o = new Opinions(coder, contour.models);
     if (kind === 0) {
       contour.leaves = new Walk(contour, mesh).decode(o, (what) => r.error("10.3.1", what));

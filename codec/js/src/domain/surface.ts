@@ -74,7 +74,7 @@ export class Surface {
   *decode(): Steps {
     const { s, s: { r, coder } } = this, head = yield* this.readHead();
     if (!head) return;
-    coder.begin(r.at, r.stop - r.at, Infinity);
+    coder.begin(r.at, r.stop - r.at);
     const o = new Opinions(coder, SURFACE.make());
     for (const [l, c] of head.layers.entries()) {
       const from = this.points.count, positions = yield* readPositions(o, head.W, head.H, c, Infinity, () => this.wrong(""));
