@@ -47,17 +47,8 @@ class Given:
 def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
     """Convert coordinates x, y (, z) to arrays that broadcast to the shape of the field.
 
-    Parameters
-    ----------
-    given : sequence of n array_like
-        An array of one axis for each axis of the field, in the field's order (in the plane x runs along axis 1, in
-        space x, y, z along the axes 0, 1, 2); or x, y (, z) as arrays of n axes that broadcast to the field's shape.
-    shape : tuple of int
-
-    Raises
-    ------
-    InputError
-        If ``given`` has neither form.
+    They are given as an array of one axis for each axis of the field, in its order (in the plane x runs along axis 1,
+    in space x, y, z along the axes 0, 1, 2), or as arrays of n axes that broadcast to its shape.
     """
     n = len(shape)
     try:
@@ -103,28 +94,14 @@ def check_coordinates(
 ) -> Given:
     """Check that coordinates do not fold, and find units in which they are stored to within ``error`` cells.
 
-    Parameters
-    ----------
-    arrays : sequence of (s0 or 1, .., sn-1 or 1) float64
-        The arrays that `arrays_of` returns.
-    shape : tuple of int
-        Shape of the field.
-    gone : (s0, .., sn-1) bool, optional
-        Which samples are missing; cells with a missing corner do not count.
-    periods : sequence of float
-        Period of each coordinate; 0 if it is not periodic.
-    error : float
-        Largest error, in cells.
-    periodic : sequence of int
-        Axes whose last plane repeats the first one.
-
-    Raises
-    ------
-    InputError
-        If a coordinate that matters is not finite, if axes are not strictly increasing or decreasing, or if cells fold.
+    ``gone`` marks missing samples; cells with a missing corner do not count. The period of a coordinate is 0 if it has
+    none. ``periodic`` lists the axes whose last plane repeats the first one. Raises `InputError` if a coordinate that
+    matters is not finite, if axes are not strictly increasing or decreasing, or if cells fold.
     """
     whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
-    used = np.ones(shape, np.bool_) if gone is None else _touched(whole, shape)
+    used = np.full(shape, gone is None)  # nodes of cells without missing corners
+    for corner in product((0, 1), repeat=len(shape)):
+        used[tuple(slice(c, c + size) for c, size in zip(corner, whole.shape, strict=True))] |= whole
     needed: list[NDArray[np.bool_]] = []
     for name, array in zip("xyz", arrays, strict=False):
         flat = tuple(axis for axis, count in enumerate(array.shape) if count == 1)
@@ -167,14 +144,6 @@ def whole_cells(gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return out
 
 
-def _touched(whole: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Nodes of cells without missing corners."""
-    out = np.zeros(shape, np.bool_)
-    for corner in product((0, 1), repeat=len(shape)):
-        out[tuple(slice(c, c + size) for c, size in zip(corner, whole.shape, strict=True))] |= whole
-    return out
-
-
 def steps_along(array: Array, axis: int, period: float) -> Array:
     """Differences of neighbours along an axis, up to the period."""
     steps = np.diff(array, axis=axis)
@@ -208,17 +177,10 @@ def folds(
     arrays: Sequence[Array], shape: tuple[int, ...], gone: NDArray[np.bool_] | None, periods: Sequence[float],
     error: float,
 ) -> tuple[int, NDArray[np.bool_]] | None:
-    """Find samples without which no cell folds or all but vanishes, if few cells do.
+    """Find the few samples without which no cell folds or all but vanishes.
 
-    Parameters
-    ----------
-    arrays, shape, gone, periods, error
-        As of `check_coordinates`.
-
-    Returns
-    -------
-    int, (s0, .., sn-1) bool
-        How many cells fold, and a sample of each; None if none does, or more than `MOST_FOLDS` of them.
+    Takes what `check_coordinates` takes. Returns how many cells fold, and a mask with a sample of each; None if no cell
+    folds, or more than `MOST_FOLDS` do.
     """
     whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
     bad = np.zeros(whole.shape, np.bool_)
@@ -276,7 +238,7 @@ def _corners(
 def _inverse(
     arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], periodic: Sequence[int]
 ) -> list[float]:
-    """For each coordinate the most cells by a unit of it, over all corners of whole cells, none of which may fold."""
+    """For each coordinate, the most cells that one unit of it makes, over all corners of whole cells; none may fold."""
     far = [0.0] * len(arrays)
     turned = 0
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):

@@ -82,15 +82,9 @@ class Square:
 
 
 class Closing:
-    """Make the segments or triangles that close all gaps.
+    """The segments or triangles that close all gaps between tiles.
 
-    Parameters
-    ----------
-    parts : sequence of TilePart
-    numbers : sequence of (P,) int64
-        For each part, the indices of its points among all points.
-    points : (P, n) float64
-        All points.
+    ``points`` are those of all parts, and ``numbers`` the indices of the points of each part among them.
     """
 
     def __init__(
@@ -104,7 +98,7 @@ class Closing:
         self._line_of: dict[int, tuple[Line, int]] = {}
 
     def cells(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return further points, (Q, n), and segments or triangles, (M, n)."""
+        """Return additional points, (Q, n), and segments or triangles, (M, n)."""
         squares = list(self._squares())
         if self._n == 2:
             segments = [edge for square in squares for edge, _ in square.border]

@@ -84,7 +84,7 @@ class Head:
     together: int = 1
 
     def group_of(self, number: int) -> range:
-        """Numbers of the isovalues in the group of one of them."""
+        """Numbers of the isovalues in the group that contains this one."""
         first = number - number % self.together
         return range(first, min(first + self.together, len(self.isovalues)))
 
