@@ -23,7 +23,7 @@ HEADINGS = (ISOVALUE, PRECISION, LAYERS, PART, INPUT, SURFACE, MESH, TILES, DRAW
 """Headings of help, in order."""
 Progress = Callable[[int, int], object]
 ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
-"""Name of a criterion for which point of a triangulation is least significant."""
+"""Name of a criterion that finds the least significant point of a triangulation."""
 Number = int | float
 """Integers stay integers, so that an encoder notices those that would be rounded."""
 

@@ -195,10 +195,6 @@ class MeshFile(IsovalueFile):
             raise TruncatedError("the file ends before its mesh begins", code="truncated", offset=self.size)
         return self.info.domain.vertices
 
-    def on(self, points: NDArray[Any], cells: NDArray[Any]) -> IsoFile:
-        """Return the same file with the mesh that it was made on."""
-        return MeshFile(self.kind, self.data, self.limits, (points, cells))
-
 
 class SurfaceFile(WholeFile):
     """A file of a triangulated surface."""

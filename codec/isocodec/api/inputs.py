@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 MOST = 1 << 20
 """Largest size of a plan file, in bytes."""
 _MUCH = 1 << 30
-"""Memory, in bytes, from which on a remark is made."""
+"""Least memory, in bytes, that is worth a remark."""
 
 
 def windowed(source: Any, choice: Choice, missing: str = HOLE) -> Field:

@@ -52,7 +52,7 @@ def draw_cells(
     """Make points (E, d) on the crossed edges of crossed cells (L, n + 1), and cells (M, n) between them.
 
     ``mirrored`` (L,) are cells with the reverse of the orientation that `Contour` describes. ``edges`` (E, 2) have
-    their lower vertex first, from which ``ratio`` (E,) measures the position of the points.
+    their lower vertex first; ``ratio`` (E,) measures the position of the points from there.
     """
     corners = cells.shape[1]
     pattern = above[cells] @ (1 << np.arange(corners))

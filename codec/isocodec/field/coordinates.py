@@ -1,4 +1,4 @@
-"""Coordinates that a user gives for samples: checks, and the precision to which they are stored (spec clause 9.9)."""
+"""Coordinates that a user gives for samples: checks, and the precision that they are stored with (spec clause 9.9)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Given:
     coordinates : tuple of Coordinate
         x, y (, z), with units small enough for the error.
     arrays : tuple of (s0 or 1, .., sn-1 or 1) float64
-        One array for each coordinate, with one node along each axis on which the coordinate does not depend.
+        One array for each coordinate, with one node along each axis that the coordinate does not depend on.
     needed : tuple of (s0 or 1, .., sn-1 or 1) bool
         Where coordinates matter: at nodes of unit cells without missing corners.
     """
@@ -184,16 +184,14 @@ def folds(
     """
     whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
     bad = np.zeros(whole.shape, np.bool_)
-    turned, n = 0, len(arrays)
+    n = len(arrays)
     finest = []
     for array, period in zip(arrays, periods, strict=True):
         most = MOST_PERIOD / period if period else MOST_UNITS / (float(np.ptp(array[np.isfinite(array)])) or 1.0)
         finest.append(most * error / (2 * n * PARTS))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for size, columns in _corners(arrays, periods, whole.shape):
-            up = np.count_nonzero(whole & (size > 0))
-            turned = turned or (1 if 2 * up >= np.count_nonzero(whole) else -1)
-            bad |= size * turned <= 0
+        for size, columns in _corners(arrays, periods, whole):
+            bad |= size <= 0
             for column, least in zip(columns, finest, strict=True):
                 bad |= column > least
     bad &= whole
@@ -218,20 +216,16 @@ def folds(
 
 
 def _corners(
-    arrays: Sequence[Array], periods: Sequence[float], shape: tuple[int, ...]
+    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_]
 ) -> Iterator[tuple[Array, list[Array]]]:
-    """At each corner of all cells their size, and for each coordinate the cells by a unit of it."""
-    n = len(arrays)
-    steps = [
-        [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
-        for array, period in zip(arrays, periods, strict=True)
-    ]
-    for corner in product((0, 1), repeat=n):
-        j = [[at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
+    """At each corner of all cells their size, positive for most, and for each coordinate the cells by a unit of it."""
+    n, turned = len(arrays), 0
+    for j in steps_at_corners(arrays, periods):
         cofactors = [_cofactors(j[(c + 1) % n], j[(c + n - 1) % n]) for c in range(n)]
-        size = np.broadcast_to(np.asarray(sum(j[0][a] * cofactors[0][a] for a in range(n))), shape)
-        yield size, [
-            np.broadcast_to(np.sqrt(sum(part * part for part in cofactors[c])) / np.abs(size), shape) for c in range(n)
+        size = np.broadcast_to(np.asarray(sum(j[0][a] * cofactors[0][a] for a in range(n))), whole.shape)
+        turned = turned or (1 if 2 * np.count_nonzero(whole & (size > 0)) >= np.count_nonzero(whole) else -1)
+        yield size * turned, [
+            np.broadcast_to(np.sqrt(sum(part * part for part in own)) / np.abs(size), whole.shape) for own in cofactors
         ]
 
 
@@ -240,12 +234,9 @@ def _inverse(
 ) -> list[float]:
     """For each coordinate, the most cells that one unit of it makes, over all corners of whole cells; none may fold."""
     far = [0.0] * len(arrays)
-    turned = 0
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for size, columns in _corners(arrays, periods, whole.shape):
-            up = np.count_nonzero(whole & (size > 0))
-            turned = turned or (1 if 2 * up >= np.count_nonzero(whole) else -1)
-            bad = whole & ~(size * turned > 0)
+        for size, columns in _corners(arrays, periods, whole):
+            bad = whole & ~(size > 0)
             if bad.any():
                 where = tuple(np.argwhere(bad)[0].tolist())
                 raise InputError(
@@ -258,8 +249,18 @@ def _inverse(
     return [reach or 1.0 for reach in far]
 
 
-def at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
-    """Steps along the edges of all cells that begin at a corner; 0 where a coordinate does not vary."""
+def steps_at_corners(arrays: Sequence[Array], periods: Sequence[float]) -> Iterator[list[list[Any]]]:
+    """At each corner of all cells the step of each coordinate along each axis; 0.0 where it does not vary."""
+    n = len(arrays)
+    steps = [
+        [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
+        for array, period in zip(arrays, periods, strict=True)
+    ]
+    for corner in product((0, 1), repeat=n):
+        yield [[_at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
+
+
+def _at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
     if step is None:
         return 0.0
     return step[tuple(

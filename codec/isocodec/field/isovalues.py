@@ -103,7 +103,7 @@ def range_of(samples: NDArray[Any]) -> tuple[float, float]:
 def number_of(isovalue: float | None, isovalues: Sequence[float], noun: str = "isovalue") -> int:
     """Find the place of an isovalue among those of a file; 0 for None.
 
-    Raises `OptionError` naming those that are nearest, if it is not one of them.
+    Raises `OptionError`, naming the nearest ones, if the file does not have it.
     """
     if isovalue is None:
         return 0

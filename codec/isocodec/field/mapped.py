@@ -31,7 +31,7 @@ class Coordinate:
     period: int = 0
 
     def counts(self, shape: Sequence[int]) -> tuple[int, ...]:
-        """Number of nodes along each axis of an array; 1 along axes on which the coordinate does not depend."""
+        """Number of nodes along each axis of an array; 1 along axes that the coordinate does not depend on."""
         return tuple(size if axis in self.axes else 1 for axis, size in enumerate(shape))
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..errors import OptionError
 from ..extras import optional
-from .coordinates import at_corner, steps_along
+from .coordinates import steps_at_corners
 from .units import DEGREE, METRES, distance_of, units_of
 
 WGS84 = (6378137.0, 6356752.314245179)
@@ -96,15 +96,11 @@ def largest_step(
     nothing is farther.
     """
     n = len(arrays)
-    steps = [
-        [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
-        for array, period in zip(arrays, periods, strict=True)
-    ]
     most = 0.0
     with np.errstate(invalid="ignore", over="ignore"):
         factors = ground.factors(arrays[1])
-        for corner in product((0, 1), repeat=n):
-            j = [[0.0 if step is None else at_corner(step, axis, corner) * factor for axis, step in enumerate(row)]
+        for steps in steps_at_corners(arrays, periods):
+            j = [[step * factor if np.ndim(step) else step for step in row]
                  for row, factor in zip(steps, factors, strict=True)]
             gram = [[sum(row[a] * row[b] for row in j) for b in range(n)] for a in range(n)]
             most = _largest(gram, whole, most)

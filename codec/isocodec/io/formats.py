@@ -192,7 +192,7 @@ class Job:
         return what if self.form.states == "samples" else pieces
 
     def remarks(self) -> tuple[str, ...]:
-        """One line for each loss of the format in coordinates, but for those that were asked for."""
+        """One line for each loss of the format in coordinates that was not asked for."""
         states, placement, suffix, options = self.form.states, self.placement, self.suffix, self.options
         if not self._some or states == "samples":
             return ()

@@ -231,7 +231,7 @@ def _part(field: Field, choice: Choice) -> Field:
 
 
 def _of_path(path: str, choice: Choice) -> Found:
-    """Read a file or a folder by the library of its suffix; of an unknown one by those that know most."""
+    """Read a file or a folder by the library of its suffix, or, if unknown, by the libraries that know most formats."""
     name, at = path.rstrip("/").lower(), Path(path)
     what: Any = path if path.startswith("/vsi") else at
     if what is at and not at.exists():

@@ -204,7 +204,7 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
 
 
 def _flat(header: Any, number: int) -> Any:
-    """Collect the attributes of a frame, those that sequences state of it before those of all frames."""
+    """Collect the attributes of a frame; its own in sequences take precedence over those of all frames."""
     groups = [some[number % len(some)] for name in ("Shared", "PerFrame")
               if (some := header.get(f"{name}FunctionalGroupsSequence"))]
     if not groups:

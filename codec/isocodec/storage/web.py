@@ -189,12 +189,12 @@ class WebStream:
         self._answer.close()
 
     def read(self, count: int) -> bytes:
-        """Read that many bytes, or those that are left."""
+        """Read ``count`` bytes, or what is left."""
         return self._file.run(_body(self._answer, count))
 
 
 class _BusyError(InputError):
-    """The server has no time; ``pause`` is the number of seconds for which it asks."""
+    """The server has no time; ``pause`` is the number of seconds that it asks for."""
 
     def __init__(self, answer: Any) -> None:
         asked = answer.headers.get("Retry-After", "").strip()
@@ -208,7 +208,7 @@ def _status(answer: Any) -> str:
 
 
 async def _body(answer: Any, most: int, until: float | None = None) -> bytes:
-    """Read a body, but no more than some bytes of it; each piece has to arrive in time, the first one until then."""
+    """Read at most ``most`` bytes of a body; each piece has to arrive in time, the first one by ``until``."""
     import asyncio
 
     body, clock = bytearray(), asyncio.get_running_loop().time

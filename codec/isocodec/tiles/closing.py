@@ -129,7 +129,7 @@ class Closing:
                     yield Square(axis, edges, border)
 
     def _apart(self, squares: Sequence[Square]) -> NDArray[np.float64]:
-        """Middles of parts of borders for which all four faces around an edge of tiles are filled, (Q, 3).
+        """Middles, (Q, 3), of parts of borders that have all four faces around an edge of tiles filled.
 
         The faces are then joined in pairs, around the tiles in front and those behind; the latter pair gets the middle.
         """
@@ -206,7 +206,7 @@ class Closing:
                 points = cells[there[cells]]
                 lows = ends[points].min(axis=1) // cube * cube
                 edges = np.full((len(points), 2), -1)
-                # rows of points with which lines begin, and with which they end
+                # rows of points that lines begin with, and end with
                 edges[np.arange(len(points)), np.nonzero(there[cells])[1]] = numbers[points]
             else:
                 turned = np.concatenate([cells[:, [1, 0]], cells[:, [2, 1]], cells[:, [0, 2]]])

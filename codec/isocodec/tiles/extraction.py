@@ -83,7 +83,7 @@ class Extract:
     def _told(self, number: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Decoded]:
         """Signs of an isovalue, samples that its tiles mark as missing, and the decoded state that the tiles hold."""
         head, told = self._file.head, []
-        # the tile along each axis to which a sample belongs, or one of the two
+        # the tile along each axis that a sample belongs to, or one of the two
         tile = np.ix_(*(
             np.minimum(np.arange(low, low + size) >> head.grid.exponent, one.stop - 1) - one.start
             for low, size, one in zip(self.low, self.size, self._ranges, strict=True)

@@ -91,7 +91,7 @@ def _head_length(data: bytes) -> int:
 
 
 def read_head(data: bytes) -> tuple[Head, Root]:
-    """Read the head and the root directory, with which ``data`` begins; raises `FormatError` or `TruncatedError`."""
+    """Read the head and the root directory at the beginning of ``data``; raises `FormatError` or `TruncatedError`."""
     end = _head_length(data)
     if Checksum.parse(data[end - 4 : end]) != zlib.crc32(data[: end - 4]):
         raise wrong("the head's checksum is wrong", "checksum", end - 4, "12.3")

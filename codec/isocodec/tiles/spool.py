@@ -183,7 +183,7 @@ def about(tiling: Tiling) -> bytes:
 
 
 def begun(folder: str | os.PathLike[str], tried: Sequence[Tiling]) -> int:
-    """Find for which of some tilings a folder has tiles; 0 if for none."""
+    """Number of the tiling, of several, that a folder has tiles for; 0 for none."""
     journal = Path(folder) / _JOURNAL
     if not journal.is_file():
         return 0

@@ -35,7 +35,7 @@ from .layout import COARSEST, Index, TileGrid
 from .structure import Head, Kind, Stage
 
 EDGES = (COARSEST, 2, 0)
-"""Exponents of the edges of the cubes to which stages lead."""
+"""Exponents of the edges of the cubes that stages lead to."""
 TOGETHER = 8
 """Isovalues in a group, which is read as a whole."""
 
@@ -52,7 +52,7 @@ class Tiling:
     dtype : str
         Type of the samples.
     cubes : int
-        In 3-D, exponent of the edge of the cubes with which meshes for a tolerance begin; 0 for the full grid.
+        In 3-D, exponent of the edge of the cubes that meshes for a tolerance begin with; 0 for the full grid.
     fill : int or float, optional
         Value that takes the place of missing samples.
     """
@@ -90,7 +90,7 @@ class Tiling:
 
     @property
     def searched(self) -> float | None:
-        """The tolerance for which meshes are searched, or None if there is no search."""
+        """The tolerance that meshes are searched for; None if there is no search."""
         if self.grid.n == 3 and not self.cubes:
             return None
         return self.options.searched

@@ -64,7 +64,7 @@ class TilesWanted:
 
 @dataclass(frozen=True)
 class GroupSegments:
-    """Segments of a tile at the isovalues of a group; those that have been fetched.
+    """Fetched segments of a tile at the isovalues of a group.
 
     Attributes
     ----------
