@@ -191,13 +191,6 @@ def linear_ratio(leaves: Leaves, edges: NDArray[np.integer]) -> NDArray[np.float
     return np.where(np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear), linear, np.nan)
 
 
-def edge_points(leaves: Leaves, edges: NDArray[np.integer], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute points on edges, (P, n) float64."""
-    out = np.empty((len(edges), len(leaves.shape)))
-    enter_points(leaves.vertex, edges.astype(np.int32, copy=False), ratio, out)
-    return out
-
-
 @inlined
 def place_on(vertex, edges, ratio, i, axis):
     """Coordinate of a point on an edge, at its ratio from the first end."""

@@ -178,7 +178,7 @@ class Registers:
         return out
 
     def clear(self) -> None:
-        """All of them 0."""
+        """All 0."""
         self.values[:] = 0
 
 

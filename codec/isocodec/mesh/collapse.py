@@ -16,7 +16,7 @@ from .complex import holds
 from .shape import tetrahedron_quality, triangle_quality, turned
 
 SURFACE_TURN = 70
-"""Least cosine, in hundredths, by which triangles of a surface may turn."""
+"""Least cosine, in hundredths, of the angle that triangles of a surface may turn."""
 TARGETS = 4
 """Most cells of a target, relative to the most of a vertex that goes."""
 NEVER = np.int64(1 << 60)
@@ -33,7 +33,7 @@ class CollapseRegisters(Registers):
     planar, space : int
         1 for triangles of the plane, and where triangles lie in space; else 0.
     limit : int
-        Cosine by which borders may turn, in hundredths.
+        Cosine of the angle that borders may turn, in hundredths.
     most : int
         Cells of a vertex that may go.
     at : int

@@ -46,7 +46,7 @@ ALL = 256
 OPEN = 1
 """Status of a returning vertex that got the sign of its ring, and may still have the other one."""
 LEARNT = 77
-"""Share, out of ``ALL``, by which trust and tilt of a ring move towards a new sign."""
+"""Share of the way, out of ``ALL``, that trust and tilt of a ring move towards a new sign."""
 
 
 @inlined

@@ -97,7 +97,7 @@ _MESH_MIXES = MIX_PLACE + 2 * 3 * DEPTHS
 WEIGHT = 22000
 """Initial mixing weight of every opinion, out of 2**16."""
 LEVEL_WEIGHT = 11000
-"""The same for opinions on signs of returning vertices."""
+"""Initial mixing weight of opinions on signs of returning vertices."""
 BY_SIZE = (51, 57, 64, 74, 85, 94, 98, 99, 99, 97, 91)
 BY_SHARE = (46, 46, 51, 55, 60, 60, 62, 65, 68, 72, 79, 84, 90, 95, 98, 99)
 BY_TILT = (61, 72, 73, 74, 78, 82, 85, 87, 91, 93, 95, 95)

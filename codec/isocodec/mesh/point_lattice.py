@@ -115,7 +115,7 @@ def placements(wanted: WantedTriangles, error: float, reach: float) -> Iterator[
     """Place points on finer and finer lattices; None where triangles are not those of the given points.
 
     Points are rounded to within ``error``; those that are moved, because triangles would change, stay within ``reach``.
-    Origin and extent are those of all points, so that ties are decided as among all of them (annex G.5).
+    Origin and extent are those of all points, so that ties are decided as among all points (annex G.5).
 
     Raises
     ------

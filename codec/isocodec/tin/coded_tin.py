@@ -20,7 +20,7 @@ from .rank import by_rank
 from .triangulation import Triangulation
 
 _ROUND, _FACTOR = 64, 4
-"""Points of lowest rank in the first round, and the factor by which each later round increases their number."""
+"""Points of lowest rank in the first round, and the growth of their number in each later round."""
 STEPS = 16
 """Triangles visited per unit of work."""
 _ROOM = 32

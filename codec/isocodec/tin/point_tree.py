@@ -253,6 +253,6 @@ def code_positions(
             raise LimitError(f"more than {most:,} points", code="limit-vertices", clause="11.2")
         if owner is not None:
             # halves of each cell lie one after the other
-            behind = np.concatenate([[0], np.cumsum((truth & 1) + (truth >> 1))])
-            owner = behind[owner] + (side & truth[owner] & 1)
+            before = np.concatenate([[0], np.cumsum((truth & 1) + (truth >> 1))])
+            owner = before[owner] + (side & truth[owner] & 1)
     return DONE, cell

@@ -110,7 +110,7 @@ class Tin:
 
     @property
     def merged(self) -> int:
-        """Points that coincided with others: only the first of them is in `kept` or `order`, with their mean value."""
+        """Points that coincided with others: only the first is in `kept` or `order`, with their mean value."""
         return self._removed.points.merged
 
     @property
