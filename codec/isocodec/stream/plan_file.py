@@ -27,7 +27,7 @@ before; the finest level, the full grid, reaches every sample. Lines are
     divided into RADIX (odd) parts; on a mesh coarser than the full grid, an edge has RADIX parts for every 2**U samples
     of its length.
 
-A CRITERION is a condition that the coarsened mesh must meet; if several are given, the mesh satisfies all of them.
+A CRITERION is a condition that the coarsened mesh must meet; if several are given, the mesh satisfies them all.
 ``crossing``: the cells that the curve crosses stay as in the full grid; ``topology``: the curve keeps its topology;
 ``distortion=D``: with the values or offsets that follow the line at once, or else with signs alone, the curve stays
 within D cells of the original, both ways, as it is decoded; ``curvature=K``: the mesh stays finest where the curve's
@@ -93,7 +93,7 @@ def check_plan(
     plan: Sequence[Sequence[Any]] | Mapping[float, Sequence[Sequence[Any]]], isovalues: Sequence[float],
     full_level: int, leaning: bool = True,
 ) -> None:
-    """Refuse a plan that cannot be carried out on a grid, as far as that is known before its layers are made.
+    """Refuse a plan that cannot be carried out on a grid, if that shows before its layers are made.
 
     Raises
     ------

@@ -79,7 +79,7 @@ class Session:
     budget : Budget
         Memory held by decoding.
     data : bytearray
-        The file as far as it has arrived.
+        The part of the file that has arrived.
     at : int
         Byte offset of the current chunk.
     header : Header or None
@@ -227,7 +227,7 @@ class Session:
                 if self.cut:
                     raise FormatError("layers after a truncated run", code="cut", offset=self.at, clause="3.5.4")
                 self.outline.expect(chunk, self.at)
-                # further layers of a frame that was marked as ended
+                # more layers of a frame that was marked as ended
                 self.outline.ended &= chunk.type == ChunkType.FRAME
             self._chunk = chunk
         if not chunk.ancillary:
