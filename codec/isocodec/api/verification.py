@@ -340,13 +340,11 @@ def _not_among(pieces: NDArray[np.float64], others: NDArray[np.float64], roundin
 
 def verified_mesh(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Verify the isovalues of a file on a mesh, for values at its vertices."""
-    from .files import whole_file
-
     points, cells, values = _mesh_of(file, field, frame)
     known = file.info.domain is not None and file.info.domain.kind == DomainKind.KNOWN
     if known and file.mesh_given is None and getattr(field, "cells", None) is not None:
         # the mesh that the values come with is that of the file, or decoding finds out that it is not
-        file = whole_file(file.data, file.limits, (points, cells))
+        file = type(file)(file.kind, file.data, file.limits, (points, cells))
     notes = {**getattr(field, "metadata", {}), **file.info.metadata}
     out = []
     for number, contour in enumerate(file.contours(frame=frame)):

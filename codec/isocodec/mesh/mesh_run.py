@@ -13,7 +13,7 @@ from ..kernel import GROW
 from .coded_mesh import REASONS, code_mesh, grown, original_of
 from .complex import Complex
 from .models import coder_of_meshes
-from .room import bytes_of, growth_of, longer, more_rows, rows_for
+from .room import bytes_of, growth_of, longer, more_rows, whole_growth
 
 BYTES_PER_UNIT = 8
 """Bytes of a mesh that count as a unit of work, so that they are bounded by the bytes of the file, too."""
@@ -29,9 +29,7 @@ def encoded_mesh(domain: Complex, extent: Sequence[int], unit: float) -> tuple[b
     cells, corners = domain.mesh.cell.shape
     run = WritingRun(coder_of_meshes())
     run.room(cells * (corners + 3) + vertices * 25 * d)
-    g = growth_of(vertices, cells, corners, np.array(extent, np.int64))
-    for name, size in rows_for(g, vertices, cells).items():
-        g = longer(g, name, size)
+    g = whole_growth(vertices, cells, corners, np.array(extent, np.int64))
     g.reg.most, origin = run.left(), original_of(domain, d, corners)
     run.check(code_mesh(g, origin, run.coder))
     order = np.empty(vertices, np.int64)

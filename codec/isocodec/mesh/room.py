@@ -37,6 +37,14 @@ def rows_for(g: Growth, vertices: int, cells: int) -> dict[str, int]:
     }
 
 
+def whole_growth(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]) -> Growth:
+    """Make an empty mesh with room for all of it."""
+    g = growth_of(vertices, cells, corners, extent)
+    for name, size in rows_for(g, vertices, cells).items():
+        g = longer(g, name, size)
+    return g
+
+
 def more_rows(g: Growth) -> dict[str, int]:
     """Rows for the next cells, in proportion to those so far."""
     reg = g.reg
