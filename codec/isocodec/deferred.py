@@ -15,25 +15,23 @@ _WAITING: dict[type, dict[str, Any]] = {}
 """Classes without their methods so far, with the parameters of `dataclasses.dataclass`."""
 
 
-@recursive_repr()
-def _text(self: Any) -> str:
-    """``__repr__`` as `dataclasses.dataclass` makes it, of any class."""
-    shown = (each.name for each in dataclasses.fields(self) if each.repr)
-    return f"{type(self).__qualname__}({', '.join(f'{name}={getattr(self, name)!r}' for name in shown)})"
+class _Shared:
+    """Methods as `dataclasses.dataclass` makes them, but the same for all classes."""
 
+    @recursive_repr()
+    def __repr__(self: Any) -> str:
+        shown = (each.name for each in dataclasses.fields(self) if each.repr)
+        return f"{type(self).__qualname__}({', '.join(f'{name}={getattr(self, name)!r}' for name in shown)})"
 
-def _equal(self: Any, other: Any) -> bool:
-    """``__eq__``, likewise."""
-    if type(other) is not type(self):
-        return NotImplemented
-    compared = [each.name for each in dataclasses.fields(self) if each.compare]
-    return tuple(getattr(self, name) for name in compared) == tuple(getattr(other, name) for name in compared)
+    def __eq__(self: Any, other: Any) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        compared = [each.name for each in dataclasses.fields(self) if each.compare]
+        return tuple(getattr(self, name) for name in compared) == tuple(getattr(other, name) for name in compared)
 
-
-def _hashed(self: Any) -> int:
-    """``__hash__``, likewise."""
-    hashed = (each for each in dataclasses.fields(self) if (each.compare if each.hash is None else each.hash))
-    return hash(tuple(getattr(self, each.name) for each in hashed))
+    def __hash__(self: Any) -> int:
+        hashed = (each for each in dataclasses.fields(self) if (each.compare if each.hash is None else each.hash))
+        return hash(tuple(getattr(self, each.name) for each in hashed))
 
 
 def _make(cls: type, parameters: dict[str, Any]) -> None:
@@ -43,11 +41,11 @@ def _make(cls: type, parameters: dict[str, Any]) -> None:
     hash_is_own = own.get("__hash__") is not None or ("__hash__" in own and "__eq__" not in own)
     methods: dict[str, Any] = {}
     if shown and "__repr__" not in own:
-        methods["__repr__"] = _text
+        methods["__repr__"] = _Shared.__repr__
     if compared and not hash_is_own:
-        methods["__hash__"] = _hashed if rest.get("frozen") else None
+        methods["__hash__"] = _Shared.__hash__ if rest.get("frozen") else None
     if compared and "__eq__" not in own:
-        methods["__eq__"] = _equal
+        methods["__eq__"] = _Shared.__eq__
     for name, method in methods.items():
         setattr(cls, name, method)
     dataclasses.dataclass(**rest, repr=False, eq=False)(cls)
@@ -75,7 +73,7 @@ def _restore(self: Any, state: dict[str, Any]) -> None:
 
 
 class _Fields:
-    """The fields of a class, by which the functions of `dataclasses` know it."""
+    """Placeholder for the fields of a class, which the functions of `dataclasses` look up."""
 
     def __get__(self, _: object, owner: type) -> Any:
         _complete(owner)

@@ -104,24 +104,14 @@ class KernelError(IsoError):
 
 
 def plain(text: str, keep: str = "") -> str:
-    """Text without what a terminal takes for orders: control characters, escapes, changes of direction.
+    """Escape, as in Python's strings, what a terminal would interpret: control characters, changes of direction.
 
-    Parameters
-    ----------
-    text : str
-        From a file, its name, or a library that has read it.
-    keep : str
-        Characters that may stay although they do not print, such as a line break.
-
-    Returns
-    -------
-    str
-        With the escapes of Python's strings instead of these characters.
+    The characters in ``keep``, such as line breaks, stay although they do not print.
     """
     return "".join(c if c.isprintable() or c in keep else c.encode("unicode_escape").decode() for c in text)
 
 
 def one_line(text: str, most: int = 200) -> str:
-    """The beginning of a text in one line, and fit for a terminal."""
+    """Shorten a text to one line that is safe for a terminal."""
     line = plain(" ".join(text.split()))
     return line if len(line) <= most else line[: most - 3] + "..."

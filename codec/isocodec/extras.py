@@ -5,46 +5,27 @@ from __future__ import annotations
 import importlib
 import sys
 from functools import cache
-from importlib.util import find_spec
 from typing import Any
 
 from .errors import MissingExtraError
 
 
-def check_installed(module: str, *, extra: str, purpose: str) -> None:
-    """Check, without loading it, that a library is installed; parameters and errors as of `optional`."""
-    if find_spec(module) is None:
-        optional(module, extra=extra, purpose=purpose)
-
-
 def optional(module: str, *, extra: str, purpose: str) -> Any:
-    """Import ``module``; if it is missing, raise an error that names the extra that installs it.
+    """Import ``module``; raises `MissingExtraError`, naming the extra that installs it, if that fails.
 
-    Parameters
-    ----------
-    module : str
-        Dotted name.
-    extra : str
-        Name of the extra in ``pyproject.toml``.
-    purpose : str
-        What it is needed for, as the start of a sentence: ``"writing .ply"``.
-
-    Raises
-    ------
-    MissingExtraError
-        If the import fails.
+    The ``purpose`` starts the message: ``"writing .ply"``.
     """
     try:
         return importlib.import_module(module)
     except ImportError as exc:
-        # A library that is there but broken fails in the same way; its own words then explain more than "needs" alone.
+        # an installed but broken library fails in the same way: its own words are added
         library = module.partition(".")[0]
         absent = isinstance(exc, ModuleNotFoundError) and exc.name in (library, module)
         reason = "" if absent else f", which fails to load ({exc})"
         raise MissingExtraError(
             f"{purpose} needs {library}{reason}",
             code="missing-extra",
-            remedy=remedy_of(extra),
+            remedy=f"pip install '.[{extra}]' in a checkout of isocodec",  # it is on no index
         ) from exc
 
 
@@ -53,19 +34,7 @@ def without(module: str, heavy: tuple[str, ...], *, extra: str, purpose: str) ->
     """Import ``module`` as `optional` does, but without other libraries that it loads only to offer more functions.
 
     Importing pyogrio takes ten times as long with geopandas, pandas and pyarrow as without. What this returns is
-    private: the next ``import`` of the same library finds all of it.
-
-    Parameters
-    ----------
-    module : str
-    heavy : tuple of str
-        Names of libraries; those that are loaded already are not left out.
-    extra, purpose
-        As of `optional`.
-
-    Raises
-    ------
-    MissingExtraError
+    private: the next ``import`` of the same library finds all of it. Libraries that are already loaded are kept.
     """
     if module in sys.modules:
         return optional(module, extra=extra, purpose=purpose)
@@ -81,8 +50,3 @@ def without(module: str, heavy: tuple[str, ...], *, extra: str, purpose: str) ->
             python = str(getattr(each, "__file__", "")).endswith(".py")
             if name.partition(".")[0] == module and python and not name.endswith(".errors"):
                 del sys.modules[name]
-
-
-def remedy_of(extra: str) -> str:
-    """The command that installs an extra: the package is on no index."""
-    return f"pip install '.[{extra}]' in a checkout of isocodec"

@@ -8,7 +8,7 @@ from .deferred import dataclass
 from .errors import LimitError, OptionError
 
 WORK_PER_BYTE = 512
-"""Work allowed for each byte read, beside `Limits.work`: real files have at most some hundred symbols a byte."""
+"""Work allowed for each byte read, on top of `Limits.work`: real files have at most some hundred symbols a byte."""
 WORK_STEPS = 16
 """Steps of inference that count as one unit of work."""
 WORK_LIST = 4
@@ -22,20 +22,17 @@ Volumes of 1024 samples a side and terrains of 32,768 pass, the largest that are
 file that only claims to hold more is refused before anything is allocated for it.
 """
 TIMEOUT = "ISOCODEC_TIMEOUT"
-"""Environment variable with the seconds that are waited for others, instead of `PATIENCE`."""
+"""Environment variable with a timeout in seconds, instead of `PATIENCE`."""
 PATIENCE = 8.0
-"""Seconds that are waited for others: a server that answers, a library that reads a foreign file in a process apart."""
+"""Default timeout in seconds, for servers and for libraries that read files in another process."""
 RATE = 1 << 20
-"""Bytes for which one second more is waited."""
+"""Bytes for which the timeout is extended by one second."""
 
 
 def patience(size: int = 0) -> float:
-    """Seconds that are waited for others, of whom so many bytes are expected.
+    """Compute the timeout, in seconds, for an answer of ``size`` bytes.
 
-    Raises
-    ------
-    OptionError
-        If the environment variable `TIMEOUT` is not a number of seconds.
+    Raises `OptionError` if the environment variable `TIMEOUT` is not a number of seconds.
     """
     asked = os.environ.get(TIMEOUT, "")
     try:
@@ -73,8 +70,7 @@ class Limits:
         Bytes that all isovalues of a decoder hold together, and that drawing them takes for a moment. The file itself,
         the drawings and some 2 MB of tables come on top.
     work : int
-        Time, in units of about a symbol (some 0.3 microseconds): what a file may take beside 512 units for each of its
-        bytes.
+        Time, in units of about a symbol (some 0.3 microseconds), on top of 512 units for each byte of the file.
     """
 
     vertices: int = 1 << 27
@@ -119,15 +115,10 @@ _STEP = 32
 
 
 class Budget:
-    """Bytes that are held, by holder, and the most that may be.
+    """Account of the bytes held, by holder, with an upper bound; ``peak`` includes bytes held for a moment.
 
-    Sizes are those of the arrays, whether their pages have been touched or not: the same file needs the same on every
-    machine, however it came in.
-
-    Attributes
-    ----------
-    peak : int
-        Most bytes that were held at a time, those for a moment included.
+    Sizes are those of the arrays, whether their pages have been touched or not, so that a file needs the same on every
+    machine, however it arrives.
     """
 
     def __init__(self, most: int) -> None:
@@ -138,16 +129,13 @@ class Budget:
 
     @property
     def held(self) -> int:
-        """Bytes held by all."""
+        """Bytes held in total."""
         return self._all
 
     def hold(self, holder: object, size: int, passing: int = 0) -> None:
-        """Let a holder have ``size`` bytes from now on, instead of what it had, and ``passing`` more for a moment.
+        """Set the bytes of a holder to ``size``, with ``passing`` more for a moment.
 
-        Raises
-        ------
-        LimitError
-            If that is more than there may be; nothing has changed then.
+        Raises `LimitError`, and changes nothing, if that exceeds the bound.
         """
         others = self._all - self._held.get(id(holder), 0)
         if others + size + passing > self._most:
@@ -157,12 +145,12 @@ class Budget:
         self._all = others + size
 
     def release(self, *holders: object) -> None:
-        """Let holders have nothing any more."""
+        """Remove holders from the account."""
         for holder in holders:
             self._all -= self._held.pop(id(holder), 0)
 
     def check(self, passing: int) -> None:
-        """Raise `LimitError` unless there is room for ``passing`` bytes beside what is held."""
+        """Raise `LimitError` unless there is room for ``passing`` more bytes."""
         if self.held + passing > self._most:
             raise _over(self._most)
 
@@ -175,7 +163,7 @@ def _over(most: int) -> LimitError:
 
 
 def in_units(size: int) -> str:
-    """A number of bytes for people."""
+    """Format a number of bytes for people."""
     for unit, shift in (("GiB", 30), ("MiB", 20), ("KiB", 10)):
         if size >= 1 << shift:
             return f"{size / (1 << shift):.4g} {unit}"

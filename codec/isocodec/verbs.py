@@ -22,7 +22,7 @@ HEADINGS = (ISOVALUE, PRECISION, LAYERS, PART, INPUT, SURFACE, MESH, TILES, DRAW
 """Headings of help, in order."""
 Progress = Callable[[int, int], object]
 ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
-"""Name of a criterion for which point of a triangulation is least significant."""
+"""Name of a criterion that finds the least significant point of a triangulation."""
 Number = int | float
 """Integers stay integers, so that an encoder notices those that would be rounded."""
 
@@ -30,7 +30,7 @@ Number = int | float
 def option(text: str, heading: str = OUTPUT, *, default: Any = None, **how: Any) -> Any:
     """A field that is an option of the command line, with its help.
 
-    Further keywords: ``flag``, if it is not the field's name; ``metavar``; ``least``, the smallest number; ``read``, a
+    Other keywords: ``flag``, if it is not the field's name; ``metavar``; ``least``, the smallest number; ``read``, a
     function that parses a text; ``shown``, whether help states the default.
     """
     return field(default=default, metadata={"help": text, "heading": heading, **how})
@@ -57,7 +57,7 @@ def number_of(text: str) -> Number:
 
 
 def label_of(text: str) -> Any:
-    """Parse a label, or ``all`` of them."""
+    """Parse a label, or ``all``."""
     return text if text == "all" else number_of(text)
 
 
@@ -105,7 +105,7 @@ def note_of(text: str) -> tuple[str, str]:
 
 
 class OptionRecord:
-    """Options, some of which are given."""
+    """Options of which only some are given."""
 
     def given(self, *names: str) -> list[str]:
         """Find which of these differ from their defaults, as the command line writes them."""
@@ -120,7 +120,7 @@ class OptionRecord:
             raise OptionError(f"{' and '.join(wrong)} {'does' if len(wrong) == 1 else 'do'} not {why}", code="options")
 
     def choose(self, *names: str, required: bool = False) -> None:
-        """Refuse more than one of these options, or none of them if one is required."""
+        """Refuse more than one of these options, or none if one is required."""
         chosen = self.given(*names)
         if len(chosen) > 1:
             raise OptionError(f"{' and '.join(chosen)} cannot be combined", code="options", remedy="choose one")
@@ -134,7 +134,7 @@ class OptionRecord:
 class Choice(OptionRecord):
     """Choice from a source that holds several things, as of `isocodec.read`.
 
-    With ``lazy``, samples stay where they are until windows of them are read, where the format can.
+    With ``lazy``, samples are read by windows later, if the format can do that.
     """
 
     key: str | None = option(
@@ -208,7 +208,7 @@ class Viewed(OptionRecord):
 
     @property
     def view(self) -> dict[str, Any]:
-        """These parameters by name, as far as they are given."""
+        """The parameters that are given, by name."""
         known = {each.name: getattr(self, each.name) for each in fields(Viewed)}
         return {name: value for name, value in known.items() if (value is not None and value is not False)
                 or (name, value) == ("smooth", False)}

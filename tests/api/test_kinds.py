@@ -15,7 +15,7 @@ import pytest
 
 import isocodec
 from isocodec import Decoder, Field, Frames, IsoFile, Limits, Mesh
-from isocodec.api.operations import IMPOSSIBLE, OPERATIONS
+from isocodec.api.operations import IMPOSSIBLE
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.placement import Placement
 from isocodec.stream.options import EncodeOptions, ProfileName
@@ -23,6 +23,10 @@ from tables import looped
 
 KINDS = ("grid", "series", "mesh", "surface", "tiles")
 MOST_IMPOSSIBLE = 12
+OPERATIONS = (
+    "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
+    "statistics", "verify", "notebook", "layers", "size", "window", "isovalues", "profile", "merge", "decoder",
+)
 Y, X = np.mgrid[:40, :48]
 HILL = ((Y - 17) ** 2 + (X - 20) ** 2 + X * Y % 7).astype(np.int32)
 OTHER = HILL + 7

@@ -345,9 +345,8 @@ CELLS: dict[str, Callable[[Case], None]] = {
     and inspect.isfunction(cell) and rest
 }
 AS_OTHERS = {
-    *(f"member {name}" for name in ("kind", "size", "data", "promise", "shape", "frames", "metadata", "placement",
-                                    "crs", "complete", "contours", "each_frame", "surface", "statistics", "mesh_given",
-                                    "on")),
+    *(f"member {name}" for name in ("size", "data", "promise", "shape", "frames", "metadata", "placement", "crs",
+                                    "complete", "contours", "each_frame", "surface", "statistics", "mesh_given")),
     *(f"view {name}" for name in ("frame", "layers", "max_bytes", "within", "through_holes", "partial", "progress")),
     "package save", "package open", "package decode",
 }

@@ -167,9 +167,9 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
 
 WRITERS = {
     "isocodec.io.formats.beside": ("decode", "c.iso", "-o", "o.npz"),
-    "isocodec.io.surfaces.write_trimesh": ("decode", "c.iso", "-o", "o.ply", "--what", "mesh"),
+    "isocodec.io.surfaces.single": ("decode", "c.iso", "-o", "o.ply", "--what", "mesh"),
     "isocodec.api.plots.panels_picture": ("plot", "c.iso", "-o", "o.png"),
-    "isocodec.api.plots.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
+    "isocodec.api.plots.map_figure": ("plot", "--map", "c.iso", "-o", "o.png"),
     "isocodec.io.masks.volume_matrix": ("decode", "--what", "above", "v.iso", "-o", "o.nii"),
 }
 

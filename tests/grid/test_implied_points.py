@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import examples, smooth
-from isocodec.drawing.crossing import edge_points, edge_ratios
+from isocodec.drawing.crossing import edge_ratios, enter_points
 from isocodec.drawing.simplices import draw_simplices
 from isocodec.drawing.snapshot import leaves_of
 from isocodec.field.samples import check_field
@@ -102,7 +102,9 @@ def test_which_edges_are_implied_and_where(n):
         names = [(place[u], place[v]) for u, v in edges]
         assert told == set(names) - set(found)
         sign = dict(zip(place, leaves.above, strict=True))
-        drawn = dict(zip(names, edge_points(leaves, simplices.edges, simplices.ratio), strict=True))
+        points = np.empty((len(edges), n))
+        enter_points(leaves.vertex, simplices.edges.astype(np.int32), simplices.ratio, points)
+        drawn = dict(zip(names, points, strict=True))
         stated = dict(zip(names, edge_ratios(leaves, edges)[0], strict=True))
         for (a, b), pairs in found.items():
             t = np.mean([straight(a, b, pair, drawn, sign) for pair in pairs])

@@ -66,7 +66,8 @@ def test_options_that_do_not_apply(options: dict[str, Any], suffix: str) -> None
 
 
 def test_a_missing_library_names_its_extra() -> None:
-    with mock.patch("isocodec.extras.find_spec", lambda name: None), mock.patch.dict("sys.modules", {"pyogrio": None}):
+    absent = mock.patch("isocodec.io.formats.find_spec", lambda name: None)
+    with absent, mock.patch.dict("sys.modules", {"pyogrio": None}):
         with pytest.raises(MissingExtraError, match=r"\[vector\]"):
             check("a.gpkg", Thing("contour", 2))
         check("a.npz", Thing("contour", 2))

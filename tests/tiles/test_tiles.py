@@ -20,6 +20,7 @@ from isocodec.storage.ranges import GAP, MOST_PIECES, SLACK, together
 from isocodec.tiles import tiled
 from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
+from isocodec.tiles.shared_limits import Shared
 from isocodec.tiles.structure import groups_of
 from libraries import Late
 from tables import heavy, looped
@@ -132,7 +133,7 @@ def check_faces(data: bytes, holes: bool) -> None:
         return
     for stage in range(len(file.head.stages)):
         drawn = {
-            tile.index: file.drawn(tile, 0) if tile.numbers else None
+            tile.index: next(file.drawn(tile, [0], Shared(file.limits)))[1] if tile.numbers else None
             for tile in file.tiles(np.ndindex(*grid.counts), 0, stage)
         }
         for index, axis in ((i, a) for i in drawn for a in range(grid.n) if i[a] + 1 < grid.counts[a]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import random
@@ -26,7 +27,7 @@ from isocodec.errors import FormatError, InputError, IsoError, OptionError, Trun
 from isocodec.stream.options import Options
 from isocodec.tiles.assembly import grid_of
 from isocodec.tiles.head import write_head
-from isocodec.tiles.spool import Spool, description
+from isocodec.tiles.spool import Spool, about
 from isocodec.tiles.tile_encoder import Tiling
 from isocodec.tiles.writing import tiling_of
 from tables import heavy
@@ -331,4 +332,4 @@ def test_a_worker_that_dies(tmp_path: Path) -> None:
 def test_every_option_is_part_of_what_tiles_have_in_common() -> None:
     """A spool goes on only with the tiles of a call with the same options, whichever options there are."""
     tiling = tiling_of(hilly(), 30.5, 32, Options())
-    assert {each.name for each in fields(Options)} <= set(description(tiling))
+    assert {each.name for each in fields(Options)} <= set(json.loads(about(tiling)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..drawing.contour import Contour
@@ -13,7 +13,7 @@ from ..io import cost
 
 if TYPE_CHECKING:
     from ..stream.decoder import Decoder
-    from ..verbs import Viewed
+    from ..verbs import Progress, Viewed
 
 
 class Counts(NamedTuple):
@@ -33,27 +33,15 @@ class Counts(NamedTuple):
 
 
 class OneByOne(Collection[Contour]):
-    """Contours, each drawn when it is needed; can be iterated over once.
+    """Contours of a field of ``n`` axes, each drawn when it is needed; can be iterated over once.
 
-    Parameters
-    ----------
-    isovalues : sequence of float
-    shape : tuple of int
-        Samples along each axis; empty on a mesh.
-    n : int
-        Axes of the field.
-    progress : callable, optional
-        Called with the number of contours drawn and that of all, and one more for what a writer does with them.
-
-    Attributes
-    ----------
-    counts : list of Counts
-        Counts of the contours drawn so far.
+    ``shape`` is empty on a mesh. ``progress`` is called with the number of contours drawn and the total, which counts
+    one more for what a writer does with them. `counts` has the counts of the contours drawn so far.
     """
 
     def __init__(
         self, isovalues: Sequence[float], shape: tuple[int, ...], n: int,
-        progress: Callable[[int, int], object] | None,
+        progress: Progress | None,
     ) -> None:
         self.isovalues, self.shape, self.n = tuple(isovalues), shape, n
         self.counts: list[Counts] = []
@@ -87,23 +75,11 @@ class OneByOne(Collection[Contour]):
 class Fewer(OneByOne):
     """Isocontours simplified together (see `simplified`).
 
-    Parameters
-    ----------
-    contours : collection of Contour
-    distance : str
-    progress : callable, optional
-        Called with the number of contours drawn and that of all, and one more.
-
-    Attributes
-    ----------
-    facts : dict
-        Counts before and after, and the largest distance, for programs.
-    text : str
-        The same for people.
+    `facts` has counts before and after and the largest distance, for programs, and `text` the same for people.
     """
 
     def __init__(
-        self, contours: Collection[Contour], distance: str, progress: Callable[[int, int], object] | None = None
+        self, contours: Collection[Contour], distance: str, progress: Progress | None = None
     ) -> None:
         if isinstance(contours, OneByOne):
             contours.progress = progress
@@ -122,12 +98,7 @@ class Fewer(OneByOne):
 class Drawings(OneByOne):
     """Contours of all isovalues that a decoder of a grid has decoded.
 
-    Together, the decoder's state, one drawing and a writer's copy of it stay within the memory limit.
-
-    Parameters
-    ----------
-    decoder : Decoder
-    view : Viewed
+    The decoder's state, one drawing and a writer's copy of it stay within the memory limit together.
     """
 
     def __init__(self, decoder: Decoder, view: Viewed) -> None:

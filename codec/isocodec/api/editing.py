@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..drawing.smoothing import SMOOTHING
 from ..errors import OptionError
 from ..field.placement import read_placement
 from ..limits import Limits
 from ..stream.given import in_cells
-from ..stream.inspect import inspect, kind_of
+from ..stream.inspect import inspect
 from ..stream.options import Options, Precision
 from ..stream.promises import PROMISE, last_promise
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
@@ -22,18 +22,17 @@ from .operations import IMPOSSIBLE, impossible
 from .recoding import extracted, held_by, same_again
 
 if TYPE_CHECKING:
-    from ..stream.options import ProfileName
     from ..tiles.tiled import TiledFile
 
 
-def edited(data: bytes, limits: Limits | None, edit: Edit) -> bytes:
-    """Apply the changes in this order: window, isovalues, profile and precision, layers or size."""
+def edited(data: bytes, kind: str, limits: Limits | None, edit: Edit) -> bytes:
+    """Apply the changes to a file of a kind in this order: window, isovalues, profile and precision, layers or size."""
     if edit.window is not None:
-        data = _cropped(data, limits, edit.window)
+        data = _cropped(data, kind, limits, edit.window)
     if edit.isovalues is not None:
-        data = _with_isovalues(data, limits, edit.isovalues)
+        data = _with_isovalues(data, kind, limits, edit.isovalues)
     if edit.profile is not None or edit.precision is not None:
-        data = _recoded_as(data, limits, edit.profile, edit.precision, edit.keep_topology)
+        data = _recoded_as(data, kind, limits, edit)
     if edit.layers is not None or edit.size is not None:
         data = truncate(data, layers=edit.layers, max_bytes=edit.size, limits=limits)
     return data
@@ -47,7 +46,7 @@ def edited_tiles(tiled: TiledFile, limits: Limits | None, edit: Edit) -> bytes:
     data = extracted(tiled, edit.window, edit.isovalues)
     if not (recoded or edit.layers or edit.size):
         return data
-    return edited(data, limits, replace(edit, window=None, isovalues=None))
+    return edited(data, "grid", limits, replace(edit, window=None, isovalues=None))
 
 
 def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> bytes:
@@ -65,9 +64,8 @@ def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> by
                       remedy="allow more bytes")
 
 
-def _cropped(data: bytes, limits: Limits | None, window: Sequence[Sequence[float]]) -> bytes:
+def _cropped(data: bytes, kind: str, limits: Limits | None, window: Sequence[Sequence[float]]) -> bytes:
     """Crop all frames of a grid's file to a window of samples."""
-    kind = kind_of(data, limits)
     if ("window", kind) in IMPOSSIBLE:
         raise impossible("window", kind)
     held = held_by(data, limits)
@@ -78,9 +76,8 @@ def _cropped(data: bytes, limits: Limits | None, window: Sequence[Sequence[float
     return same_again(held, Options(profile=held.profile, metadata=held.kept_notes), expected=False)
 
 
-def _with_isovalues(data: bytes, limits: Limits | None, isovalues: Sequence[float]) -> bytes:
+def _with_isovalues(data: bytes, kind: str, limits: Limits | None, isovalues: Sequence[float]) -> bytes:
     """Keep some isovalues of a file: copy their chunks, or re-encode if one is predicted from one that is dropped."""
-    kind = kind_of(data, limits)
     if kind == "surface":
         raise impossible("isovalues", "surface")
     if not len(isovalues):
@@ -101,23 +98,15 @@ def _with_isovalues(data: bytes, limits: Limits | None, isovalues: Sequence[floa
     return same_again(held, Options(profile=held.profile, metadata=held.kept_notes))
 
 
-def _recoded_as(
-    data: bytes, limits: Limits | None, profile: ProfileName | None, precision: Any, keep_topology: bool
-) -> bytes:
-    """Re-encode the curves of a file in another profile, or less precisely.
-
-    Raises
-    ------
-    OptionError
-        If the mesh of the file does not reach every sample, if the file has coordinates or holds values only in part,
-        or if the profile or precision is not possible for a mesh or a surface.
+def _recoded_as(data: bytes, kind: str, limits: Limits | None, edit: Edit) -> bytes:
+    """Re-encode the curves of a file in another profile, or less precisely; raises `OptionError` where `held_by` does.
     """
+    profile, precision = edit.profile, edit.precision
     wanted = Precision.of(precision)
     single = wanted.default or wanted.signs or wanted.world or wanted.tolerance is not None
     if "," in wanted.world or wanted.smooth or not single:
         raise OptionError(f"precision {precision!r} does not apply to edits", code="precision",
                           remedy='give "signs", or a distance')
-    kind = kind_of(data, limits)
     if kind in ("mesh", "surface"):
         if profile not in (None, "main"):
             raise OptionError(f"profile {profile!r} does not apply to meshes and surfaces, which have the profile main",
@@ -136,7 +125,7 @@ def _recoded_as(
             notes[PROMISE] = wanted.world
         wanted = in_cells(wanted, placement, held.metadata, {}, held.header.shape)
     options = Options(
-        precision=wanted, profile=profile or held.profile, metadata=notes, keep_topology=keep_topology,
+        precision=wanted, profile=profile or held.profile, metadata=notes, keep_topology=edit.keep_topology,
         order=held.order,
     )
     if wanted.default:

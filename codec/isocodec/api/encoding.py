@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from ..field.meshed import Mesh
 from ..field.sampled import Field
 from ..stream.encoder import encoder_of
 from ..stream.options import EffortName, Isovalues, LayersGiven, PrecisionGiven, ProfileName
+from ..verbs import Progress
 from .native import native
 from .selfcheck import check_kernels
 
@@ -32,7 +33,7 @@ def encode(
     order: str | None = None,
     interval: int = 0,
     metadata: Mapping[str, str] | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> bytes:
     """Encode isocontours or isosurfaces, or a triangulated surface.
 
@@ -90,7 +91,7 @@ def encode(
     order : str, optional
         Order of the layers of several isovalues. "levels": level by level, so that the first bytes of the file show all
         isovalues coarsely; "isovalues": one isovalue after the other, each predicted from earlier ones; "independent":
-        one after the other, none of them predicted from earlier ones, and no frame of a series either. By default
+        one after the other, each coded without the others, as is every frame of a series. By default
         "levels" for 2 to 256 isovalues of a field on the mesh of the grid (no plan or criterion, no search for a mesh),
         unless the values are stored exactly; "isovalues" otherwise.
     interval : int

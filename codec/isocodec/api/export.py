@@ -22,6 +22,7 @@ from ..io.formats import (
     SampleMask,
     Thing,
     check,
+    suffix_of,
     suffixes_of,
     thing_of,
     write,
@@ -29,6 +30,8 @@ from ..io.formats import (
 from ..limits import Budget, Limits
 from ..verbs import Decode, Encode, OutputOptions, Viewed
 from .drawings import Counts, Drawings, Fewer, OneByOne
+
+__all__ = ["Exported", "Target", "check_export", "counted", "decoded", "drawn", "suffix_of"]
 
 if TYPE_CHECKING:
     from ..stream.decoder import Decoder
@@ -76,10 +79,7 @@ class Exported:
         """Write the content, completely or not at all; returns the number of bytes.
 
         Losses of the format are added to the remarks. Contours that are drawn while they are written report progress.
-
-        Raises
-        ------
-        OptionError, MissingExtraError, OSError
+        Raises `OptionError`, `MissingExtraError` or `OSError`.
         """
         if self.drawings is not None:
             self.drawings.progress = progress
@@ -112,11 +112,7 @@ class Exported:
 def check_export(path: str | os.PathLike[str], what: str | None, options: OutputOptions) -> str:
     """Check, before decoding, that the suffix of a name fits what is to be written; returns the suffix.
 
-    Raises
-    ------
-    OptionError
-        Naming the formats that can be used.
-    MissingExtraError
+    Raises `OptionError` naming the formats that can be used, and `MissingExtraError`.
     """
     if what is not None:
         return check(path, Thing(_KINDS[what]), options)[0]
@@ -132,10 +128,7 @@ def check_export(path: str | os.PathLike[str], what: str | None, options: Output
 def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Decode, progress: Any = None) -> Exported:
     """Decode what is wanted from a file, in a form that the format of ``path`` can hold.
 
-    Raises
-    ------
-    FormatError, LimitError, OptionError
-        As `IsoFile.contour`.
+    Raises `FormatError`, `LimitError` or `OptionError` as `IsoFile.contour` does.
     """
     what = wanted.what or ("surface" if file.kind == "surface" and wanted.isovalue is None else "curve")
     suffix = check_export(path, what, wanted)
@@ -144,17 +137,27 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Decode, progres
     made.options = wanted
     # bytes after the part that was decoded may be damaged
     with suppress(FormatError):
-        if file.frames > 1 and wanted.frame is None and what != "valid":
-            made.remarks.append(
-                f"only frame 0 of {file.frames} is decoded; choose another with --frame, from 1 to {file.frames - 1}"
-            )
-        if wanted.partial and not file.complete:
-            made.remarks.append(
-                "the file ends before all its tiles: where a tile is missing, curves are coarser or absent"
-                if file.kind == "tiles"
-                else f"the file ends after {file.size} bytes, before it is complete; decoded as far as possible"
-            )
+        if what != "valid":
+            made.remarks += other_frames(file, wanted.frame, "decoded")
+        if wanted.partial:
+            made.remarks += cut_short(file, "decoded")
     return made
+
+
+def other_frames(file: IsoFile, frame: int | None, done: str) -> list[str]:
+    """Remark that there are other frames if none was asked for; ``done`` is what happens to the first: decoded."""
+    if frame is not None or file.frames == 1:
+        return []
+    return [f"only frame 0 of {file.frames} is {done}; choose another with --frame, from 1 to {file.frames - 1}"]
+
+
+def cut_short(file: IsoFile, done: str) -> list[str]:
+    """Remark that a file is not complete."""
+    if file.complete:
+        return []
+    if file.kind == "tiles":
+        return ["the file ends before all its tiles: where a tile is missing, curves are coarser or absent"]
+    return [f"the file ends after {file.size} bytes, before it is complete; {done} as far as possible"]
 
 
 def drawn(
@@ -163,22 +166,7 @@ def drawn(
 ) -> Exported:
     """Prepare the contours of a field in a form that the format of ``path`` can hold, without an ``.iso`` file.
 
-    Parameters
-    ----------
-    what : Field or Mesh
-    path : path
-    wanted : Decode or Encode
-        Of curves, areas or bands.
-    isovalue : object
-        As for `encode`, but of any number of isovalues.
-    progress : callable, optional
-        Called while contours are drawn to be simplified.
-    **options
-        Of `encode`, for curves as a file of these options has them.
-
-    Raises
-    ------
-    InputError, OptionError, MissingExtraError
+    Any number of isovalues is allowed. Options of `encode` give the curves that a file with these options has.
     """
     from .tracing import Traced
 
@@ -214,7 +202,7 @@ def _curves(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Export
 
 def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneByOne | list[Contour]:
     """Decode all isovalues that the format can hold, or the one wanted, within the memory limit."""
-    from .files import WholeFile
+    from .files import SampledFile
 
     view = {**wanted.view, "progress": progress}
     kind = _KINDS[wanted.what or "curve"]
@@ -224,7 +212,7 @@ def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneB
     every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
     if every and suffix in suffixes_of(Thing(kind, len(file.shape) or None, several)):
         in_turn = "within" not in view and not wanted.capped and wanted.simplify is None
-        if isinstance(file, WholeFile) and file.kind in ("grid", "series") and in_turn:
+        if isinstance(file, SampledFile) and in_turn:
             chosen = Viewed(**view)
             drawings = Drawings(file.received(None, chosen), chosen)
             if len(drawings) > 1:
@@ -247,7 +235,7 @@ def _check_memory(file: IsoFile, held: int) -> None:
 
 
 def _others(source: IsoFile | Decoder, isovalue: float, wanted: Decode) -> list[str]:
-    """Remark that there are further isovalues if none was asked for, unless the file is damaged after this one."""
+    """Remark that there are other isovalues if none was asked for, unless the file is damaged after this one."""
     with suppress(FormatError):
         others = [repr(value).removesuffix(".0") for value in source.isovalues if value != isovalue]
         listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
@@ -257,11 +245,11 @@ def _others(source: IsoFile | Decoder, isovalue: float, wanted: Decode) -> list[
 
 
 def _samples(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:
-    from .files import WholeFile
+    from .files import SampledFile
 
     name, isovalue, remarks = str(wanted.what), wanted.isovalue, list[str]()
     view: Any = {"frame": wanted.frame, "partial": wanted.partial}
-    if name == "above" and isinstance(file, WholeFile) and file.kind in ("grid", "series"):
+    if name == "above" and isinstance(file, SampledFile):
         # bytes after the layers of the isovalue may be damaged
         decoder, number = file.decoded(isovalue, Viewed(**view))
         values, placement, complete = decoder.grid.above(number), decoder.grid.placement, decoder.frames > decoder.frame
@@ -318,12 +306,7 @@ _MAKERS: Mapping[str, Callable[[IsoFile, str, Decode, Any], Exported]] = {
 
 
 def counted(file: IsoFile) -> FileInfo:
-    """Inspect a file, decoding it to count its symbols by syntax element.
-
-    Raises
-    ------
-    FormatError, LimitError
-    """
+    """Inspect a file, decoding it to count its symbols by syntax element; raises `FormatError` or `LimitError`."""
     from ..stream.inspect import inspect
 
     return inspect(file.data, symbols=True, limits=file.limits) if file.kind != "tiles" else file.info

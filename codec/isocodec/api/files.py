@@ -22,7 +22,7 @@ from ..stream.inspect import inspect, kind_of
 from ..verbs import Edit, Viewed
 from .editing import edited, edited_tiles
 from .isofile import IsoFile
-from .operations import IMPOSSIBLE, ONE_FRAME, impossible
+from .operations import ONE_FRAME
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -33,23 +33,17 @@ if TYPE_CHECKING:
 
 _INTEGERS, _FLOATS = ("u1", "i1", "u2", "i2", "u4", "i4", "i8"), ("f2", "f4")
 """Types of labels that are tried, the smallest first; others are f8."""
+_NOT_BESIDE_GRIDS = ("smooth", "through_holes", "within")
+"""Parameters of a view that apply to grids alone."""
 
 
 class WholeFile(IsoFile):
-    """A file whose bytes are all in memory: of a grid, of values on a mesh, or of a surface.
-
-    Parameters
-    ----------
-    data : bytes
-    limits : Limits, optional
-    mesh : (points, cells), optional
-        The mesh that the file was made on, if the file does not store it.
-    """
+    """A file whose bytes are all in memory, of any kind: see `whole_file`."""
 
     def __init__(
-        self, data: bytes, limits: Limits | None, mesh: tuple[ArrayLike, ArrayLike] | None = None
+        self, kind: str, data: bytes, limits: Limits | None, mesh: tuple[ArrayLike, ArrayLike] | None = None
     ) -> None:
-        self._data, self.limits, self.mesh_given = data, limits, mesh
+        self.kind, self._data, self.limits, self.mesh_given = kind, data, limits, mesh
 
     @property
     def data(self) -> bytes:
@@ -66,11 +60,6 @@ class WholeFile(IsoFile):
         """Bytes of the file."""
         return len(self.data)
 
-    @cached_property
-    def kind(self) -> str:
-        """``grid``, ``series``, ``mesh`` or ``surface``."""
-        return kind_of(self.data, self.limits)
-
     @property
     def frames(self) -> int:
         """Number of complete frames of a series; 1 for other files."""
@@ -82,30 +71,40 @@ class WholeFile(IsoFile):
         """Whether the file is complete and its checksum is correct."""
         return self.info.complete
 
-    # -- drawings ------------------------------------------------------------------------------------------------
+    def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
+        yield from frames_of([self.data], smooth=smooth, partial=partial, mesh=self.mesh_given, limits=self.limits)
+
+    def _edited(self, edit: Edit) -> bytes:
+        return edited(self.data, self.kind, self.limits, edit)
+
+    def statistics(self) -> FileStatistics:
+        from ..stream.statistics import statistics
+
+        return statistics(self.data, self.limits, mesh=self.mesh_given)
+
+
+class IsovalueFile(WholeFile):
+    """A file with isovalues, each of which can be decoded by itself: of a grid, a series or a mesh."""
 
     def _contour(self, isovalue: float | None, view: Viewed) -> Contour:
-        if self.kind == "surface":
-            from ..stream.surface_contents import contour_of_tin
-
-            return clipped(contour_of_tin(self._tin(view), isovalue), view.window)
-        if self.kind == "mesh":
-            view.refuse_for("mesh", "smooth", "through_holes", "within")
         decoder, number = self.decoded(isovalue, view)
         return clipped(_drawn(decoder, [number], view)[0], view.window)
 
     def _contours(self, view: Viewed) -> list[Contour]:
-        if self.kind == "surface":
-            return []
-        if self.kind == "mesh":
-            view.refuse_for("mesh", "smooth", "through_holes", "within")
         if view.layers is not None or view.within is not None:
             return [self._contour(isovalue, view) for isovalue in self.info.isovalues]
         decoder = self.received(None, view)
         return [clipped(one, view.window) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
 
-    def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
-        yield from frames_of([self.data], smooth=smooth, partial=partial, mesh=self.mesh_given, limits=self.limits)
+    def _above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
+        decoder, number = self.decoded(isovalue, view)
+        contents: Any = decoder.contents
+        return np.asarray(contents.above(number))
+
+    def _mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
+        decoder, number = self.decoded(isovalue, view)
+        contents: Any = decoder.contents
+        return _cut(contents.mesh(number, whole), view.window)
 
     def decoded(self, isovalue: float | None, view: Viewed) -> tuple[Decoder, int]:
         """Decode what a drawing of an isovalue needs; returns the decoder and the number of that isovalue."""
@@ -161,9 +160,57 @@ class WholeFile(IsoFile):
             raise
         return decoder
 
-    def _tin(self, view: Viewed) -> Tin:
-        """Decode a surface, its first layers, or its beginning."""
-        view.refuse_for("surface", "smooth", "through_holes", "within")
+
+class SampledFile(IsovalueFile):
+    """A file of a grid, or of a series of grids."""
+
+    def _valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
+        decoder = Decoder(self.limits, only=())
+        decoder.feed(memoryview(self.data)[:max_bytes])
+        if max_bytes is None and not decoder.take().frames:
+            decoder.close()
+        return decoder.take().grid.valid()
+
+    def _labels(self, view: Viewed) -> NDArray[Any]:
+        if not is_of_labels(self.info.metadata):
+            raise OptionError("the isovalues of the file are not labels", code="labels", remedy="use above")
+        decoder = self.received(None, view)
+        return labelled(map(decoder.grid.above, range(len(decoder.isovalues))), decoder.isovalues)
+
+
+class MeshFile(IsovalueFile):
+    """A file of values on a mesh."""
+
+    _refused = _NOT_BESIDE_GRIDS
+
+    def _valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
+        return np.ones(self._vertices(), np.bool_)
+
+    def _surface(self, view: Viewed) -> Tin:
+        self._vertices()  # a file that ends before its mesh may have been one of a surface
+        return super()._surface(view)
+
+    def _vertices(self) -> int:
+        if self.info.domain is None:
+            raise TruncatedError("the file ends before its mesh begins", code="truncated", offset=self.size)
+        return self.info.domain.vertices
+
+
+class SurfaceFile(WholeFile):
+    """A file of a triangulated surface."""
+
+    _refused = _NOT_BESIDE_GRIDS
+
+    def _contour(self, isovalue: float | None, view: Viewed) -> Contour:
+        from ..stream.surface_contents import contour_of_tin
+
+        return clipped(contour_of_tin(self._surface(view), isovalue), view.window)
+
+    def _contours(self, view: Viewed) -> list[Contour]:
+        return []
+
+    def _surface(self, view: Viewed) -> Tin:
+        """Decode the surface, its first layers, or its beginning."""
         if view.frame:
             raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds a single surface")
         decoder = Decoder(self.limits)
@@ -174,95 +221,48 @@ class WholeFile(IsoFile):
             decoder.close()
         return surface.tin(view.layers)
 
-    # -- arrays --------------------------------------------------------------------------------------------------
-
     def _above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
-        if self.kind == "surface":
-            if isovalue is None:
-                raise OptionError("the file holds a surface: give the isovalue that its samples are to be compared "
-                                  "with", code="isovalue")
-            tin = self._tin(view)
-            return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
-        decoder, number = self.decoded(isovalue, view)
-        if self.kind == "mesh":
-            return decoder.on_mesh.above(number)
-        return decoder.grid.above(number)
+        if isovalue is None:
+            raise OptionError("the file holds a surface: give the isovalue that its samples are to be compared with",
+                              code="isovalue")
+        tin = self._surface(view)
+        return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
 
     def _valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
-        if self.kind == "surface":
-            tin = self._tin(Viewed(max_bytes=max_bytes))
-            return np.ones(len(tin.values), np.bool_) if tin.shape is None else ~np.isnan(tin.raster())
-        if self.info.domain is not None:
-            return np.ones(self.info.domain.vertices, np.bool_)
-        decoder = Decoder(self.limits, only=())
-        decoder.feed(memoryview(self.data)[:max_bytes])
-        if max_bytes is None and not decoder.take().frames:
-            decoder.close()
-        return decoder.take().grid.valid()
-
-    def _labels(self, view: Viewed) -> NDArray[Any]:
-        if ("labels", self.kind) in IMPOSSIBLE:
-            raise impossible("labels", self.kind)
-        if not is_of_labels(self.info.metadata):
-            raise OptionError("the isovalues of the file are not labels", code="labels", remedy="use above")
-        decoder = self.received(None, view)
-        return labelled(map(decoder.grid.above, range(len(decoder.isovalues))), decoder.isovalues)
-
-    def _surface(self, view: Viewed) -> Tin:
-        if self.kind == "mesh" and self.info.domain is None:
-            raise TruncatedError("the file ends before its mesh begins", code="truncated", offset=self.size)
-        if self.kind != "surface":
-            raise impossible("surface", self.kind)
-        return self._tin(view)
+        tin = self._surface(Viewed(max_bytes=max_bytes))
+        return np.ones(len(tin.values), np.bool_) if tin.shape is None else ~np.isnan(tin.raster())
 
     def _mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
-        if self.kind == "mesh":
-            view.refuse_for("mesh", "smooth", "through_holes", "within")
-        if self.kind == "surface":
-            from ..drawing.explicit import crossed_cells
-            from ..drawing.tessellation import Tessellation
+        from ..drawing.explicit import crossed_cells
+        from ..drawing.tessellation import Tessellation
 
-            tin = self._tin(view)
-            above = tin.values > (np.median(tin.values) if isovalue is None else isovalue)
-            crossed = np.ones(len(tin.triangles), np.bool_) if whole else crossed_cells(tin.triangles, above)
-            return _cut(Tessellation(
-                tin.points, tin.triangles[crossed], np.zeros(int(crossed.sum()), np.int64), above,
-                float("nan") if isovalue is None else isovalue, tin.shape or (), tin.complete,
-                metadata=dict(tin.metadata),
-            ), view.window)
-        decoder, number = self.decoded(isovalue, view)
-        if self.kind == "mesh":
-            return _cut(decoder.on_mesh.mesh(number, whole), view.window)
-        return _cut(decoder.grid.mesh(number, whole), view.window)
+        tin = self._surface(view)
+        above = tin.values > (np.median(tin.values) if isovalue is None else isovalue)
+        crossed = np.ones(len(tin.triangles), np.bool_) if whole else crossed_cells(tin.triangles, above)
+        return _cut(Tessellation(
+            tin.points, tin.triangles[crossed], np.zeros(int(crossed.sum()), np.int64), above,
+            float("nan") if isovalue is None else isovalue, tin.shape or (), tin.complete, metadata=dict(tin.metadata),
+        ), view.window)
 
-    def _edited(self, edit: Edit) -> bytes:
-        return edited(self.data, self.limits, edit)
 
-    def on(self, points: NDArray[Any], cells: NDArray[Any]) -> IsoFile:
-        """Return the same file with the mesh that it was made on."""
-        return WholeFile(self.data, self.limits, (points, cells))
+def whole_file(data: bytes, limits: Limits | None, mesh: tuple[ArrayLike, ArrayLike] | None = None) -> WholeFile:
+    """Open a file of any kind but tiles whose bytes are all in memory, perhaps with the mesh that it was made on.
 
-    def statistics(self) -> FileStatistics:
-        from ..stream.statistics import statistics
-
-        return statistics(self.data, self.limits, mesh=self.mesh_given)
+    Raises `FormatError` if the bytes are not an ``.iso`` file.
+    """
+    kind = kind_of(data, limits)
+    made: type[WholeFile] = {"mesh": MeshFile, "surface": SurfaceFile}.get(kind, SampledFile)
+    return made(kind, data, limits, mesh)
 
 
 class TileFile(IsoFile):
-    """A tiled file, whose tiles are read when they are needed.
+    """A tiled file, whose tiles are read when they are needed."""
 
-    Parameters
-    ----------
-    tiled : TiledFile
-    """
+    kind = "tiles"
+    _refused = ("smooth", "through_holes")
 
     def __init__(self, tiled: TiledFile, limits: Limits | None) -> None:
         self.tiled, self.limits = tiled, limits
-
-    @property
-    def kind(self) -> str:
-        """Kind of the file, ``tiles``."""
-        return "tiles"
 
     @property
     def data(self) -> bytes:
@@ -304,7 +304,6 @@ class TileFile(IsoFile):
 
     def _windows(self, numbers: Sequence[int], view: Viewed) -> Iterator[Contour]:
         """Decode the curves or surfaces of isovalues, by number, in a window; all is fetched before the first."""
-        view.refuse_for("tiles", "smooth", "through_holes")
         self._check_frame(view.frame)
         tiled = self.tiled if view.max_bytes is None else self._beginning(view.max_bytes)
         layer = None if view.layers is None else min(view.layers, len(tiled.head.stages)) - 1
@@ -333,20 +332,20 @@ class TileFile(IsoFile):
         return [*self._windows(range(len(self.tiled.isovalues)), view)]
 
     def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
-        yield self._contours(Viewed(smooth=smooth, partial=partial))
+        yield self._contours(self._viewed(smooth=smooth, partial=partial))
 
-    def whole(self, window: Sequence[Sequence[float]] | None = None) -> WholeFile:
+    def whole(self, window: Sequence[Sequence[float]] | None = None) -> SampledFile:
         """Extract a window, or everything, as an ordinary file without tiles."""
         from .recoding import extracted
 
-        return WholeFile(extracted(self.tiled, window), self.limits)
+        return SampledFile("grid", extracted(self.tiled, window), self.limits)
 
     def _above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         return self._in_one_piece(view)._above(isovalue, self._at_stage(view.layers))
 
-    def _in_one_piece(self, view: Viewed) -> WholeFile:
+    def _in_one_piece(self, view: Viewed) -> SampledFile:
         """Extract the samples and simplices of a view as an ordinary file."""
-        view.refuse_for("tiles", "smooth", "through_holes", "within", "max_bytes")
+        view.refuse_for("tiles", "within", "max_bytes")
         self._check_frame(view.frame)
         return self.whole(view.window)
 
@@ -357,12 +356,6 @@ class TileFile(IsoFile):
 
     def _valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         return self.whole().valid()
-
-    def _labels(self, view: Viewed) -> NDArray[Any]:
-        raise impossible("labels", "tiles")
-
-    def _surface(self, view: Viewed) -> Tin:
-        raise impossible("surface", "tiles")
 
     def _mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         return self._in_one_piece(view)._mesh(isovalue, self._at_stage(view.layers), whole)

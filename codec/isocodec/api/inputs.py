@@ -28,31 +28,14 @@ if TYPE_CHECKING:
     from ..tin.tin import Tin
 
 _MUCH = 1 << 30
-"""Memory, in bytes, from which on a remark is made."""
-
-
-def mesh_in(path: str) -> tuple[Any, Any]:
-    """Read points and cells from a file with a mesh.
-
-    Raises
-    ------
-    OSError, InputError, MissingExtraError
-    """
-    found = load(path, Choice())
-    if not isinstance(found, Mesh) or found.cells is None:
-        raise InputError("holds no mesh of points and cells", code="mesh", remedy="give the mesh that was encoded")
-    return found.points, found.cells
+"""Least memory, in bytes, that is worth a remark."""
 
 
 def windowed(source: Any, choice: Choice, missing: str = HOLE) -> Field:
     """Open a field for tiles: its samples are read a window at a time, where the format can, or else at once.
 
-    What tiles cannot hold of its placement is remarked on.
-
-    Raises
-    ------
-    OSError, InputError, LimitError, OptionError, MissingExtraError
-        As `isocodec.read`.
+    What tiles cannot hold of its placement is remarked on. Raises `OSError`, `InputError`, `LimitError`, `OptionError`
+    or `MissingExtraError` as `isocodec.read` does.
     """
     field = load(source, choice, lazy=True)
     if not isinstance(field, Field):
@@ -71,10 +54,7 @@ def windowed(source: Any, choice: Choice, missing: str = HOLE) -> Field:
 def stated(what: Any, options: Encode) -> Any:
     """Add to a field, a series or a mesh what options state about it.
 
-    Raises
-    ------
-    OptionError
-        If there is not one spacing for each axis, or if one of the options does not apply.
+    Raises `OptionError` if there is not one spacing for each axis, or if one of the options does not apply.
     """
     kinds = {Mesh: "mesh", Frames: "series", Field: "field"}
     options.check_input(next(kind for each, kind in kinds.items() if isinstance(what, each)))
@@ -114,7 +94,7 @@ def stated(what: Any, options: Encode) -> Any:
 
 
 def _matrix(options: Encode, stated: Placement | None, n: int) -> Any:
-    """Place samples of ``n`` axes by steps and an origin, as far as these are given, or else as the input states."""
+    """Place samples of ``n`` axes by the steps and the origin that are given, else as the input states."""
     for name in ("spacing", "origin"):
         if (given := getattr(options, name)) is not None and len(given) != n:
             raise OptionError(f"the {name} has {len(given)} numbers; give {n}", code=name)

@@ -13,8 +13,9 @@ from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
 from ..stream.file_info import FileInfo
 from ..stream.promises import promise_of
-from ..verbs import Edit, Viewed
-from .operations import ViewOptions
+from ..verbs import Edit, Progress, Viewed
+from .native import native
+from .operations import ViewOptions, impossible
 
 if TYPE_CHECKING:
     from typing import Self, Unpack
@@ -56,7 +57,10 @@ class IsoFile:
         The mesh that the file was made on, if it was given.
     """
 
+    kind: str
     limits: Limits | None
+    _refused: tuple[str, ...] = ()
+    """Parameters of a view that do not apply to drawings of this kind of file."""
     mesh_given: tuple[ArrayLike, ArrayLike] | None = None
 
     def __enter__(self) -> Self:
@@ -123,13 +127,19 @@ class IsoFile:
         """Reference system of the coordinates, as the file names it."""
         return self.metadata.get(CRS)
 
+    def _viewed(self, **view: Unpack[ViewOptions]) -> Viewed:
+        """Check the parameters of a view."""
+        made = Viewed(**view)
+        made.refuse_for(self.kind, *self._refused)
+        return made
+
     # -- drawings ------------------------------------------------------------------------------------------------
 
     def contour(
         self, isovalue: float | None = None, *, frame: int | None = None, layers: int | None = None,
         max_bytes: int | None = None, window: Sequence[Sequence[float]] | None = None,
         within: float | Callable[..., float] | None = None, smooth: bool | None = None, through_holes: bool = False,
-        partial: bool = False, progress: Callable[[int, int], object] | None = None,
+        partial: bool = False, progress: Progress | None = None,
     ) -> Contour:
         """Decode the curve or surface of an isovalue.
 
@@ -178,14 +188,14 @@ class IsoFile:
         InputError
             If the given mesh is not the one that the file was made on.
         """
-        return self._contour(isovalue, Viewed(
+        return self._contour(isovalue, self._viewed(
             frame=frame, layers=layers, max_bytes=max_bytes, window=window, within=within, smooth=smooth,
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
     def contours(self, **view: Unpack[ViewOptions]) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the order of the file; see `contour`."""
-        return self._contours(Viewed(**view))
+        return self._contours(self._viewed(**view))
 
     def each_frame(self, *, smooth: bool | None = None, partial: bool = False) -> Iterator[list[Contour]]:
         """Decode frame by frame; at most two frames are in memory.
@@ -223,7 +233,7 @@ class IsoFile:
         Tessellation
             Triangles or tetrahedra with their levels, vertices with their signs.
         """
-        return self._mesh(isovalue, Viewed(**view), whole)
+        return self._mesh(isovalue, self._viewed(**view), whole)
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
@@ -249,7 +259,7 @@ class IsoFile:
         FormatError, LimitError
             As `contour`; ``limits.samples`` bounds the result.
         """
-        return self._above(isovalue, Viewed(**view))
+        return self._above(isovalue, self._viewed(**view))
 
     def valid(self, *, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """Decode which samples are valid, that is, not missing: bool, in the shape of the field.
@@ -325,9 +335,9 @@ class IsoFile:
         OptionError
             If the distance has a unit, and that of the coordinates is not known.
         """
-        from .verification import verified
+        from .verification import BY_KIND
 
-        return verified(self, field, frame, within)
+        return BY_KIND[self.kind](self, native(field), frame, within)
 
     def edited(
         self, *, layers: int | None = None, size: int | None = None, window: Sequence[Sequence[float]] | None = None,
@@ -376,11 +386,6 @@ class IsoFile:
     # -- of each kind of file ------------------------------------------------------------------------------------
 
     @property
-    def kind(self) -> str:
-        """Kind of the file."""
-        raise NotImplementedError
-
-    @property
     def size(self) -> int:
         """Bytes of the file."""
         raise NotImplementedError
@@ -397,16 +402,12 @@ class IsoFile:
 
     @property
     def data(self) -> bytes:
-        """The bytes of the file; for a tiled file, this reads all of them."""
+        """The bytes of the file; of a tiled file, this reads everything."""
         raise NotImplementedError
 
     @property
     def info(self) -> FileInfo:
         """Layers, chunks, offsets and promises, read without decoding."""
-        raise NotImplementedError
-
-    def on(self, points: NDArray[Any], cells: NDArray[Any]) -> IsoFile:
-        """Return the same file with the mesh that it was made on."""
         raise NotImplementedError
 
     def _contour(self, isovalue: float | None, view: Viewed) -> Contour:
@@ -428,10 +429,10 @@ class IsoFile:
         raise NotImplementedError
 
     def _labels(self, view: Viewed) -> NDArray[Any]:
-        raise NotImplementedError
+        raise impossible("labels", self.kind)
 
     def _surface(self, view: Viewed) -> Tin:
-        raise NotImplementedError
+        raise impossible("surface", self.kind)
 
     def _edited(self, edit: Edit) -> bytes:
         raise NotImplementedError

@@ -20,12 +20,8 @@ _OWN = (np.ndarray, Field, Mesh, bytes, str, int, float, type(None))
 def native(what: Any) -> Any:
     """Input as it is, or what `isocodec.read` makes of an object of another library that states more than an array.
 
-    Fields of a series are converted when their turn comes.
-
-    Raises
-    ------
-    InputError, MissingExtraError
-        As `isocodec.read`.
+    Fields of a series are converted when their turn comes. Raises `InputError` or `MissingExtraError` as
+    `isocodec.read` does.
     """
     if isinstance(what, Frames):
         fields = what.fields

@@ -16,7 +16,7 @@ from ..format.header import HEAD_BYTES, is_tiled
 from ..limits import Limits
 from ..storage.content import Readable, content, is_url
 from ..storage.ranges import NoRangesError, ranges_of
-from .files import TileFile, WholeFile
+from .files import TileFile, whole_file
 from .isofile import IsoFile
 from .operations import ViewOptions
 from .selfcheck import check_kernels
@@ -43,8 +43,8 @@ def open(
     Returns
     -------
     IsoFile
-        An open file, whose header and notes have been read; curves are decoded when they are asked for. A tiled file is
-        read only as far as needed. Nothing is kept open: a ``with`` statement may be used, but is not needed.
+        An open file, whose header and notes have been read; curves are decoded when they are asked for, and of a
+        tiled file, only the necessary parts are read. Nothing stays open: a ``with`` statement is optional.
 
     Raises
     ------
@@ -65,7 +65,6 @@ def open(
     """
     check_kernels()
     file = _opened(source, mesh, limits)
-    # raises an error if this is not an .iso file
     if file.kind != "mesh" and mesh is not None:
         raise OptionError(f"a file of kind {file.kind} takes no mesh", code="mesh",
                           remedy="leave it out")
@@ -83,7 +82,7 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
         from ..tiles.tiled import TiledFile
 
         return TileFile(TiledFile(ranges_of(data), limits), limits)
-    return WholeFile(data, limits, mesh)
+    return whole_file(data, limits, mesh)
 
 
 def decode(

@@ -26,12 +26,7 @@ IMPOSSIBLE: dict[tuple[str, str], str] = {
                               "at any value",
     ("merge", "surface"): "triangulated surfaces cannot be merged: a file holds only one",
 }
-"""Operations that a kind of file cannot have, each with its error message; `OPERATIONS` lists all operations."""
-OPERATIONS = (
-    "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
-    "statistics", "verify", "notebook", "layers", "size", "window", "isovalues", "profile", "merge", "decoder",
-)
-"""Operations on files."""
+"""Operations that a kind of file cannot have, each with its error message."""
 
 ONE_FRAME = "it holds only one frame; to make a series, encode isocodec.Frames, or use --frames"
 """Remedy if a file does not have the frame asked for."""

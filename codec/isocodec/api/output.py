@@ -5,21 +5,19 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import OptionError
-from ..storage.atomic import check_target, undo_all, undoing, write_bytes
+from ..storage.atomic import check_target, undoing, write_bytes
 
 if TYPE_CHECKING:
     from ..io.formats import Kind
     from .isofile import IsoFile
 
 __all__ = [
-    "STANDARD", "check_output", "engine_of", "formats", "is_converted", "other_format", "read_of", "undo_all",
-    "undoing", "write_bytes",
+    "STANDARD", "check_output", "engine_of", "formats", "other_format", "read_of", "undoing", "write_bytes",
 ]
 
 STANDARD = "-"
@@ -41,21 +39,7 @@ def read_of(file: IsoFile) -> tuple[str, dict[str, int]]:
 def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = False) -> None:
     """Check, before the work begins, that an output can be written and is not the input.
 
-    Parameters
-    ----------
-    output : path
-        ``-`` is standard output.
-    source : str
-        Path or URL of the input.
-    iso : bool
-        Whether the output is an .iso file, whose name has that suffix or none.
-
-    Raises
-    ------
-    OptionError
-        If the output is the input file, or its name has another suffix.
-    OSError
-        If it cannot be written, or standard output is closed.
+    ``-`` is standard output. With ``iso``, the output is an .iso file, and its name must have that suffix or none.
     """
     target = Path(output)
     if str(output) == STANDARD:
@@ -83,13 +67,6 @@ def other_format(name: str) -> str | None:
     return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
 
 
-def is_converted(output: str | os.PathLike[str]) -> bool:
-    """Whether the suffix of a name is that of a format of other tools."""
-    from ..io.formats import suffix_of
-
-    return suffix_of(output) is not None
-
-
 def formats() -> dict[str, str]:
     """Lists of suffixes for help texts, by the names that help texts have in braces."""
     from ..io.formats import PICTURES, Thing, suffixes_of
@@ -110,17 +87,14 @@ def formats() -> dict[str, str]:
     }
 
 
-@contextmanager
-def engine_of(workers: int | None) -> Iterator[Any]:
-    """Yield so many processes that encode tiles; None if no more than one is asked for."""
-    if workers is not None and workers > 1:
-        import multiprocessing
-        from concurrent.futures import ProcessPoolExecutor
+def engine_of(workers: int | None) -> AbstractContextManager[Any]:
+    """Make the processes that encode tiles; None for a single one."""
+    if workers is None or workers < 2:
+        return nullcontext()
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
 
-        from ..tiles.workers import end_with_parent
+    from ..tiles.workers import end_with_parent
 
-        spawned = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=spawned, initializer=end_with_parent) as pool:
-            yield pool
-    else:
-        yield None
+    spawned = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(workers, mp_context=spawned, initializer=end_with_parent)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,25 +14,16 @@ from ..field.isovalues import isovalues_of, range_of
 from ..field.labelling import noun_of
 from ..field.sampled import Field
 from ..field.samples import missing_of
-from ..plotting.map import map_picture
-from ..plotting.panels import StepPanel, check_picture, panels_picture
-from ..plotting.scene import USUAL, drawing, rotation
+from ..plotting.map import map_figure
+from ..plotting.panels import StepPanel, check_picture, panels_picture, picture_file
+from ..plotting.scene import USUAL, drawing
 from ..verbs import Plot, Progress
-from .export import counted
+from .export import counted, cut_short, other_frames
 from .isofile import IsoFile
 from .opening import open
 from .tracing import Traced
 
-
-def check_plot(path: Path, view: str | None) -> str:
-    """Check the name of a picture and the view of a surface, before the work begins; returns the suffix.
-
-    Raises
-    ------
-    OptionError, MissingExtraError
-    """
-    rotation(view or USUAL)
-    return check_picture(path)
+__all__ = ["Plotted", "check_picture", "plot_map", "plot_steps"]
 
 
 @dataclass
@@ -62,13 +52,8 @@ def plot_steps(file: IsoFile, suffix: str, options: Plot, progress: Progress | N
     """Draw prefixes of a file side by side, beginning with the first one that shows any of the curve.
 
     Of a truncated file, the last one shows as much as there is. Prefixes end with layers that complete a promise, or
-    are evenly spaced.
-
-    Raises
-    ------
-    OptionError
-        If the file does not have the isovalue or the frame.
-    FormatError, LimitError
+    are evenly spaced. Raises `OptionError` if the file does not have the isovalue or the frame, and `FormatError` or
+    `LimitError`.
     """
     isovalue, frame = next(iter(options.isovalues), None), options.frame
     tin = file.kind == "surface"
@@ -113,19 +98,14 @@ def plot_steps(file: IsoFile, suffix: str, options: Plot, progress: Progress | N
             progress(len(panels), len(chosen))
     data = panels_picture(panels, suffix, options.view or USUAL, values)
     text = f"{len(panels)} step{'s' * (len(panels) > 1)} of {file.size:,} bytes"
-    remarks = [] if file.complete else [
-        f"the file ends after {file.size} bytes, before it is complete; drawn as far as possible"]
-    return Plotted(data, text, {"layers": chosen, "isovalues": values}, remarks + _frames(file, frame))
+    remarks = [*cut_short(file, "drawn"), *other_frames(file, frame, "drawn")]
+    return Plotted(data, text, {"layers": chosen, "isovalues": values}, remarks)
 
 
 def plot_map(what: IsoFile | Field, suffix: str, options: Plot, progress: Progress | None = None) -> Plotted:
     """Draw the contour map of a file, or of a field with the lines of an exact file of it.
 
-    Raises
-    ------
-    OptionError
-        If the file or field does not have two axes.
-    InputError, FormatError, LimitError
+    Raises `OptionError` if the file or field does not have two axes, and `InputError`, `FormatError` or `LimitError`.
     """
     isovalues: Any = options.every or [*options.isovalues] or None
     frame = options.frame
@@ -138,7 +118,7 @@ def plot_map(what: IsoFile | Field, suffix: str, options: Plot, progress: Progre
             samples, isovalues = tin.raster(), _isovalues(tin.values, isovalues)
         how: Any = {"frame": frame, "progress": progress}
         contours = [file.contour(one, **how) for one in isovalues] if isovalues else file.contours(**how)
-        valid, remarks = file.valid() if contours[0].masked else None, _frames(file, frame)
+        valid, remarks = file.valid() if contours[0].masked else None, other_frames(file, frame, "drawn")
     else:
         gone, placement, notes = what.combined(metadata=dict(options.metadata))
         samples, remarks = what.values, []
@@ -146,16 +126,11 @@ def plot_map(what: IsoFile | Field, suffix: str, options: Plot, progress: Progre
             isovalues = _isovalues(samples[~missing_of(samples, gone)])
         traced = Traced(replace(what, mask=gone, placement=placement, notes=notes), isovalues, progress=progress)
         contours, valid = [*traced], traced.valid
-    data = map_picture(contours, suffix, samples, valid, options.title, options.size)
+    figure = map_figure(contours, samples, valid, options.title, options.size)
+    data = picture_file(figure, suffix, bbox_inches="tight", pad_inches=0.2)
     values = [float(one.isovalue) for one in contours]
     text = f"{len(values)} {noun_of(contours[0].metadata)}{'s' * (len(values) > 1)}"
     return Plotted(data, text, {"isovalues": values}, remarks)
-
-
-def _frames(file: IsoFile, frame: int | None) -> list[str]:
-    if frame is not None or file.frames == 1:
-        return []
-    return [f"only frame 0 of {file.frames} is drawn; choose another with --frame, from 1 to {file.frames - 1}"]
 
 
 def _isovalues(values: np.ndarray, given: Any = None) -> list[float]:

@@ -34,13 +34,8 @@ def extracted(
     """Extract a window of a tiled file as an ordinary file; no point moves.
 
     If the window is that of one tile, the bytes of its layers are copied; otherwise layers are encoded anew from what
-    the tiles hold. The guarantees of the tiled file hold for the result.
-
-    Raises
-    ------
-    OptionError
-        If the window lies outside the field, or if meshes are coarser than the grid and the window is not that of one
-        tile.
+    the tiles hold. The guarantees of the tiled file hold for the result. Raises `OptionError` if the window lies
+    outside the field, or if meshes are coarser than the grid and the window is not that of one tile.
     """
     from ..tiles.extraction import Extract
 
@@ -109,12 +104,8 @@ class Held:
 def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
     """Decode everything in a file of a grid; ``what`` names the file in messages.
 
-    Raises
-    ------
-    OptionError
-        If the file is of another kind, its mesh does not reach every sample, it has coordinates, or it holds values
-        only in part.
-    FormatError, LimitError
+    Raises `OptionError` if the file is of another kind, its mesh does not reach every sample, it has coordinates, or it
+    holds values only in part, and `FormatError` or `LimitError`.
     """
     decoder = Decoder(limits)
     decoder.feed(data)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from ..field.sampled import Field
 from ..storage.atomic import check_target, write_bytes
 from ..stream.given import field_of, taken
 from ..stream.options import EncodeOptions, Isovalues, Options
-from ..verbs import Choice, Decode
+from ..verbs import Choice, Decode, Progress
 from .isofile import IsoFile
 from .native import described, native
 
@@ -47,7 +47,7 @@ def save(
     engine: Engine | None = None,
     workers: int | None = None,
     spool: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
     **options: Unpack[EncodeOptions],
 ) -> None:
     """Write an ``.iso`` file, with or without tiles, or contours or a surface in another format.
@@ -138,15 +138,12 @@ def save(
 
 def save_tiles(
     path: str | os.PathLike[str], what: Any, isovalue: Isovalues | None, *, tile: int | None,
-    resumed: Callable[[int, int], object] | None = None, progress: Callable[[int, int], object] | None = None,
+    resumed: Progress | None = None, progress: Progress | None = None,
     **options: Any,
 ) -> SampleCounts:
-    """Write a tiled file as `save` does; returns facts about the samples.
+    """Write a tiled file as `save` does, and return facts about the samples.
 
-    Parameters
-    ----------
-    resumed : callable, optional
-        Called with the number of tiles that have been encoded before, if any, and the total.
+    ``resumed`` is called with the number of tiles that were already encoded, if any, and the total.
     """
     from ..tiles.writing import encode_tiles, tiling_of
 
@@ -199,7 +196,7 @@ def _write_other(
 
 
 def _contours(what: Any) -> list[Contour] | None:
-    """The contours in an object, or None if it is not a contour or a list of them."""
+    """The contours in an object, or None if it is neither a contour nor a list of contours."""
     if isinstance(what, Contour):
         return [what]
     if isinstance(what, list | tuple) and any(isinstance(one, Contour) for one in what):

@@ -82,7 +82,7 @@ def thin(
         With ``contours``: largest distance, in samples, between their contours and those of the field, both ways; or in
         the world with a unit, "10m".
     step : float, optional
-        Step to which values are rounded, with ``to`` or ``size``; if not given, one that suits the error. With a
+        Step of rounded values, with ``to`` or ``size``; if not given, one that suits the error. With a
         criterion: if not given, whole values are kept, and others rounded to a 65,535th of their range.
     layers : int
         Most layers in the file. Each adds points to those before, chosen so that any beginning of the file gives a good

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,6 @@ from ..drawing.contour import Contour
 from ..errors import InputError
 from ..field.framed import Frames
 from ..field.meshed import Mesh
-from ..field.placement import Placement
 from ..field.sampled import Field
 from ..format.coordinate_record import read_coordinates
 from ..limits import Budget, Limits
@@ -21,40 +20,19 @@ from ..search.original import original
 from ..stream.given import completed, levels_of
 from ..stream.options import Options
 from ..stream.placing import DecodedCoordinates, coordinates_payload
+from ..verbs import Progress
 from .drawings import OneByOne
 
 MOST = 100_000
 """Largest number of isovalues."""
-Progress = Callable[[int, int], object]
 
 
 class Traced(OneByOne):
-    """Contours of a field, drawn as a decoder draws those of its exact file.
+    """Contours of a field or a mesh, drawn as a decoder draws those of its exact file.
 
     On a mesh, or with options of `encode`, each contour is decoded from a file of its isovalue, which is not kept.
-
-    Parameters
-    ----------
-    what : Field or Mesh
-    isovalue : object
-        As for `encode`, but of any number of isovalues.
-    through_holes : bool
-        Draw curves through missing samples.
-    progress : callable, optional
-        As of `OneByOne`.
-    **options
-        Of `encode`.
-
-    Attributes
-    ----------
-    isovalues : tuple of float
-    valid : (s0, s1) bool, or None
-        Samples that are not missing; None if all are, or on a mesh.
-
-    Raises
-    ------
-    InputError, OptionError
-        As for `encode`.
+    There can be any number of isovalues. `valid` (s0, s1) marks the samples that are not missing; it is None if all are
+    valid, and on a mesh.
     """
 
     def __init__(
@@ -95,7 +73,10 @@ class Traced(OneByOne):
         notes = {**options.metadata, **(placement.notes() if placement is not None else {})}
         self.shape, self.n, gone = first.signs.shape, first.signs.ndim, first.gone
         self.valid = None if gone is None else ~gone
-        where = _as_stored(placement, self.shape, gone, notes)
+        # a file rounds its coordinates
+        payload, limits = coordinates_payload(placement, self.shape, gone), Limits()
+        record = read_coordinates(payload, self.shape) if payload else None
+        where = DecodedCoordinates(Budget(limits.memory), limits).placement(record, self.shape, notes)
 
         def drawn(isovalue: float) -> Contour:
             field = samples[self.isovalues.index(isovalue)]
@@ -106,20 +87,11 @@ class Traced(OneByOne):
 
     def _coded(self, isovalue: float) -> Contour:
         from .encoding import encode
-        from .files import WholeFile
+        from .files import whole_file
 
         what: Any = self._what
         if isinstance(what, Field) and what.labels is not None:
             what = replace(what, labels=(isovalue,))
         mesh = (what.points, what.cells) if isinstance(what, Mesh) and what.cells is not None else None
         data = encode(what, None if getattr(what, "labels", None) else isovalue, **self._options)
-        return WholeFile(data, None, mesh).contour(through_holes=self._through_holes)
-
-
-def _as_stored(
-    placement: Placement | None, shape: tuple[int, ...], gone: NDArray[np.bool_] | None, notes: Mapping[str, str]
-) -> Placement | None:
-    """The placement that a file would have: its coordinates are rounded."""
-    payload, limits = coordinates_payload(placement, shape, gone), Limits()
-    record = read_coordinates(payload, shape) if payload else None
-    return DecodedCoordinates(Budget(limits.memory), limits).placement(record, shape, notes)
+        return whole_file(data, None, mesh).contour(through_holes=self._through_holes)

@@ -29,14 +29,13 @@ from ..stream.file_info import FileInfo
 from ..stream.given import field_of
 from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, noted_exact, of_samples, of_tiles
 from ..verbs import Choice
-from .native import native
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
 
 CELLS = "cells"
 ROUNDING = 1e-6
-"""Cells by which points may be rounded: a distance that exceeds a promise by less counts as the promise."""
+"""Rounding of points, in cells: a distance that exceeds a promise by less counts as the promise."""
 MEASURED = 0.001
 """Largest difference, in cells, of the bounds between which a distance is known."""
 SHARE = 0.02
@@ -70,8 +69,8 @@ class Verified:
     asked : str
         The distance as it was asked for, ``0.2mm``, if that is in another unit; or nothing.
     there_least, back_least : float
-        Lower bounds of the same distances, at most 0.001 cells and a fiftieth of the promise below the upper ones. One
-        of them exceeds ``promised`` if the promise is not kept.
+        Lower bounds of the same distances, at most 0.001 cells and a fiftieth of the promise below the upper ones. If
+        one exceeds ``promised``, the promise is not kept.
     """
 
     isovalue: float
@@ -116,35 +115,44 @@ class _Promise:
     step: float | None = None
 
 
-def verified(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
-    """Verify each isovalue of a file; see `IsoFile.verify`.
-
-    For a file in tiles the joined curve is measured against that of the whole field. Such a file does not state which
-    samples far from the curve are missing.
-    """
-    field = native(field)
-    if file.kind == "mesh":
-        return _on_mesh(file, field, frame, within)
-    from ..stream.placing import without_folds
-
+def _known(field: Any) -> Field:
+    """Read the field that a file is verified against."""
     if isinstance(field, str | os.PathLike):
         from ..io.opener import load
 
         field = load(field, Choice())
     if isinstance(field, Frames):
         raise InputError("holds no field but a series", code="field", remedy="choose a frame: frame=0")
-    known = field_of(field)
-    if file.kind == "surface":
-        return _surface(file, known, within)
+    return field_of(field)
+
+
+def _begun(
+    file: Any, field: Any, frame: int | None
+) -> tuple[NDArray[Any], NDArray[np.bool_] | None, list[Contour], Placement]:
+    """The samples of a field, its mask of missing samples, the contours of a file, and the placement of both."""
+    from ..stream.placing import without_folds
+
+    known = _known(field)
     values, gone = without_holes(known.values, known.mask)
     if known.placement is not None:
         gone = without_folds(known.placement, values.shape, gone)
     contours = file.contours(frame=frame)
-    placement = _placement(known, contours[0].placement, file.info.metadata)
-    if file.kind == "tiles":
-        _check_shape(values.shape, file.info.shape)
-        promise = _of_note(file, within, placement)
-        return [_of_grid(file, one, None, values, gone, promise) for one in contours]
+    return values, gone, contours, _placement(known, contours[0].placement, file.info.metadata)
+
+
+def verified_tiles(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
+    """Measure the joined curve of a tiled file, which does not state missing samples far from it, for a whole field."""
+    values, gone, contours, placement = _begun(file, field, frame)
+    _check_shape(values.shape, file.info.shape)
+    promise = _of_note(file, within, placement)
+    # in one piece the signs may take more memory than the field
+    signs = promise.text in (SIGNS, EXACT)
+    return [_of_grid(file, one, None, values, gone, promise, signs) for one in contours]
+
+
+def verified_grid(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
+    """Verify each isovalue of a grid, or of a frame of a series."""
+    values, gone, contours, placement = _begun(file, field, frame)
     info = file.info
     periodic = contours[0].placement.periodic if contours[0].placement is not None else ()
     if periodic:
@@ -159,17 +167,15 @@ def verified(file: Any, field: Any, frame: int | None, within: float | str | Non
     if others:
         raise InputError(f"{others:,} samples are missing either in the field or in the file, but not in both",
                          code="missing")
-    out = []
-    for number, contour in enumerate(contours):
-        promise = (_of_layers(info, placement, frame or 0, number) if within is None
-                   else _given(within, placement, info.shape))
-        out.append(_of_grid(file, contour, frame, values, gone, promise))
-    return out
+    return [
+        _of_grid(file, contour, frame, values, gone, _of_layers(info, placement, frame or 0, number)
+                 if within is None else _given(within, placement, info.shape))
+        for number, contour in enumerate(contours)
+    ]
 
 
 def _placement(known: Field, decoded: Placement | None, notes: Mapping[str, str]) -> Placement:
-    """Placement that converts distances: that of the file, or of the field; with units and system that one of them has.
-    """
+    """The placement that converts distances: of the file, else of the field; with units and system of either."""
     found = decoded if decoded is not None and decoded.placed else known.placement or Placement()
     given = known.placement or Placement()
     return replace(
@@ -222,21 +228,17 @@ def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = 
 
 def _of_grid(
     file: Any, contour: Contour, frame: int | None, values: NDArray[Any],
-    gone: NDArray[np.bool_] | None, promise: _Promise,
+    gone: NDArray[np.bool_] | None, promise: _Promise, signs: bool = True,
 ) -> Verified:
-    """Verify one isovalue of a grid."""
+    """Verify one isovalue of a grid, with its ``signs`` where the file has them all."""
     of_labels = is_of_labels(file.info.metadata)
     sampled = check_field(having(values, contour.isovalue) if of_labels else values,
                           0.5 if of_labels else contour.isovalue, gone=gone)
-    if file.kind == "tiles" and promise.text not in (SIGNS, EXACT):
-        # in one piece it may take more memory than the field
-        return _measured(contour, sampled, promise, None)
-    wrong: int | None
-    try:
-        differ = file.above(contour.isovalue, frame=frame) != sampled.signs
-        wrong = int((differ if gone is None else differ & ~gone).sum())
-    except OptionError:
-        wrong = None
+    wrong = None
+    with suppress(OptionError):
+        if signs:
+            differ = file.above(contour.isovalue, frame=frame) != sampled.signs
+            wrong = int((differ if gone is None else differ & ~gone).sum())
     return _measured(contour, sampled, promise, wrong)
 
 
@@ -333,13 +335,13 @@ def _not_among(pieces: NDArray[np.float64], others: NDArray[np.float64], roundin
     return np.flatnonzero(~np.isin(mine, other))
 
 
-def _on_mesh(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
+def verified_mesh(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Verify the isovalues of a file on a mesh, for values at its vertices."""
     points, cells, values = _mesh_of(file, field, frame)
     known = file.info.domain is not None and file.info.domain.kind == DomainKind.KNOWN
     if known and file.mesh_given is None and getattr(field, "cells", None) is not None:
         # the mesh that the values come with is that of the file, or decoding finds out that it is not
-        file = file.on(points, cells)
+        file = type(file)(file.kind, file.data, file.limits, (points, cells))
     notes = {**getattr(field, "metadata", {}), **file.info.metadata}
     out = []
     for number, contour in enumerate(file.contours(frame=frame)):
@@ -430,10 +432,10 @@ def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isov
     return Contour(drawn, pieces, isovalue, ())
 
 
-def _surface(file: Any, known: Field, within: float | str | None) -> list[Verified]:
+def verified_surface(file: Any, field: Any, frame: int | None, within: float | str | None) -> list[Verified]:
     """Measure how far a triangulated surface lies from the values of a field, or its contours from those of the field.
     """
-    tin = file.surface()
+    tin, known = file.surface(), _known(field)
     values = np.asarray(known.values)
     if tin.shape is None:
         raise InputError("the surface was made from scattered points, not from a field", code="shape")
@@ -454,3 +456,10 @@ def _surface(file: Any, known: Field, within: float | str | None) -> list[Verifi
     kept = there <= promised * (1 + ROUNDING)
     there = min(there, promised) if kept else there
     return [Verified(float("nan"), promised, there, there, None, kept, text, unit, "", there, there)]
+
+
+BY_KIND = {
+    "grid": verified_grid, "series": verified_grid, "tiles": verified_tiles, "mesh": verified_mesh,
+    "surface": verified_surface,
+}
+"""Functions that verify files, by kind."""

@@ -15,7 +15,7 @@ from .report import concerning, counted, named, progress_bar, result, warn, writ
 def edit_command(call: Call, options: Edit) -> None:
     """Make OUT.iso from IN.iso: keep its first layers, crop it, reduce its precision, or change its profile.
 
-    If several IN.iso are given, they must all be of the same field; OUT.iso gets the isovalues of all of them, with
+    If several IN.iso are given, they must all be of the same field; OUT.iso gets all their isovalues, with
     every point unchanged.
 
     A window is enlarged to whole samples, and its start is rounded down to an even sample index. If IN.iso is a tiled

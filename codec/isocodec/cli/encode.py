@@ -42,10 +42,11 @@ def encode_command(call: Call, options: Encode) -> None:
     With --tile, INPUT is read one tile at a time (.npy, GeoTIFF, Zarr, HDF5, NetCDF; other formats at once). Curves of
     neighbouring tiles meet without seams, and decode --window reads only a part of the file, also from a URL.
     """
+    from ..api.export import suffix_of
     from ..api.inputs import keywords_of
-    from ..api.output import check_output, is_converted
+    from ..api.output import check_output
 
-    converts = is_converted(call.output)
+    converts = suffix_of(call.output) is not None
     options.check(converts)
     with concerning(call.output):
         check_output(call.output, call.source, iso=not converts)
@@ -128,7 +129,7 @@ def _tiled(call: Call, options: Encode, keywords: dict[str, Any]) -> tuple[dict[
         try:
             seen.in_tiles(save_tiles(
                 call.output, seen.what, options.isovalue, tile=options.tile, engine=engine,
-                workers=options.workers if engine else None, progress=progress,
+                progress=progress,
                 resumed=lambda done, total: say(f"{named(call.output)}: resuming at tile {done + 1:,} of {total:,}"),
                 **keywords,
             ))

@@ -146,7 +146,7 @@ def _print_statistics(statistics: FileStatistics, info: FileInfo) -> None:
 
 
 def shortest(number: float) -> str:
-    """Write a number with the fewest digits from which it can be read back."""
+    """Write a number with the fewest digits that it can be read back from."""
     return repr(float(number)).removesuffix(".0")
 
 

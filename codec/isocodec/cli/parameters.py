@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import Field, fields, replace
 from inspect import cleandoc
@@ -15,9 +16,9 @@ import click
 
 from .. import verbs
 from ..deferred import dataclass
-from ..errors import FormatError, OptionError
+from ..errors import FormatError, InputError, OptionError
 from ..limits import Limits
-from .report import STANDARD, concerning, one_warning, own_warnings, timed_result, warn
+from .report import STANDARD, Failure, Program, concerning, one_warning, own_warnings, result, warn
 
 if TYPE_CHECKING:
     from ..api.isofile import IsoFile
@@ -83,21 +84,17 @@ class Call(verbs.OptionRecord):
     as_json: bool = verbs.option("Print the result as JSON.", default=False, flag="--json")
 
     def opened(self, source: str | None = None) -> IsoFile:
-        """Open the file, standard input (``-``) or a URL.
-
-        Raises
-        ------
-        Failure
-        """
+        """Open the file, standard input (``-``) or a URL; raises `Failure`."""
         from ..api.opening import open
         from ..api.output import other_format
 
         source, known = self.source if source is None else source, None
         if self.mesh is not None:
-            from ..api.inputs import mesh_in
-
-            with concerning(self.mesh), one_warning(self.mesh):
-                known = mesh_in(self.mesh)
+            found = self.read(verbs.Choice(), self.mesh)
+            if getattr(found, "cells", None) is None:
+                raise Failure(self.mesh, InputError("holds no mesh of points and cells", code="mesh",
+                                                    remedy="give the mesh that was encoded"))
+            known = found.points, found.cells
         with concerning(source), own_warnings(source):
             try:
                 return open(stream(source), mesh=known, limits=self.limits)
@@ -107,12 +104,7 @@ class Call(verbs.OptionRecord):
                 raise
 
     def read(self, choice: verbs.Choice, source: str | None = None) -> Any:
-        """Read a field, a series of them, or a mesh.
-
-        Raises
-        ------
-        Failure
-        """
+        """Read a field, a series of fields, or a mesh; raises `Failure`."""
         from ..api.inputs import load
 
         source = self.source if source is None else source
@@ -126,17 +118,15 @@ class Call(verbs.OptionRecord):
 
     def done(self, text: str, facts: dict[str, Any]) -> None:
         """Print the result of a command that has written a file, with the seconds it took."""
-        timed_result(f"{click.format_filename(self.output)}: {text}", {"output": str(self.output), **facts},
-                     self.as_json)
+        seconds = time.perf_counter() - Program.started  # loading of libraries included
+        result(f"{click.format_filename(self.output)}: {text}, {seconds:.2f} s",
+               {"output": str(self.output), **facts, "seconds": round(seconds, 3)}, self.as_json)
 
 
 def stream(source: str) -> Any:
     """Resolve the name of a source: standard input for ``-``; a path or a URL is returned unchanged.
 
-    Raises
-    ------
-    OSError
-        If standard input is closed.
+    Raises `OSError` if standard input is closed.
     """
     if source != STANDARD:
         return source
@@ -203,17 +193,9 @@ def command(
 ) -> Callable[[Callable[[Call, R], Any]], Grouped]:
     """Make a command from a function that takes a call and a record of options; its docstring is the help.
 
-    Parameters
-    ----------
-    name, short_help : str
-    record : type
-        Record of the options.
-    *arguments : str
-        Names of files that are read, in help: the source, one or ``IN.iso ...``, and the field.
-    shares : tuple of str
-        Fields of `Call` that are options of this command, beside ``as_json``.
-    hidden : type, optional
-        Record whose options are described by the help of another command.
+    ``arguments`` name the files that are read: the source, one or ``IN.iso ...``, and the field. ``shares`` names
+    fields of `Call` that are options of this command besides ``as_json``. Options of the record ``hidden`` are
+    described by the help of another command.
     """
 
     def made(function: Callable[[Call, R], Any]) -> Grouped:

@@ -20,16 +20,16 @@ def plot_command(call: Call, options: Plot) -> None:
 
     With --map, INPUT may also be any field with two axes that encode reads. Its lines are drawn
     over a shaded relief; every fifth one is thicker and labelled. The map shows world coordinates, the reference system
-    and a scale bar, as far as INPUT states where its samples lie; holes are blank.
+    and a scale bar, if INPUT states where its samples lie; holes are blank.
     """
     coded = not options.map or call.source.lower().endswith(".iso")
     options.check(coded, call.mesh)
     from ..api.output import check_output
-    from ..api.plots import check_plot, plot_map, plot_steps
+    from ..api.plots import check_picture, plot_map, plot_steps
 
     with concerning(call.output):
         check_output(call.output, call.source)
-        suffix = check_plot(call.output, options.view)
+        suffix = check_picture(call.output, options.view)
     what: Any = call.opened() if coded else call.read(options)
     with concerning(call.source), one_warning(call.output, "writing"), progress_bar("drawing") as progress:
         drawn = (plot_map if options.map else plot_steps)(what, suffix, options, progress)

@@ -122,12 +122,6 @@ class Program(click.Group):
         sys.exit(code)
 
 
-def _is_damage(cause: IsoError) -> bool:
-    """Whether an error is about a file that begins as an .iso file, and is not cut."""
-    whole = isinstance(cause, FormatError) and not isinstance(cause, TruncatedError)
-    return whole and cause.code not in ("tiled", "signature")
-
-
 def _report(exc: Exception, verb: str) -> int:
     """Print one line about an error; return the exit code."""
     if isinstance(exc, click.Abort):
@@ -152,7 +146,9 @@ def _report(exc: Exception, verb: str) -> int:
     if isinstance(cause, IsoError):
         if str(cause).startswith(where):
             where = ""  # the library names the file, too
-        say(f"{where}{'not a valid .iso file: ' if _is_damage(cause) else ''}{cause}")
+        damaged = (isinstance(cause, FormatError) and not isinstance(cause, TruncatedError)
+                   and cause.code not in ("tiled", "signature"))
+        say(f"{where}{'not a valid .iso file: ' if damaged else ''}{cause}")
         return cause.exit_code
     if isinstance(cause, OSError):
         if path is None and cause.filename is not None:
@@ -190,13 +186,6 @@ def result(text: str, record: dict[str, Any], as_json: bool) -> None:
 
         text = json.dumps(record, allow_nan=False)
     click.echo(text if as_json else plain(text, "\n"), err=away)
-
-
-def timed_result(text: str, record: dict[str, Any], as_json: bool) -> None:
-    """Print the result of a command as `result` does, with the seconds since it began, loading of libraries included.
-    """
-    seconds = time.perf_counter() - Program.started
-    result(f"{text}, {seconds:.2f} s", {**record, "seconds": round(seconds, 3)}, as_json)
 
 
 @contextmanager
@@ -384,12 +373,7 @@ def write_output(output: Path, data: bytes) -> None:
 def table(headings: Mapping[str, str], rows: Sequence[Sequence[str]], title: str | None = None) -> str:
     """Format a table: columns two spaces apart, under a rule; cells may have several lines.
 
-    Parameters
-    ----------
-    headings : mapping of str to str
-        Names of columns, each with ``"left"`` or ``"right"``.
-    rows : sequence of sequence of str
-    title : str, optional
+    Headings map the names of columns to ``"left"`` or ``"right"``.
     """
     columns = zip(headings, *rows, strict=True)
     width = [max(len(line) for cell in column for line in cell.split("\n")) for column in columns]

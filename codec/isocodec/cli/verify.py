@@ -67,6 +67,6 @@ def _between(least: float, most: float, promised: float | None) -> str:
 
 
 def _shown(number: float, promised: float | None) -> str:
-    """Write a number with as many digits as show on which side of a promise it lies, three or more."""
+    """Write a number with enough digits, at least three, to show which side of a promise it lies on."""
     texts = (f"{number:.{digits}g}" for digits in range(3, 18))
     return next(text for text in texts if promised is None or (float(text) > promised) == (number > promised))

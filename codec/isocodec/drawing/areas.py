@@ -20,12 +20,7 @@ _DIGITS = 44
 
 
 def polygons() -> Any:
-    """Import the library for polygons.
-
-    Raises
-    ------
-    MissingExtraError
-    """
+    """Import the library for polygons; raises `MissingExtraError` if it is missing."""
     return optional("shapely", extra="vector", purpose="making areas")
 
 
@@ -102,14 +97,10 @@ def _holes(valid: NDArray[np.bool_], shapely: Any) -> Any:
 
 
 def _nested(points: Points, first: Numbers, shapely: Any) -> Any:
-    """``MultiPolygon`` of rings with their inside on the left; none touches another one.
+    """Make a ``MultiPolygon`` of rings with their inside on the left, none of which touches another.
 
-    Parameters
-    ----------
-    points : (P, 2) float64
-        Of one ring after the other, the first point of each again at its end.
-    first : (R + 1,) int64
-        Where each ring begins, and the number of points.
+    ``points`` (P, 2) are those of one ring after the other, the first of each repeated at its end; ``first`` (R + 1,)
+    is where each ring begins, and the number of points.
     """
     if not len(points):
         return shapely.MultiPolygon()

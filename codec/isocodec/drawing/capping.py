@@ -23,7 +23,10 @@ def capped_mesh(contour: Curve, above: bool, make: Callable[..., Curve]) -> Mesh
                           remedy="fill them when the field is encoded: --missing nearest")
     if contour.origin_above is None:
         raise TruncatedError("too little has been received to close the surface", code="truncated")
-    rim = _rim(contour.cells)
+    # edges that belong to one triangle alone, in its direction
+    edges = np.concatenate([contour.cells[:, ends] for ends in ([0, 1], [1, 2], [2, 0])])
+    _, which, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    rim = edges[count[which.reshape(-1)] == 1]
     numbers = {tuple(point): number for number, point in enumerate(contour.points.tolist())}
     points = contour.points.tolist()
     added: list[NDArray[np.int64]] = []
@@ -48,13 +51,6 @@ def capped_mesh(contour: Curve, above: bool, make: Callable[..., Curve]) -> Mesh
     cells = contour.cells if above else contour.cells[:, ::-1]
     whole = np.concatenate([cells, np.array(added, np.int64).reshape(-1, 3)])
     return np.array(points).reshape(-1, 3), whole
-
-
-def _rim(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Edges (K, 2) that belong to only one triangle, in its direction."""
-    edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
-    _, which, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    return edges[count[which.reshape(-1)] == 1]
 
 
 def _face(

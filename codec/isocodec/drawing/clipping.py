@@ -16,13 +16,13 @@ _GRAIN = 1 << 30
 _TOGETHER = 1 << 12
 """Cells that are cut at a time."""
 _CUT, _KEPT = 250, 800
-"""Bytes that are taken for each piece while some are cut, and for each that is kept."""
+"""Bytes for each piece during a cut, and for each that is kept."""
 _TIME = 16
-"""Bytes that count for each piece ever made: what bounds memory bounds the time, too."""
+"""Bytes that count for each piece ever made, so that the memory limit bounds the time, too."""
 Pieces = NDArray[np.float64]
 """(M, n, n) corners of segments or triangles."""
 Check = Callable[[int], None]
-"""Raises an error if there is not room for so many bytes beside those that are held."""
+"""Raises an error if there is no room for a number of bytes in addition to those held."""
 
 
 class Clipped(NamedTuple):
@@ -46,8 +46,8 @@ def clipped(
 ) -> Clipped:
     """Cut the points and cells of a drawing where planes of the grid separate whole unit cells from others.
 
-    Pieces that lie in whole cells are unchanged; unused points are removed. ``check`` is asked for the bytes of what
-    cutting makes: a large cell of a coarse mesh lies in many unit cells.
+    Pieces that lie in whole cells are unchanged; unused points are removed. ``check`` is called with the bytes of the
+    pieces, since a large cell of a coarse mesh lies in many unit cells.
     """
     cutting = _Cutting(shape, whole, check)
     kept = [cutting.of(points[cells[i : i + _TOGETHER]]) for i in range(0, max(len(cells), 1), _TOGETHER)]
@@ -83,8 +83,7 @@ class _Cutting:
         self._made = self._kept = 0
 
     def of(self, corners: Pieces) -> tuple[NDArray[np.bool_], Pieces, NDArray[np.int64]]:
-        """Find which of some cells stay as they are, and cut the others: the parts that stay of these, and their cells.
-        """
+        """Find which cells stay unchanged, and cut the others: the remaining parts of these, and their cells."""
         pieces, owner = self._unit_pieces(corners)
         kept = _in_whole_cell(pieces, self._shape, self._whole)
         untouched = np.ones(len(corners), np.bool_)
@@ -95,7 +94,7 @@ class _Cutting:
         return untouched, pieces[cut], owner[cut]
 
     def ask(self, pieces: int) -> None:
-        """Ask for room for so many pieces at once, beside those kept so far."""
+        """Ask for room for ``pieces`` pieces at once, in addition to those kept so far."""
         self._check(max(_CUT * pieces + _KEPT * self._kept, _TIME * (self._made + pieces)))
 
     def _unit_pieces(self, pieces: Pieces) -> tuple[Pieces, NDArray[np.int64]]:

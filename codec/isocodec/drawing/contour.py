@@ -47,7 +47,7 @@ class Contour:
     placement : Placement or None
         Where samples lie in the world; None if the file does not state it.
     metadata : dict of str to str
-        Notes of the file, as far as they had been read.
+        Notes of the file that had been read.
     masked : bool
         Whether samples are missing, so that lines may end, and surfaces have edges, at unit cells with a missing
         corner.

@@ -1,4 +1,4 @@
-"""Crossing edges: which ones a table of sign patterns asks for, and where on them the points lie."""
+"""Crossed edges: those that a table of sign patterns selects, and the position of the point on each."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Edge = tuple[int, int]
 class Drawn(NamedTuple):
     """A drawing: cells (M, n) between points, and where these are.
 
-    ``edges`` (E, 2) are the edges of the first E points, in no order, by the vertices at their ends, ``ratio`` (E,)
-    is where on them the points lie, ``part`` (E, 2) from where to where they may lie by what is known, without rows
-    unless asked for; ``centres`` (C, n), points in the middles of cells, follow.
+    ``edges`` (E, 2) are the edges of the first E points, unordered, by the vertices at their ends, ``ratio`` (E,) the
+    positions of the points on them, ``part`` (E, 2) the range in which each is known to lie, without rows unless asked
+    for; ``centres`` (C, n), points in the middles of cells, follow.
     """
 
     centres: NDArray[np.float64]
@@ -42,7 +42,7 @@ class PatternTable:
         Local vertices at both ends of the edges; the rows of pattern p are ``first[p]`` to ``first[p + 1]``.
     first : (patterns + 1,) int64
     count : (patterns,) uint8
-        How many rows each pattern has.
+        Number of rows of each pattern.
     """
 
     edges: NDArray[np.int64]
@@ -51,7 +51,7 @@ class PatternTable:
 
     @classmethod
     def build(cls, rows: Sequence[Sequence[Sequence[Edge]]], k: int) -> PatternTable:
-        """Pack the lists of rows, one list per pattern, each row with k edges."""
+        """Pack lists of rows, one list per pattern, each row with k edges."""
         edges = np.array([row for pattern in rows for row in pattern], dtype=np.int64).reshape(-1, k, 2)
         count = [len(pattern) for pattern in rows]
         return cls(edges, np.cumsum([0, *count], dtype=np.int64), np.array(count, np.uint8))
@@ -59,21 +59,10 @@ class PatternTable:
     def lookup(
         self, pattern: NDArray[np.int64], vertices: NDArray[np.int64], mirrored: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows of many simplices or cubes, in vertices of the mesh.
+        """Look up the rows of simplices or cubes by their patterns (C,), as vertices of the mesh.
 
-        Parameters
-        ----------
-        pattern : (C,) int64
-        vertices : (C, local vertices) int64
-        mirrored : (C,) bool
-            Where orientation is the reverse of the table's: the first two edges of a row change places.
-
-        Returns
-        -------
-        ends : (R, k, 2) int64
-            Vertices of the mesh at the ends of the edges.
-        owner : (R,) int64
-            Which simplex or cube each row belongs to, ascending.
+        ``vertices`` (C, local vertices) are those of each; where it is ``mirrored`` (C,), the first two edges of a row
+        are exchanged. Returns the ends of the edges (R, k, 2), and the simplex or cube of each row (R,), ascending.
         """
         owner = np.repeat(np.arange(len(pattern)), self.count[pattern])
         ends = np.empty((len(owner), *self.edges.shape[1:]), np.int64)
@@ -85,7 +74,7 @@ class PatternTable:
 def _look_up(
     edges: IntVolume, first: IntVector, pattern: IntVector, vertices: IntMatrix, mirrored: BoolVector, out: IntVolume,
 ) -> None:
-    """Write the rows of all simplices or cubes in vertices of the mesh."""
+    """Write the rows of all simplices or cubes as vertices of the mesh."""
     row = 0
     for i in range(len(pattern)):
         for k in range(first[pattern[i]], first[pattern[i] + 1]):
@@ -97,31 +86,16 @@ def _look_up(
 
 
 def rank_of(leaves: Leaves) -> NDArray[np.int64]:
-    """A number for each vertex that grows with the lexicographic order of positions, (V,) int64."""
+    """Number the vertices in the lexicographic order of their positions, with gaps, (V,) int64."""
     return np.ravel_multi_index(tuple(leaves.position.T), leaves.shape)
 
 
-def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Number the edges so that each one has a single point.
-
-    Parameters
-    ----------
-    leaves : Leaves
-    ends : (..., 2) int64
-        Vertices at the ends of edges, in any order, with repetitions.
-
-    Returns
-    -------
-    edges : (P, 2) int64
-        The distinct edges, the end with the lexicographically smaller position first; sorted.
-    number : (...) int64
-        Index into ``edges``.
-    """
-    return distinct_pairs(rank_of(leaves), ends)
-
-
 def distinct_pairs(rank: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find distinct pairs of vertices that have ranks (V,)."""
+    """Find the distinct edges between vertices of ranks (V,), so that each edge has a single point.
+
+    ``ends`` (.., 2) are in any order, with repetitions. Returns the edges (P, 2), sorted, each with its end of lower
+    rank first, and the number of the edge of each given pair, (..).
+    """
     flat = ends.reshape(-1, 2)
     low, high, number = (np.empty(len(flat), np.int64) for _ in range(3))
     count = np.zeros(len(rank) + 1, np.int64)
@@ -134,7 +108,7 @@ def distinct_pairs(rank: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[ND
 
 @kernel
 def _tell_apart(rank: IntVector, ends: IntMatrix, low: IntVector, high: IntVector, count: IntVector) -> None:
-    """Order the ends of each edge, and count how often each vertex is the first, one place further on."""
+    """Order the ends of each edge, and count how often each vertex comes first, in the entry after its own."""
     for i in range(len(ends)):
         a, b = ends[i, 0], ends[i, 1]
         low[i], high[i] = (a, b) if rank[a] <= rank[b] else (b, a)
@@ -146,9 +120,9 @@ def _number(
     low: IntVector, high: IntVector, place: IntVector, seconds: IntVector, before: IntVector, edges: IntMatrix,
     number: IntVector,
 ) -> int:
-    """Number the edges in the order of their ends; returns how many there are.
+    """Number the edges in the order of their ends; returns their count.
 
-    ``seconds`` has room for the second ends of each vertex from its ``place`` on, -1 where none is: a vertex has few.
+    ``seconds`` has room for the second ends of each vertex, which are few, from its ``place`` on, initially -1.
     ``before`` becomes the number of each vertex's first edge.
     """
     for i in range(len(low)):
@@ -175,7 +149,7 @@ def _number(
 
 
 def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`ratios_at` of edges that are sorted, as those of `distinct_edges`."""
+    """`ratios_at` of edges that are sorted, as those of `distinct_pairs`."""
     keys, stated = (some @ (len(leaves.position), 1) for some in (edges, leaves.edges))
     number = np.minimum(np.searchsorted(keys, stated), len(keys) - 1)
     return ratios_at(leaves, edges, np.where(keys[number] == stated, number, -1) if len(keys) else number)
@@ -184,12 +158,11 @@ def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.fl
 def ratios_at(
     leaves: Leaves, edges: NDArray[np.integer], number: NDArray[np.int64], parts: bool = True
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Crossings as fractions of the way from the first ends of the edges, (P,) float64, and the parts in which they are
-    known to lie, (P, 2) float64: no rows unless these are asked for by ``parts``.
+    """Compute crossings as fractions from the first ends of the edges, (P,), and the ranges that contain them, (P, 2).
 
-    By offset, or where linear interpolation meets the isovalue, or else in the middle. Estimates of values may lie on
-    the wrong side of the isovalue: then the point is the nearer end of the edge. ``number`` numbers the edges that
-    carry an offset, -1 for the others.
+    They come from the offset of an edge, or linear interpolation, or else lie in the middle. Where estimates of values
+    lie on the wrong side of the isovalue, the point is the nearer end of the edge. ``number`` is the edge of each
+    offset, or -1. Without ``parts``, the ranges have no rows.
     """
     ratio = np.full(len(edges), 0.5)
     part = np.tile((0.0, 1.0), (len(edges) if parts else 0, 1))
@@ -206,9 +179,9 @@ def ratios_at(
 
 
 def linear_ratio(leaves: Leaves, edges: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Crossings by linear interpolation, as fractions from the first ends, (P,) float64; NaN where it places none.
+    """Interpolate crossings linearly, as fractions from the first ends, (P,) float64; NaN where that is undefined.
 
-    Equal estimates at both ends, and differences that overflow, do not determine the place.
+    Equal estimates at both ends, and differences that overflow, do not determine a crossing.
     """
     if leaves.value is None:
         return np.full(len(edges), np.nan)
@@ -218,29 +191,16 @@ def linear_ratio(leaves: Leaves, edges: NDArray[np.integer]) -> NDArray[np.float
     return np.where(np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear), linear, np.nan)
 
 
-def edge_points(leaves: Leaves, edges: NDArray[np.integer], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points on edges, (P, n) float64."""
-    out = np.empty((len(edges), len(leaves.shape)))
-    enter_points(leaves.vertex, edges.astype(np.int32, copy=False), ratio, out)
-    return out
-
-
 @inlined
 def place_on(vertex, edges, ratio, i, axis):
-    """Coordinate of the point on an edge, so far along it from its first end."""
+    """Coordinate of a point on an edge, at its ratio from the first end."""
     low, high = np.int64(vertex[edges[i, 0], axis]), np.int64(vertex[edges[i, 1], axis])
     return low + ratio[i] * (high - low)
 
 
 @kernel
 def enter_points(vertex: Int32Matrix, edges: Int32Matrix, ratio: FloatVector, out: FloatMatrix) -> None:
-    """Enter the points (P, n) so far along edges from their first ends."""
+    """Enter the points (P, n) on edges, at their ratios from the first ends."""
     for i in range(len(edges)):
         for axis in range(out.shape[1]):
             out[i, axis] = place_on(vertex, edges, ratio, i, axis)
-
-
-def edge_ends(leaves: Leaves, edges: NDArray[np.integer]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions of both ends of edges, two (P, n) float64."""
-    low, high = (leaves.position[edges[:, i]].astype(np.float64) for i in (0, 1))
-    return low, high

@@ -1,8 +1,8 @@
-"""Tables of the full grid: what passes through a unit cell, for each pattern of the signs of its corners.
+"""Tables of the full grid: the pieces in a unit cell for each pattern of the signs of its corners.
 
 A cell is seen from x0: bit a of corner c is set if the corner differs from x0 along axis a, so that x0 is
 corner 0 and xn the last one. The n! simplices of the cell are the paths from the first to the last, one axis at a
-time. All tables are generated from these, none is typed in.
+time. All tables are generated from these.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class CubeTable:
     fans : PatternTable
         n = 3: sides, in pairs of edges, of the one polygon of a cell that needs a point in its middle.
     mixed : (patterns,) int64
-        How many simplices of the cell are mixed.
+        Number of mixed simplices of the cell.
     needed : (patterns,) int64
-        Corners that these have, as bits.
+        Corners of these simplices, as bits.
     """
 
     cells: PatternTable

@@ -16,14 +16,14 @@ from .full_grid import draw_grid
 from .leaves import Leaves
 from .separation import apart
 from .simplices import draw_simplices
-from .smoothing import smoothed
+from .smoothing import evened
 
 _SMOOTHED = 260
 """Bytes that smoothing takes for each point."""
 
 
 def unlimited(size: int) -> None:
-    """There is room for any drawing."""
+    """Accept a drawing of any size."""
 
 
 def draw(
@@ -36,30 +36,11 @@ def draw(
     two (Lewiner et al. 2004), with one point on each crossed edge of the mesh. Parts in unit cells with missing corners
     (``leaves.whole``) are omitted.
 
-    Parameters
-    ----------
-    leaves : Leaves
-        Mixed leaves of one isovalue in 2 or 3 dimensions.
-    complete : bool
-        Whether everything that belongs to these leaves has been received; copied to the result.
-    smooth : int
-        Rounds in which points move within the parts of edges in which they are known to lie (spec clause 9.10).
-    measured : bool
-        Leave points at ends of edges, where samples equal the isovalue: an encoder measures distances from there.
-        Otherwise they are moved into their edges (`isocodec.drawing.separation.apart`).
-    check : callable
-        Is given the bytes that are needed beside those of a drawing that is neither smoothed nor cut, before they are
-        taken, and raises an error if that is too much.
-
-    Returns
-    -------
-    Contour
-        Coordinates in samples, with axes in the order of the array. Orientation: see `Contour`.
-
-    Raises
-    ------
-    OptionError
-        If the field does not have 2 or 3 axes.
+    Points move within the parts of their edges in ``smooth`` rounds (spec clause 9.10). An encoder, which measures
+    distances from points where samples equal the isovalue, leaves them at the ends of edges (``measured``); otherwise
+    they are moved into their edges (`isocodec.drawing.separation.apart`). ``check`` is called with the bytes that
+    smoothing and cutting need, and raises an error if they are too many. Raises `OptionError` unless the field has 2 or
+    3 axes.
     """
     return _drawn(leaves, complete, smooth, measured, check)[0]
 
@@ -67,14 +48,9 @@ def draw(
 def draw_with_ends(
     leaves: Leaves, *, complete: bool = True, check: Check = unlimited
 ) -> tuple[Contour, NDArray[np.int64]]:
-    """Draw as `draw` does, and also return the samples between which the first points lie.
+    """Draw as `draw` does, and also return the samples (E, 2, n) between which the first E points lie.
 
-    Returns
-    -------
-    Contour
-    (E, 2, n) int64
-        Ends of the edges of the first E points; other points lie inside cells, or where pieces were cut at missing
-        samples.
+    Other points lie inside cells, or where pieces were cut at missing samples.
     """
     contour, edges = _drawn(leaves, complete, 0, False, check)
     return contour, leaves.position[edges].astype(np.int64)
@@ -83,7 +59,7 @@ def draw_with_ends(
 def _drawn(
     leaves: Leaves, complete: bool, smooth: int, measured: bool, check: Check
 ) -> tuple[Contour, NDArray[np.int32]]:
-    """The contour, and the vertices at the ends of the edges of its first points."""
+    """Draw a contour; also returns the vertices at the ends of the edges of its first points."""
     n = len(leaves.shape)
     if n not in (2, 3):
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
@@ -97,7 +73,8 @@ def _drawn(
     points[len(edges) :] = drawn.centres
     if smooth:
         check(_SMOOTHED * len(points))
-        points = smoothed(leaves, drawn._replace(part=apart(drawn.part)), points, smooth)
+        low, high = (leaves.position[edges[:, end]].astype(np.float64) for end in (0, 1))
+        points = evened(points, cells, low, high - low, drawn.ratio, apart(drawn.part), smooth)
     if leaves.whole is not None and not leaves.full:
         points, cells, kept = clipped(points, cells, tuple(leaves.shape), leaves.whole, check)
         edges = edges[kept[kept < len(edges)]]

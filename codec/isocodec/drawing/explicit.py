@@ -30,9 +30,9 @@ def surface_contour(
     points: NDArray[np.float64], values: NDArray[np.float64], triangles: NDArray[np.int64], isovalue: float,
     *, measured: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (P, 2) and segments (M, 2) of a contour of a surface over the plane, linear on its triangles (T, 3).
+    """Draw the points (P, 2) and segments (M, 2) of a contour of a surface that is linear on its triangles (T, 3).
 
-    ``measured``: points lie where values equal the isovalue, even at the ends of edges, where several fall together.
+    If ``measured``, points lie exactly where values equal the isovalue, even at ends of edges, where several coincide.
     """
     above = values > isovalue
     cells = triangles[crossed_cells(triangles, above)]
@@ -49,25 +49,10 @@ def draw_cells(
     points: NDArray[np.float64], cells: NDArray[np.int64], mirrored: NDArray[np.bool_], above: NDArray[np.bool_],
     edges: NDArray[np.int64], ratio: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Make points on edges, and cells between them.
+    """Make points (E, d) on the crossed edges of crossed cells (L, n + 1), and cells (M, n) between them.
 
-    Parameters
-    ----------
-    points : (V, d) float64
-    cells : (L, n + 1) int64
-        The crossed cells.
-    mirrored : (L,) bool
-        Which cells have the reverse of the orientation that `Contour` describes.
-    above : (V,) bool
-    edges : (E, 2) int64
-        All crossed edges of these cells, the lower vertex first.
-    ratio : (E,) float64
-        Position of the point on each edge, measured from the lower vertex.
-
-    Returns
-    -------
-    points : (E, d) float64
-    cells : (M, n) int64
+    ``mirrored`` (L,) are cells with the reverse of the orientation that `Contour` describes. ``edges`` (E, 2) have
+    their lower vertex first; ``ratio`` (E,) measures the position of the points from there.
     """
     corners = cells.shape[1]
     pattern = above[cells] @ (1 << np.arange(corners))

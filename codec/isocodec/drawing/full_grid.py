@@ -17,13 +17,13 @@ from .unit_cells import UnitCells, cells_of_leaves, cells_of_pages, differ, ente
 
 
 def draw_grid(leaves: Leaves, parts: bool = True) -> tuple[Drawn, NDArray[np.bool_]]:
-    """Draw leaves of the finest level; which of them (M,) bool are drawn. ``parts`` asks for `Drawn.part`.
+    """Draw leaves of the finest level; also returns which leaves are drawn, (M,) bool. ``parts`` asks for `Drawn.part`.
 
     A saddle (of a cell in 2-D, of a cell's face in 3-D) is resolved by the mesh: the two corners on its diagonal are
     connected. Points that are not on grid edges, in the middle of a few cells (n = 3), come last.
 
-    Cells that lack some of their mixed leaves are left out: what passes through them is not known yet. Those with
-    missing corners are drawn, as nothing.
+    Cells that lack some of their mixed leaves are left out, since their pieces are not known yet. Cells with missing
+    corners count as drawn, although they have no pieces.
     """
     grid = _Grid(leaves)
     number = grid.find(leaves.edges)
@@ -41,14 +41,14 @@ def draw_grid(leaves: Leaves, parts: bool = True) -> tuple[Drawn, NDArray[np.boo
 
 
 class _Rows:
-    """Rows of numbers, in an array that grows in place: there is no moment at which two are there."""
+    """Rows of numbers in an array that grows in place, without a second copy at any time."""
 
     def __init__(self, width: int, dtype: type[np.integer], first: int = 0) -> None:
         self.array: NDArray[Any] = np.empty((first, width), dtype)
         self.used = 0
 
     def room(self, count: int) -> NDArray[Any]:
-        """Rows behind those used, at least ``count``."""
+        """Unused rows, at least ``count``."""
         if self.used + count > len(self.array):
             self._resize(self.used + self.used // 2 + count)
         return self.array[self.used :]
@@ -65,7 +65,7 @@ class _Rows:
 class _Grid:
     """Pieces of the contour in unit cells, by the grid edges that they meet.
 
-    A grid edge is known by its lower end and its axis: looking that up in an array is faster than sorting.
+    A grid edge is identified by its lower end and its axis, which is faster to look up in an array than to sort.
 
     Attributes
     ----------
@@ -111,14 +111,13 @@ class _Grid:
         self.edges = self._met.whole()
 
     def release(self) -> None:
-        """Free what only the making of cells and `find` need."""
+        """Free what only the constructor and `find` need."""
         del self._last, self._number
 
     def _enter(
         self, table: PatternTable, cells: UnitCells, rows: _Rows, enter: Callable[..., int]
     ) -> NDArray[np.uint8]:
-        """Append the rows of a table for cells, and the edges that they are the first to meet; how many rows of each.
-        """
+        """Append the rows of a table for cells, and the edges met for the first time; returns the rows of each cell."""
         count, met = table.count[cells.pattern], self._met
         total, corners = int(count.sum()), cells.corners.shape[1]
         if total:
@@ -128,7 +127,7 @@ class _Grid:
         return count
 
     def find(self, stated: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Numbers of edges (S, 2) of the mesh among ``edges``, or -1."""
+        """Look up edges (S, 2) of the mesh among ``edges``; -1 for others."""
         out = np.empty(len(stated), np.int64)
         _find(self._last, self._number, self.edges, stated, out)
         return out
@@ -136,9 +135,9 @@ class _Grid:
 
 @inlined
 def _append(table, first, cells, number, edges, met, rows):
-    """Enter the rows of all cells as numbers of edges, which are given as these are met; returns how many were.
+    """Enter the rows of all cells as numbers of edges, numbering these as they are met; returns the number of edges.
 
-    ``number`` has that of the edge that leaves a vertex upwards along an axis, or -1.
+    ``number`` is the edge that leaves a vertex upwards along an axis, or -1.
     """
     row = 0
     for i in range(len(cells.pattern)):

@@ -47,23 +47,9 @@ def filled(
     """Make triangles that fill a loop in a plane across an axis, with the loop's orientation.
 
     Corners are cut off one by one. If none can be cut off, because the loop crosses itself, the rest is filled from a
-    point in its middle.
-
-    Parameters
-    ----------
-    loop : sequence of int
-        Indices of points.
-    points : (P, n) float64
-    axis : int
-    border : set of pairs
-        Points that are neighbours on the border of a square. No new edge joins two points on the same side of the
-        square, since the adjacent square may have the same edge.
-    number : int
-        Index of a further point.
-
-    Returns
-    -------
-    list of triangles, list of further points (one or none)
+    new point in its middle, which gets the index ``number`` and is returned, too. ``border`` holds the pairs of points
+    that are neighbours on the border of a square: no new edge joins two points on the same side of the square, since
+    the adjacent square may have the same edge.
     """
     plane = [a for a in range(points.shape[1]) if a != axis]
     place = {k: (float(points[k, plane[0]]), float(points[k, plane[1]])) for k in loop}

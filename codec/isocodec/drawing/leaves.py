@@ -1,4 +1,4 @@
-"""Input of the drawing: the mixed leaf simplices of a decoded state and all that is known of them."""
+"""Input of the drawing: the mixed leaf simplices of a decoded state, and their geometry."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Leaves:
         Samples along each axis of the sampled box.
     isovalue : float
     vertex : (V, 4) int32
-        Sample indices of the vertices, clamped onto the box, 0 along an axis that is not there; and the sign, 1 if
+        Sample indices of the vertices, clamped to the box, 0 along axes beyond n; and the sign, 1 if
         value > isovalue.
     value : (V,) float64, or None
         Estimate of the field at the vertices, NaN where nothing is known; None without geometry by values.
@@ -32,17 +32,17 @@ class Leaves:
     levels : (M,) int64
         Level of each leaf.
     full : bool
-        All leaves are of the full grid: x0 and xn are opposite corners of a unit cell, and the
-        drawing has points on grid edges only.
+        Whether all leaves are of the full grid: x0 and xn are opposite corners of a unit cell, and the drawing has
+        points on grid edges only.
     edges : (E, 2) int64
         Edges that carry an offset: the vertices at their ends, the lexicographically smaller position first.
     edge_offset : (E,) float64
         Place of the crossing as a fraction of the way from the first end, within (0, 1).
     edge_parts : (E,) int64
-        Parts that the edge is divided into; the place is the middle of one of them.
+        Number of parts of the edge; the crossing is the middle of one part.
     whole : callable, optional
-        Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All
-        do if not given.
+        Finds which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool;
+        all cells if not given.
     known : Ranks, optional
         On the full grid, once it is complete, all known vertices by position: the drawing follows from them, and
         ``simplices`` and ``levels`` may be left empty.

@@ -13,22 +13,15 @@ from ..kernel.types import UInt8Matrix, UInt8Vector
 
 _UNKNOWN = 0
 BLOCK = 1 << 20
-"""Samples that are made known together, or the rows of one index where these are more."""
+"""Samples inferred at a time, unless a single index along the first axis has more."""
 
 
 class MaskRows:
-    """Signs of all samples, out of those of known vertices, some rows along the first axis at a time.
+    """Signs of all samples, inferred from the known vertices, some rows along the first axis at a time.
 
-    A sample next to which the contour passes is known, so that any other is as its neighbours are: along each row the
-    signs go on until the next one that is known. Iterating gives arrays of bool, (rows, ..), True where value >
-    isovalue; all together they have the shape.
-
-    Parameters
-    ----------
-    shape : tuple of int
-    position : (V, n) int32
-        Sample indices of the known vertices; (0, .. 0) is one of them.
-    above : (V,) bool
+    All samples next to the contour are known, so that any other has the sign of its neighbours: along each row, signs
+    extend to the next known one. Iterating gives arrays of bool, (rows, ..), True where value > isovalue. ``position``
+    (V, n) are the sample indices of the known vertices, including (0, .. 0), and ``above`` (V,) their signs.
     """
 
     def __init__(self, shape: tuple[int, ...], position: NDArray[np.int32], above: NDArray[np.bool_]) -> None:
@@ -40,7 +33,7 @@ class MaskRows:
 
     @property
     def bytes(self) -> int:
-        """Memory that iterating takes: for each vertex, and for the rows at hand."""
+        """Memory for iterating, in bytes: for each vertex, and for the current rows."""
         return 32 * len(self._above) + 3 * min(self._rows, self.shape[0]) * self._row
 
     def whole(self) -> NDArray[np.bool_]:
@@ -71,7 +64,7 @@ class MaskRows:
 
 
 def _spread(signs: NDArray[np.uint8]) -> None:
-    """Make all signs known: along the last axis, and of rows without any, along the others."""
+    """Extend the known signs along the last axis, and to rows without any along the others."""
     rows = signs.reshape(-1, signs.shape[-1])
     _go_on(rows)
     if signs.ndim > 1:
@@ -82,7 +75,7 @@ def _spread(signs: NDArray[np.uint8]) -> None:
 
 @kernel
 def _go_on(rows: UInt8Matrix) -> None:
-    """Let the signs of each row go on, both ways from the first that is known."""
+    """Extend the signs of each row, in both directions from the first known one."""
     for i in range(len(rows)):
         sign = np.uint8(_UNKNOWN)
         for j in range(rows.shape[1]):
@@ -96,7 +89,7 @@ def _go_on(rows: UInt8Matrix) -> None:
 
 @kernel
 def _enter_heads(rows: UInt8Matrix, heads: UInt8Vector) -> None:
-    """Rows without known signs are all as their heads."""
+    """Fill rows without known signs from their heads."""
     for i in range(len(rows)):
         if rows[i, 0] == _UNKNOWN:
             rows[i] = heads[i]

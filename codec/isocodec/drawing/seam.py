@@ -11,22 +11,7 @@ from numpy.typing import NDArray
 def joined(
     points: NDArray[np.float64], cells: NDArray[np.int64], shape: Sequence[int], axes: Sequence[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Replace the points in the last plane along some axes by those in the first plane.
-
-    Parameters
-    ----------
-    points : (P, n) float64
-        Points in index coordinates.
-    cells : (M, n) int64
-    shape : sequence of int
-        Samples along each axis.
-    axes : sequence of int
-        Periodic axes.
-
-    Returns
-    -------
-    (Q, n) float64, (M, n) int64
-    """
+    """Replace the points in the last plane along periodic axes by those in the first; returns points and cells."""
     number = np.arange(len(points))
     for axis in axes:
         beside = np.delete(points, axis, axis=1)

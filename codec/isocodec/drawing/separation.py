@@ -26,7 +26,7 @@ def apart(ratio: NDArray[np.float64], out: NDArray[np.float64] | None = None) ->
 
 
 def single(points: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Round points (P, d) to single precision; those that would fall together are spread over a few steps of it."""
+    """Round points (P, d) to single precision; points that would coincide are spread over a few of its steps."""
     points = points.astype(np.float64)
     pitch = float(np.spacing(np.abs(points).max(initial=0).astype(np.float32)))
     for spread in range(_SPREAD, _ROUNDS * _SPREAD, _SPREAD):

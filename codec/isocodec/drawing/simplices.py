@@ -11,27 +11,18 @@ from numpy.typing import NDArray
 
 from ..deferred import dataclass
 from ..grid.lattice.implied import Implied, implied_edges, implied_ratio, near_ends
-from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_ratios, linear_ratio, rank_of
+from ..mesh.complex import volumes
+from .crossing import Drawn, Edge, PatternTable, distinct_pairs, edge_ratios, linear_ratio, rank_of
 from .leaves import Leaves
 
 
 def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:
-    """Cut one n-simplex between its signs.
+    """Cut an n-simplex between its signs; bit i of the pattern is set if local vertex i is above.
 
     The cut is the product of the simplex of the vertices above and that of the vertices below: its points are the
     pairs of both, its cells the monotone staircases through them. In 2-D that is one segment, in 3-D one triangle or
-    one quadrangle cut along a diagonal, which lies inside the tetrahedron and so cannot clash with a neighbour.
-
-    Parameters
-    ----------
-    n : int
-    pattern : int
-        Bit i is set if local vertex i is above.
-
-    Returns
-    -------
-    list of list of Edge
-        Cells of n edges each, oriented as in `Contour` for a simplex with det(x1 - x0, ..., xn - x0) > 0.
+    one quadrangle cut along a diagonal, which lies inside the tetrahedron and so cannot conflict with a neighbour.
+    Cells, of n edges each, are oriented as in `Contour` if det(x1 - x0, ..., xn - x0) > 0.
     """
     above = [i for i in range(n + 1) if pattern >> i & 1]
     below = [i for i in range(n + 1) if not pattern >> i & 1]
@@ -46,7 +37,7 @@ def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:
             i, j = (i + 1, j) if step in ups else (i, j + 1)
             piece.append((above[i], below[j]))
         middle = np.array([(corners[a] + corners[b]) / 2 for a, b in piece])
-        # Left of a segment is where det(direction, offset) > 0; behind a triangle det(side, side, offset) < 0.
+        # left of a segment det(direction, offset) > 0; on the back of a triangle det(side, side, offset) < 0
         side = np.linalg.det(np.vstack([middle[1:], corners[piece[0][0]]]) - middle[0])
         if side * (-1) ** n < 0:
             piece[:2] = piece[1::-1]
@@ -61,21 +52,20 @@ def simplex_table(n: int) -> PatternTable:
 
 
 def _pieces(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cells as the ends (M, n, 2) of the edges with their points, and their leaves (M,)."""
+    """Find the cells, as the ends (M, n, 2) of the edges of their points, and their leaves (M,)."""
     n = len(leaves.shape)
-    corners = [c[leaves.simplices].astype(np.int64) for c in leaves.position.T]
-    mirrored = _determinant([(x[:, 1:] - x[:, :1]).T for x in corners]) < 0
+    mirrored = volumes(leaves.position.astype(np.int64)[leaves.simplices]) < 0
     pattern = leaves.above[leaves.simplices] @ (1 << np.arange(n + 1))
     return simplex_table(n).lookup(pattern, leaves.simplices, mirrored)
 
 
 def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> Drawn:
-    """Draw leaves of any level, one point per crossing edge: all, or those chosen, a bool each.
+    """Draw all leaves, or those ``chosen`` (bool each), of any level, with one point per crossed edge.
 
-    Where points are follows from all leaves.
+    Positions of points follow from all leaves in either case.
     """
     ends, owner = _pieces(leaves)
-    edges, cells = distinct_edges(leaves, ends)
+    edges, cells = distinct_pairs(rank_of(leaves), ends)
     ratio, part = edge_ratios(leaves, edges)
     for ring in rings(leaves, edges):
         at = np.isnan(linear_ratio(leaves, edges[ring.edge]))
@@ -118,7 +108,7 @@ class Rings:
 
 
 def rings(leaves: Leaves, edges: NDArray[np.int64]) -> Iterator[Rings]:
-    """Implied edges among those of a drawing, which are sorted; what some follow from before them (spec clause 9.5)."""
+    """Find the implied edges of a drawing among its sorted edges, in order of dependence (spec clause 9.5)."""
     vertices = len(leaves.position)
     keys = edges[:, 0] * vertices + edges[:, 1]
     rank = rank_of(leaves)
@@ -128,14 +118,3 @@ def rings(leaves: Leaves, edges: NDArray[np.int64]) -> Iterator[Rings]:
         low, high = np.where(swap, some.ring, near), np.where(swap, near, some.ring)
         edge = np.searchsorted(keys, some.edges[:, 0] * vertices + some.edges[:, 1])
         yield Rings(edge, np.searchsorted(keys, low * vertices + high), swap, some, leaves.above)
-
-
-def _determinant(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Determinants of many small matrices; ``rows[i][j]`` is the array of the entries (i, j)."""
-    if len(rows) == 1:
-        return rows[0][0]
-    total = np.zeros_like(rows[0][0])
-    for j, entry in enumerate(rows[0]):
-        minor = _determinant([np.delete(row, j, axis=0) for row in rows[1:]])
-        total += (-1) ** j * entry * minor
-    return total

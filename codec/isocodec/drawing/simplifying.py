@@ -109,16 +109,12 @@ def simplified(contours: Sequence[Contour], distance: float | str) -> Simplified
     for contour, given in zip(whole, contours, strict=True):
         flat = np.concatenate([np.zeros(0, np.int64), *map(np.asarray, contour.walks)]).astype(np.int64)
         part = kept[(kept >= begin) & (kept < begin + len(flat))]
-        out.append(_with(replace(given, points=contour.points), flat[part - begin], lines.owner[part]))
+        used, number_of = np.unique(flat[part - begin], return_inverse=True)
+        line = lines.owner[part]
+        cells = np.stack([number_of[:-1], number_of[1:]], axis=1)[line[:-1] == line[1:]]
+        out.append(replace(given, points=contour.points[used], cells=cells.astype(np.int64)))
         begin += len(flat)
     return Simplified(out, farthest, unit, len(places), len(kept))
-
-
-def _with(contour: Contour, walk: Numbers, line: Numbers) -> Contour:
-    """The contour with only the points of a walk through all of its lines."""
-    used, number = np.unique(walk, return_inverse=True)
-    cells = np.stack([number[:-1], number[1:]], axis=1)[line[:-1] == line[1:]]
-    return replace(contour, points=contour.points[used], cells=cells.astype(np.int64))
 
 
 def _on_ground(contour: Contour, places: Points, first: Numbers, distance: str) -> Points:
@@ -156,14 +152,9 @@ def _kept(lines: _Lines, distance: float) -> Numbers:
 
 
 class _Pieces:
-    """Straight pieces from each point that stays to the next one of its line, by the number of the first.
+    """Straight pieces from each kept point (K,) to the next one of its line, numbered by the first.
 
-    Parameters
-    ----------
-    lines : _Lines
-    owner : (P,) int64
-        The line of each point.
-    kept : (K,) int64
+    ``owner`` (P,) is the line of each point.
     """
 
     def __init__(self, lines: _Lines, owner: Numbers, kept: Numbers) -> None:

@@ -1,8 +1,7 @@
-"""Smoothing: points move within the parts of edges that a file states, to where the curve bends as evenly as possible.
+"""Smoothing: points move within the parts of edges that a file states, so that the curve bends evenly.
 
-The middle of a part is right in the mean, but makes steps of what is smooth. Here each point goes along its edge until
-it bends away from its neighbours as much as these do from theirs, and no farther than to the end of its part
-(spec clause 9.10).
+The middle of a part is right on average, but turns smooth curves into steps. Each point moves along its edge until the
+curve bends there as much as at its neighbours, but not beyond the end of its part (spec clause 9.10).
 """
 
 from __future__ import annotations
@@ -15,20 +14,18 @@ from numpy.typing import NDArray
 
 from ..kernel import kernel, record
 from ..kernel.types import FloatMatrix, FloatVector, IntMatrix
-from .crossing import Drawn, edge_ends
-from .leaves import Leaves
 
 ROUNDS = 6
-"""Default number; more come nearer where a field is smooth, and get farther where it is rough."""
+"""Default number of rounds; more bring points closer where a field is smooth, and farther where it is rough."""
 MOST_ROUNDS = 64
 SMOOTHING = "smoothing"
-"""Name of the note with the rounds that a file asks for."""
+"""Note with the number of rounds that a file asks for."""
 STEP = 0.5
-"""Share of the way that a point goes in a round; with more than that, points on a straight line swing."""
+"""Share of its way that a point moves in a round; with more, points on a straight line oscillate."""
 NEAR = 1 / 64
-"""Share of its part that a point keeps from the ends, where points of several edges would fall together."""
+"""Margin of a point at the ends of its part, where points of several edges would coincide, as a share of it."""
 GRAZING = 1e-6
-"""Edges along which a curve runs do not determine its shape."""
+"""Squared cosine below which an edge runs along the curve, and its point stays."""
 
 
 @record
@@ -38,12 +35,11 @@ class _Ways(NamedTuple):
     Attributes
     ----------
     start, way : (P, n) float64
-        The lower ends of their edges, and the way from there to the upper ends; of points in the middles of cells
-        the way is 0.
+        Lower ends of their edges, and vectors from there to the upper ends; 0 for points in the middles of cells.
     least, most : (P,) float64
-        How far along its edge each may go; the same of points that stay.
+        Bounds of the ratio; equal for points that stay.
     ratio : (P,) float64
-        How far along its edge each is.
+        Position of each point along its edge.
     """
 
     start: FloatMatrix
@@ -54,7 +50,7 @@ class _Ways(NamedTuple):
 
 
 def rounds_of(notes: Mapping[str, str], smooth: bool | None = None) -> int:
-    """Rounds of a drawing: by default those of a file's notes (spec clause 3.7.2), 0 if they ask for none."""
+    """Number of rounds of a drawing: by default that in the notes of a file (spec clause 3.7.2), or 0."""
     if smooth is not None and not smooth:
         return 0
     text = notes.get(SMOOTHING, "")
@@ -62,22 +58,14 @@ def rounds_of(notes: Mapping[str, str], smooth: bool | None = None) -> int:
     return int(text) if stated else ROUNDS if smooth else 0
 
 
-def smoothed(
-    leaves: Leaves, drawn: Drawn, points: NDArray[np.float64], rounds: int = ROUNDS
-) -> NDArray[np.float64]:
-    """Points (P, n) of a drawing, moved along their edges; those in the middles of cells follow their neighbours."""
-    low, high = edge_ends(leaves, drawn.edges)
-    return evened(points, drawn.cells, low, high - low, drawn.ratio, drawn.part, rounds)
-
-
 def evened(
     points: NDArray[np.float64], cells: NDArray[np.int64], low: NDArray[np.float64], along: NDArray[np.float64],
     where: NDArray[np.float64], part: NDArray[np.float64], rounds: int,
 ) -> NDArray[np.float64]:
-    """Points (P, n) of cells (M, n), moved along edges, those in the middles of cells, which come last, with them.
+    """Move points (P, n) of cells (M, n) along edges; those in the middles of cells, which come last, follow.
 
-    Edges go from ``low`` (E, n) along ``along`` (E, n); points lie ``where`` (E,) on them, and may go from
-    ``part[:, 0]`` to ``part[:, 1]``.
+    Edges run from ``low`` (E, n) along ``along`` (E, n); points lie at ``where`` (E,) on them, and stay between
+    ``part[:, 0]`` and ``part[:, 1]``.
     """
     count = len(points) - len(low)
     start = np.concatenate([low, points[len(low) :]])
@@ -100,7 +88,7 @@ def evened(
 
 
 def normals(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Unit normals (P, n) at points, the mean of those of their cells by length or area; 0 where that is none."""
+    """Compute unit normals (P, n) at points, the mean over their cells by length or area; 0 where that vanishes."""
     total, normal, count = np.zeros_like(points), np.zeros_like(points), np.zeros(len(points))
     _gather(points, cells, total, normal, count)
     _bend(points, total, count, normal, np.empty(len(points)))
@@ -109,7 +97,7 @@ def normals(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np
 
 @kernel
 def _gather(points: FloatMatrix, cells: IntMatrix, total: FloatMatrix, normal: FloatMatrix, count: FloatVector) -> None:
-    """Sum for each point its neighbours, their number, and the normals of its cells by length or area."""
+    """Sum up, for each point, its neighbours, their number, and the normals of its cells by length or area."""
     n = points.shape[1]
     for i in range(len(cells)):
         if n == 2:
@@ -137,7 +125,7 @@ def _gather(points: FloatMatrix, cells: IntMatrix, total: FloatMatrix, normal: F
 
 @kernel
 def _bend(points: FloatMatrix, total: FloatMatrix, count: FloatVector, normal: FloatMatrix, bend: FloatVector) -> None:
-    """Distance of the middle of its neighbours in front of each point, along the normal, which becomes of length 1."""
+    """Distance of the mean of a point's neighbours from it, along the normal, which is normalised."""
     n = points.shape[1]
     for i in range(len(points)):
         bend[i] = 0
@@ -153,7 +141,7 @@ def _bend(points: FloatMatrix, total: FloatMatrix, count: FloatVector, normal: F
 
 @kernel
 def _around(cells: IntMatrix, bend: FloatVector, around: FloatVector) -> None:
-    """Sum what `_bend` yields for the neighbours of each point."""
+    """Sum up the bends of the neighbours of each point."""
     n = cells.shape[1]
     for i in range(len(cells)):
         for j in range(n):
@@ -167,7 +155,7 @@ def _move(
     points: FloatMatrix, ways: _Ways, total: FloatMatrix, count: FloatVector, normal: FloatMatrix, bend: FloatVector,
     around: FloatVector,
 ) -> None:
-    """One step of each point along its edge; ends of open curves (n = 2), with one neighbour, stay."""
+    """Move each point a step along its edge; ends of open curves (n = 2), with one neighbour, stay."""
     n = points.shape[1]
     way, ratio = ways.way, ways.ratio
     for i in range(len(points)):

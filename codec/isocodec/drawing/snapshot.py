@@ -22,7 +22,7 @@ from .rows import MaskRows
 
 
 def state_of(tube: Tube) -> Decoded:
-    """Everything that is known, in canonical order (spec annex C)."""
+    """List the decoded state in canonical order (spec annex C)."""
     st, est = tube.state, tube.estimates
     count = int(st.counters.vertices)
     position = st.vertex[:count, : tube.n].astype(np.int64)
@@ -56,13 +56,13 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
 
 
 _DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 160, 24), (3, False): (60, 360, 40)}
-"""Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
+"""Most bytes of a drawing for each vertex, leaf and stated edge, by dimension and whether on the full grid."""
 _PLACED = {2: 120, 3: 135}
-"""Bytes for each leaf of the full grid if the file states where the curve crosses each edge."""
+"""Most such bytes for each leaf of the full grid if the file states every crossing."""
 _UNLISTED = {2: (70, 44, 24), 3: (8, 82, 24)}
-"""Bytes of each where leaves are not listed."""
+"""Most such bytes for each where leaves are not listed."""
 _CORNERS, _CHILDREN = 8, 16
-"""Most corners that a diamond makes known, and most children that it has."""
+"""Most corners that a diamond adds, and most children of a diamond."""
 
 
 def _complete(tube: Tube) -> bool:
@@ -71,7 +71,7 @@ def _complete(tube: Tube) -> bool:
 
 
 def drawing_bytes(tube: Tube, listed: bool = False) -> int:
-    """Most memory, in bytes, that `leaves_of` and the drawing take, including the result."""
+    """Most memory of `leaves_of` and the drawing, including the result, in bytes."""
     est = tube.estimates
     numbers = numbers_bytes(tube.state)
     if not listed and _complete(tube):
@@ -83,7 +83,7 @@ def drawing_bytes(tube: Tube, listed: bool = False) -> int:
     vertices, leaves = tube.vertices, tube.simplices if tube.settled else drawn_leaves(tube.state)
     coded = int(tube.state.counters.coded)
     if coded:
-        # diamonds of a round that goes on are bisected in a copy
+        # diamonds of an unfinished round are bisected in a copy
         vertices, leaves = vertices + _CORNERS * coded, leaves + _CHILDREN * coded
     rows = est.bytes_to_list(tube.state) if tube.settled else 0
     return numbers + rows + vertex * vertices + leaf * leaves + edge * len(est.edges)
@@ -93,10 +93,10 @@ def leaves_of(
     tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]], holes: Holes | None = None,
     listed: bool = True,
 ) -> Leaves:
-    """Everything that drawing needs; ``value_of(number, above)`` converts numbers of steps to field values.
+    """Collect what drawing needs; ``value_of(number, above)`` converts numbers of steps to field values.
 
-    ``holes`` are those of a mask that was not used in coding the tube. Unless ``listed``, simplices of the full grid
-    are left out once it is complete: the drawing follows from the known vertices.
+    ``holes`` come from a mask that was not used in coding the tube. Unless ``listed``, simplices of the complete full
+    grid are left out, since the drawing follows from the known vertices.
     """
     holes = holes or tube.holes
     st, est = tube.drawn_state(), tube.estimates

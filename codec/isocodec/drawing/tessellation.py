@@ -1,6 +1,6 @@
 """The mesh itself: simplices with their levels, vertices with their signs; the whole mesh, or only its crossed part.
 
-The mesh of a decoded state consists of the uniform mesh of a level and a set of further vertices, closed under parents
+The mesh of a decoded state consists of the uniform mesh of a level and a set of more vertices, closed under parents
 (spec clause 4.7). It is reconstructed by bisecting from the root cube (clauses 4.1, 4.2).
 """
 
@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from ..deferred import dataclass
 from ..field.placement import Placement
+from ..mesh.complex import volumes
 
 _KEY_BITS = 63
 """Number of bits of the key of a lattice point, divided equally among its coordinates."""
 _SIMPLEX = 300
-"""Most memory, in bytes, that bisecting, inferring signs and the mesh itself take for each simplex."""
+"""Most memory for bisecting, inferring signs and the mesh itself, in bytes per simplex."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,17 +64,9 @@ def tessellated(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Make vertices (V, n) in lexicographic order, simplices (M, n + 1) and levels (M,) of a mesh that fills the grid.
 
-    Parameters
-    ----------
-    shape : tuple of int
-    exponent : int
-        The root cube has the edge ``2**exponent``.
-    level : int
-        Level up to which the mesh is uniform.
-    explicit : (W, n) int64
-        Unclamped positions of the vertices beyond that level.
-    check : callable
-        Called with the number of bytes that the mesh takes so far; raises an error if they are too many.
+    The root cube has the edge ``2**exponent``. The mesh is uniform up to ``level``; ``explicit`` (W, n) are the
+    unclamped positions of the vertices beyond. ``check`` is called with the bytes of the mesh so far, and raises an
+    error if they are too many.
     """
     n = len(shape)
     inside = np.sort(_keys(explicit))
@@ -97,7 +90,7 @@ def tessellated(
             ]
         )
         # simplices without volume inside the grid have no parts with volume (clause 4.6)
-        growing = growing[_volumes(np.minimum(growing, last)) != 0]
+        growing = growing[volumes(np.minimum(growing, last)) != 0]
     corners = np.concatenate([simplices for simplices, _ in done])
     levels = np.concatenate([np.full(len(simplices), here) for simplices, here in done])
     keys, cells = np.unique(_keys(corners.reshape(-1, n)), return_inverse=True)
@@ -117,7 +110,7 @@ def compact(
 def oriented(points: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Exchange the last two vertices of simplices with negative volume."""
     out = cells.copy()
-    turned = _volumes(points[cells]) < 0
+    turned = volumes(points[cells]) < 0
     out[turned, -2:] = out[turned, :-3:-1]
     return out
 
@@ -128,18 +121,9 @@ def inferred(
 ) -> NDArray[np.bool_]:
     """Infer the signs of all vertices of a mesh from the known ones (spec clause 5.5.4).
 
-    All simplices that the curve crosses have known vertices, so that the vertices of each other simplex have the same
-    sign.
-
-    Parameters
-    ----------
-    points : (V, n) int64
-        Vertices in lexicographic order.
-    cells : (M, n + 1) int64
-    known : (K, n) int64
-        Positions of the known vertices; ``above`` (K,) are their signs.
-    origin_above : bool
-        The sign to use if nothing is known.
+    All simplices that the curve crosses have known vertices, so that the vertices of any other simplex have one sign.
+    ``points`` (V, n) are in lexicographic order; ``known`` (K, n) are the positions of the known vertices, ``above``
+    (K,) their signs. If nothing is known, all have the sign of the origin.
     """
     keys = _keys(points)
     sign = np.full(len(points), -1, np.int8)
@@ -166,14 +150,6 @@ def _roots(n: int, exponent: int) -> NDArray[np.int64]:
         steps[range(1, n + 1), order] = 1
         paths.append(np.cumsum(steps, axis=0) << exponent)
     return np.array(paths)
-
-
-def _volumes(corners: NDArray[np.int64]) -> NDArray[np.int64]:
-    """n! times the signed volume of simplices (M, n + 1, n)."""
-    a = corners[:, 1:] - corners[:, :1]
-    if a.shape[2] == 2:
-        return np.asarray(a[:, 0, 0] * a[:, 1, 1] - a[:, 0, 1] * a[:, 1, 0])
-    return np.asarray((a[:, 0] * np.cross(a[:, 1], a[:, 2])).sum(axis=1))
 
 
 def _keys(position: NDArray[np.int64]) -> NDArray[np.int64]:

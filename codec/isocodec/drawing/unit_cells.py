@@ -1,4 +1,4 @@
-"""Unit cells of the full grid that a contour passes through: from all known vertices, or from a list of leaves."""
+"""Unit cells of the full grid that a contour crosses: from all known vertices, or from a list of leaves."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..kernel.types import BoolVector, Int32Matrix, Int32Vector, IntMatrix, IntV
 from .cube import CubeTable
 
 PIECE = 1 << 14
-"""Cells that are drawn at a time."""
+"""Cells drawn at a time."""
 
 
 @record
@@ -25,7 +25,7 @@ class UnitCells(NamedTuple):
     Attributes
     ----------
     pattern : (C,) uint8
-        Signs of their corners as bits, seen from x0; while cells are found, how many mixed leaves each has.
+        Signs of their corners as bits, seen from x0; during the search, the number of mixed leaves.
     corners : (C, 2**n) int32
         Vertices, from x0 on (see `isocodec.drawing.cube`); -1 where none is known.
     upper : (C,) uint8
@@ -38,15 +38,15 @@ class UnitCells(NamedTuple):
 
     @classmethod
     def room(cls, count: int, n: int) -> UnitCells:
-        """Cells to be filled in."""
+        """Allocate cells to be filled in."""
         return cls(np.empty(count, np.uint8), np.empty((count, 2**n), np.int32), np.empty(count, np.uint8))
 
     def some(self, chosen: slice | NDArray[np.bool_]) -> UnitCells:
-        """Those of a slice or mask."""
+        """Take the cells of a slice or mask."""
         return UnitCells(self.pattern[chosen], self.corners[chosen], self.upper[chosen])
 
     def pieces(self) -> Iterator[UnitCells]:
-        """All of them, some at a time."""
+        """Yield all cells, some at a time."""
         for first in range(0, len(self.pattern), PIECE):
             yield self.some(slice(first, first + PIECE))
 
@@ -55,10 +55,9 @@ class UnitCells(NamedTuple):
 
 
 def cells_of_pages(numbers: Ranks, table: CubeTable, n: int) -> Iterator[UnitCells]:
-    """The cells between known vertices, some at a time, each time in the same arrays.
+    """Yield the cells between known vertices, some at a time, always in the same arrays.
 
-    Left out are cells with a mixed simplex of which some vertex is not known. A cell is found with the page of its
-    highest corner.
+    Cells with an unknown vertex in a mixed simplex are left out. A cell is found with the page of its highest corner.
     """
     side = SIDE[n]
     step = PIECE // side**n
@@ -81,7 +80,7 @@ def _mixed(rows, plane, row):
 
 @inlined
 def _enter_cell(local, at, upper, needed, cells, used):
-    """Enter the cell with its lowest corner at a place of ``local``, if it is to be drawn; how many there are then."""
+    """Enter the cell with its lowest corner at a place of ``local``, if it is to be drawn; returns the new count."""
     plane = len(local) == 33 * 33
     signs = known = np.int64(0)
     corners = cells.corners[np.uint64(used)]
@@ -101,9 +100,10 @@ def _enter_cell(local, at, upper, needed, cells, used):
 
 @kernel
 def _collect(numbers: Ranks, keys: IntVector, needed: IntVector, room: Surroundings, cells: UnitCells) -> int:
-    """Enter the cells of the pages with these keys; how many there are.
+    """Enter the cells of the pages with these keys; returns their number.
 
-    ``needed`` has the corners of the mixed simplices of each pattern, as bits. x0 is the corner with even indices.
+    ``needed`` is the set of corners of the mixed simplices of each pattern, as bits. x0 is the corner with even
+    indices.
     """
     rows, local = room.rows, room.local
     plane = len(local) == 33 * 33
@@ -131,9 +131,9 @@ def _collect(numbers: Ranks, keys: IntVector, needed: IntVector, room: Surroundi
 def cells_of_leaves(
     last: UInt8Vector, above: NDArray[np.bool_], simplices: NDArray[np.int64], table: CubeTable
 ) -> tuple[UnitCells, NDArray[np.bool_]]:
-    """The cells of leaves, and for each leaf whether its cell has all its mixed leaves.
+    """Find the cells of leaves, and for each leaf whether its cell has all its mixed leaves.
 
-    ``last`` has the last two bits of each coordinate of the vertices: see `enter_last_bits`.
+    ``last`` holds the last two bits of each coordinate of the vertices (`enter_last_bits`).
     """
     n = simplices.shape[1] - 1
     # both ends of a diagonal have coordinates that are all even or all odd

@@ -20,13 +20,7 @@ Window = Sequence[Sequence[float]] | NDArray[np.float64]
 
 
 def ends_of(window: Window, d: int) -> NDArray[np.float64]:
-    """Convert a window along d axes to its ends, (d, 2).
-
-    Raises
-    ------
-    OptionError
-        If it is not a valid window.
-    """
+    """Convert a window along d axes to its ends, (d, 2); raises `OptionError` if it is not valid."""
     ends = np.array(window, np.float64)
     if ends.shape != (d, 2) or not np.isfinite(ends).all() or (ends[:, 0] > ends[:, 1]).any():
         raise OptionError(
@@ -55,12 +49,9 @@ def reaching(drawn: Contour | Tessellation, window: Window) -> NDArray[np.bool_]
 def bounds_of(
     shape: Sequence[int], box: Sequence[Sequence[float]] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """First and last samples of a box, clipped to the field; those of the field if no box is given.
+    """Find the first and last samples of a box, by default all, clipped to the field.
 
-    Raises
-    ------
-    OptionError
-        If it is not a valid box, or lies outside the field.
+    Raises `OptionError` if it is not a valid box, or lies outside the field.
     """
     last = np.array(shape, np.float64) - 1
     if box is None:

@@ -1,4 +1,4 @@
-"""Coordinates that a user gives for samples: checks, and the precision to which they are stored (spec clause 9.9)."""
+"""Coordinates that a user gives for samples: checks, and the precision that they are stored with (spec clause 9.9)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Given:
     coordinates : tuple of Coordinate
         x, y (, z), with units small enough for the error.
     arrays : tuple of (s0 or 1, .., sn-1 or 1) float64
-        One array for each coordinate, with one node along each axis on which the coordinate does not depend.
+        One array for each coordinate, with one node along each axis that the coordinate does not depend on.
     needed : tuple of (s0 or 1, .., sn-1 or 1) bool
         Where coordinates matter: at nodes of unit cells without missing corners.
     """
@@ -47,17 +47,8 @@ class Given:
 def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
     """Convert coordinates x, y (, z) to arrays that broadcast to the shape of the field.
 
-    Parameters
-    ----------
-    given : sequence of n array_like
-        An array of one axis for each axis of the field, in the field's order (in the plane x runs along axis 1, in
-        space x, y, z along the axes 0, 1, 2); or x, y (, z) as arrays of n axes that broadcast to the field's shape.
-    shape : tuple of int
-
-    Raises
-    ------
-    InputError
-        If ``given`` has neither form.
+    They are given as an array of one axis for each axis of the field, in its order (in the plane x runs along axis 1,
+    in space x, y, z along the axes 0, 1, 2), or as arrays of n axes that broadcast to its shape.
     """
     n = len(shape)
     try:
@@ -103,28 +94,14 @@ def check_coordinates(
 ) -> Given:
     """Check that coordinates do not fold, and find units in which they are stored to within ``error`` cells.
 
-    Parameters
-    ----------
-    arrays : sequence of (s0 or 1, .., sn-1 or 1) float64
-        The arrays that `arrays_of` returns.
-    shape : tuple of int
-        Shape of the field.
-    gone : (s0, .., sn-1) bool, optional
-        Which samples are missing; cells with a missing corner do not count.
-    periods : sequence of float
-        Period of each coordinate; 0 if it is not periodic.
-    error : float
-        Largest error, in cells.
-    periodic : sequence of int
-        Axes whose last plane repeats the first one.
-
-    Raises
-    ------
-    InputError
-        If a coordinate that matters is not finite, if axes are not strictly increasing or decreasing, or if cells fold.
+    ``gone`` marks missing samples; cells with a missing corner do not count. The period of a coordinate is 0 if it has
+    none. ``periodic`` lists the axes whose last plane repeats the first one. Raises `InputError` if a coordinate that
+    matters is not finite, if axes are not strictly increasing or decreasing, or if cells fold.
     """
     whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
-    used = np.ones(shape, np.bool_) if gone is None else _touched(whole, shape)
+    used = np.full(shape, gone is None)  # nodes of cells without missing corners
+    for corner in product((0, 1), repeat=len(shape)):
+        used[tuple(slice(c, c + size) for c, size in zip(corner, whole.shape, strict=True))] |= whole
     needed: list[NDArray[np.bool_]] = []
     for name, array in zip("xyz", arrays, strict=False):
         flat = tuple(axis for axis, count in enumerate(array.shape) if count == 1)
@@ -167,14 +144,6 @@ def whole_cells(gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return out
 
 
-def _touched(whole: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Nodes of cells without missing corners."""
-    out = np.zeros(shape, np.bool_)
-    for corner in product((0, 1), repeat=len(shape)):
-        out[tuple(slice(c, c + size) for c, size in zip(corner, whole.shape, strict=True))] |= whole
-    return out
-
-
 def steps_along(array: Array, axis: int, period: float) -> Array:
     """Differences of neighbours along an axis, up to the period."""
     steps = np.diff(array, axis=axis)
@@ -208,30 +177,21 @@ def folds(
     arrays: Sequence[Array], shape: tuple[int, ...], gone: NDArray[np.bool_] | None, periods: Sequence[float],
     error: float,
 ) -> tuple[int, NDArray[np.bool_]] | None:
-    """Find samples without which no cell folds or all but vanishes, if few cells do.
+    """Find the few samples without which no cell folds or all but vanishes.
 
-    Parameters
-    ----------
-    arrays, shape, gone, periods, error
-        As of `check_coordinates`.
-
-    Returns
-    -------
-    int, (s0, .., sn-1) bool
-        How many cells fold, and a sample of each; None if none does, or more than `MOST_FOLDS` of them.
+    Takes what `check_coordinates` takes. Returns how many cells fold, and a mask with a sample of each; None if no cell
+    folds, or more than `MOST_FOLDS` do.
     """
     whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
     bad = np.zeros(whole.shape, np.bool_)
-    turned, n = 0, len(arrays)
+    n = len(arrays)
     finest = []
     for array, period in zip(arrays, periods, strict=True):
         most = MOST_PERIOD / period if period else MOST_UNITS / (float(np.ptp(array[np.isfinite(array)])) or 1.0)
         finest.append(most * error / (2 * n * PARTS))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for size, columns in _corners(arrays, periods, whole.shape):
-            up = np.count_nonzero(whole & (size > 0))
-            turned = turned or (1 if 2 * up >= np.count_nonzero(whole) else -1)
-            bad |= size * turned <= 0
+        for size, columns in _corners(arrays, periods, whole):
+            bad |= size <= 0
             for column, least in zip(columns, finest, strict=True):
                 bad |= column > least
     bad &= whole
@@ -256,34 +216,27 @@ def folds(
 
 
 def _corners(
-    arrays: Sequence[Array], periods: Sequence[float], shape: tuple[int, ...]
+    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_]
 ) -> Iterator[tuple[Array, list[Array]]]:
-    """At each corner of all cells their size, and for each coordinate the cells by a unit of it."""
-    n = len(arrays)
-    steps = [
-        [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
-        for array, period in zip(arrays, periods, strict=True)
-    ]
-    for corner in product((0, 1), repeat=n):
-        j = [[at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
+    """At each corner of all cells their size, positive for most, and for each coordinate the cells by a unit of it."""
+    n, turned = len(arrays), 0
+    for j in steps_at_corners(arrays, periods):
         cofactors = [_cofactors(j[(c + 1) % n], j[(c + n - 1) % n]) for c in range(n)]
-        size = np.broadcast_to(np.asarray(sum(j[0][a] * cofactors[0][a] for a in range(n))), shape)
-        yield size, [
-            np.broadcast_to(np.sqrt(sum(part * part for part in cofactors[c])) / np.abs(size), shape) for c in range(n)
+        size = np.broadcast_to(np.asarray(sum(j[0][a] * cofactors[0][a] for a in range(n))), whole.shape)
+        turned = turned or (1 if 2 * np.count_nonzero(whole & (size > 0)) >= np.count_nonzero(whole) else -1)
+        yield size * turned, [
+            np.broadcast_to(np.sqrt(sum(part * part for part in own)) / np.abs(size), whole.shape) for own in cofactors
         ]
 
 
 def _inverse(
     arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], periodic: Sequence[int]
 ) -> list[float]:
-    """For each coordinate the most cells by a unit of it, over all corners of whole cells, none of which may fold."""
+    """For each coordinate, the most cells that one unit of it makes, over all corners of whole cells; none may fold."""
     far = [0.0] * len(arrays)
-    turned = 0
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for size, columns in _corners(arrays, periods, whole.shape):
-            up = np.count_nonzero(whole & (size > 0))
-            turned = turned or (1 if 2 * up >= np.count_nonzero(whole) else -1)
-            bad = whole & ~(size * turned > 0)
+        for size, columns in _corners(arrays, periods, whole):
+            bad = whole & ~(size > 0)
             if bad.any():
                 where = tuple(np.argwhere(bad)[0].tolist())
                 raise InputError(
@@ -296,8 +249,18 @@ def _inverse(
     return [reach or 1.0 for reach in far]
 
 
-def at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
-    """Steps along the edges of all cells that begin at a corner; 0 where a coordinate does not vary."""
+def steps_at_corners(arrays: Sequence[Array], periods: Sequence[float]) -> Iterator[list[list[Any]]]:
+    """At each corner of all cells the step of each coordinate along each axis; 0.0 where it does not vary."""
+    n = len(arrays)
+    steps = [
+        [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
+        for array, period in zip(arrays, periods, strict=True)
+    ]
+    for corner in product((0, 1), repeat=n):
+        yield [[_at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
+
+
+def _at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
     if step is None:
         return 0.0
     return step[tuple(

@@ -16,16 +16,13 @@ from .sampled import Field
 Box = Sequence[float]
 """Least x, y (, z), then largest x, y (, z)."""
 _EVEN = 1e-6
-"""Steps by which samples may lie outside of a box: coordinates are rounded."""
+"""Steps that samples may lie outside of a box, since coordinates are rounded."""
 
 
 def spans_within(placement: Placement | None, shape: Sequence[int], box: Box) -> tuple[slice, ...]:
-    """Find the samples within a box: along each axis of the field, from the first to the last of them.
+    """Find the samples within a box: the first and the last along each axis of the field.
 
-    Raises
-    ------
-    OptionError
-        If the field has no placement, the box another number of axes, or no sample is within it.
+    Raises `OptionError` if the field has no placement, the box another number of axes, or no sample is within it.
     """
     n = len(shape)
     if placement is None or not placement.placed:
@@ -74,13 +71,7 @@ def part_of(placement: Placement, spans: Sequence[slice], shape: Sequence[int]) 
 
 
 def cropped(field: Field, box: Box) -> Field:
-    """Take the part of a field within a box.
-
-    Raises
-    ------
-    OptionError
-        As `spans_within`.
-    """
+    """Take the part of a field within a box; raises `OptionError` as `spans_within` does."""
     spans = spans_within(field.placement, field.shape, box)
     assert field.placement is not None
     return replace(
@@ -92,21 +83,7 @@ def cropped(field: Field, box: Box) -> Field:
 class PartWindows:
     """A part of some samples by slices, as `isocodec.read` gives them, with those masked that equal a marker.
 
-    Parameters
-    ----------
-    whole : object with ``shape``, ``dtype`` and slices
-    spans : sequence of slice, optional
-        From where to where, along each axis.
-    nodata : float, optional
-
-    Attributes
-    ----------
-    shape : tuple of int
-    ndim : int
-    dtype : dtype
-        Truth values are uint8, bytes in native order.
-    windowed : bool
-        A `Field` keeps these as they are.
+    Truth values become uint8, bytes are in native order, and `windowed` makes a `Field` keep it as it is.
     """
 
     windowed = True

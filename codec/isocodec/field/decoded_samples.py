@@ -76,18 +76,11 @@ class DecodedSamples(Samples):
         """Find the crossings of edges along an axis, measured from their first ends."""
         first = np.minimum(low, high)
         key = np.ravel_multi_index(tuple(first.T), self.signs.shape) * low.shape[1] + axis
-        place = places_of(key, self.edges, self.places)
+        place = np.full(len(key), 0.5)
+        if len(self.edges):
+            at = np.minimum(np.searchsorted(self.edges, key), len(self.edges) - 1)
+            place = np.where(self.edges[at] == key, self.places[at], 0.5)
         return np.where(low[:, axis] <= high[:, axis], place, 1.0 - place)
-
-
-def places_of(
-    keys: NDArray[np.int64], edges: NDArray[np.int64], places: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Look up crossings of edges (K,) among the known, sorted ones; midpoints for the others."""
-    if not len(edges):
-        return np.full(len(keys), 0.5)
-    at = np.minimum(np.searchsorted(edges, keys), len(edges) - 1)
-    return np.where(edges[at] == keys, places[at], 0.5)
 
 
 def values_of_steps(

@@ -1,7 +1,8 @@
 """Values for missing samples in an encoder: a smooth continuation of the others.
 
-Decoders do not care. Curves through holes cost bytes, so that they should be short and bend little: at each scale, from
-the coarsest to the finest, missing samples begin as at the coarser one and go towards the mean of their neighbours.
+Decoders do not use them, but curves through holes cost bytes, so that they should be short and smooth: at each scale,
+from the coarsest to the finest, missing samples start from the coarser scale and move towards the mean of their
+neighbours.
 """
 
 from __future__ import annotations
@@ -15,23 +16,11 @@ from numpy.typing import NDArray
 ROUNDS = 12
 """Steps towards the mean of the neighbours, at each scale."""
 _MOST = 1e150
-"""Larger samples count as this: sums of them stay finite."""
+"""Bound to which samples are clipped, so that their sums are finite."""
 
 
 def filled_smoothly(values: NDArray[Any], gone: NDArray[np.bool_]) -> NDArray[Any]:
-    """Samples with something smooth where they are missing.
-
-    Parameters
-    ----------
-    values : (s0, .., sn-1) array of integers or floats
-    gone : (s0, .., sn-1) bool
-        Which samples are missing; not all.
-
-    Returns
-    -------
-    (s0, .., sn-1) array
-        Of the same type, within the range of the samples that are there.
-    """
+    """Fill missing samples (not all may be) smoothly, within the type and the range of the others."""
     there = values[~gone]
     smooth = np.where(gone, 0, values).astype(np.float64)
     _fill(np.clip(smooth, -_MOST, _MOST, out=smooth), gone)
@@ -39,7 +28,7 @@ def filled_smoothly(values: NDArray[Any], gone: NDArray[np.bool_]) -> NDArray[An
     if values.dtype.kind in "iu":
         found = np.rint(found)
     out = values.copy()
-    # no rounding may lead beyond what there is
+    # rounding must not leave the range
     least, most = there.min(), there.max()
     inside = (found > float(least)) & (found < float(most))
     out[gone] = np.where(found >= float(most), most, least)
@@ -64,7 +53,7 @@ def _fill(values: NDArray[np.float64], gone: NDArray[np.bool_]) -> None:
 
 
 def _coarser(values: NDArray[np.float64], gone: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Means of the samples there are in blocks of two along each axis, and which blocks have none."""
+    """Average the known samples in blocks of two along each axis; also returns which blocks have none."""
     shape = tuple((size + 1) // 2 for size in values.shape)
     total, count = np.zeros(shape), np.zeros(shape)
     for start in product((0, 1), repeat=values.ndim):
@@ -77,7 +66,7 @@ def _coarser(values: NDArray[np.float64], gone: NDArray[np.bool_]) -> tuple[NDAr
 
 
 def _relax(values: NDArray[np.float64], gone: NDArray[np.bool_]) -> None:
-    """Let missing values go towards the mean of their neighbours; at the border of the box each is its own one."""
+    """Move missing values towards the mean of their neighbours; at the border, they are their own neighbours."""
     place = np.nonzero(gone)
     last = np.array(values.shape) - 1
     around = []

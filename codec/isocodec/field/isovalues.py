@@ -26,24 +26,12 @@ _EVERY = re.compile(rf"every\s+({_NUMBER})(?:\s+from\s+({_NUMBER}))?")
 
 
 def isovalues_of(given: object, ends: Range | None = None, most: int = MAX_ISOVALUES) -> list[float]:
-    """Determine the isovalues of a file.
+    """Determine the isovalues of a file from a number, numbers, or a text.
 
-    Parameters
-    ----------
-    given : number, sequence of numbers, or str
-        As text: "every 20", all multiples of 20 within the range of the data; "every 20 from 5", the same shifted by 5.
-    ends : callable, optional
-        Finds the range of the data; called only for texts.
-    most : int
-        Largest number of isovalues; that of a file if not given.
-
-    Raises
-    ------
-    InputError
-        If an isovalue is not a number that a file can hold, or no multiple lies within the range of the data.
-    OptionError
-        If no isovalue is given, two are equal, or there are too many; or if a text is not valid, or the range is not
-        known yet.
+    "every 20" means all multiples of 20 within the range of the data, "every 20 from 5" the same shifted by 5; only for
+    these is ``ends`` called to find the range. Raises `InputError` if a file cannot hold an isovalue or no multiple
+    lies within the range, and `OptionError` for no, too many or equal isovalues, if a text is not valid, or if
+    the range is not known yet.
     """
     if isinstance(given, str):
         return list(_every(given, ends, most))
@@ -80,12 +68,8 @@ def multiples(
 ) -> tuple[float, ...]:
     """Multiples of an interval that some samples lie above and others do not, increasing: for 0.1, 0.1, 0.2, 0.3 .. .
 
-    ``low`` and ``high`` are the least and the largest sample. With an offset, multiples shifted by it.
-
-    Raises
-    ------
-    InputError
-        If no multiple lies within the range of the data, or more than ``most``.
+    ``low`` and ``high`` are the least and the largest sample. With an offset, multiples shifted by it. Raises
+    `InputError` if no multiple lies within the range of the data, or more than ``most``.
     """
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError("the data hold infinite values", code="interval", remedy="give the isovalues as numbers")
@@ -110,13 +94,7 @@ def multiples(
 
 
 def range_of(samples: NDArray[Any]) -> tuple[float, float]:
-    """Find the least and the largest of some samples.
-
-    Raises
-    ------
-    InputError
-        If the array is empty.
-    """
+    """Find the least and the largest of some samples; raises `InputError` if the array is empty."""
     if not samples.size:
         raise InputError("all samples are missing", code="missing")
     return float(samples.min()), float(samples.max())
@@ -125,10 +103,7 @@ def range_of(samples: NDArray[Any]) -> tuple[float, float]:
 def number_of(isovalue: float | None, isovalues: Sequence[float], noun: str = "isovalue") -> int:
     """Find the place of an isovalue among those of a file; 0 for None.
 
-    Raises
-    ------
-    OptionError
-        Naming those that are nearest, if it is not one of them.
+    Raises `OptionError`, naming the nearest ones, if the file does not have it.
     """
     if isovalue is None:
         return 0

@@ -31,7 +31,7 @@ class Coordinate:
     period: int = 0
 
     def counts(self, shape: Sequence[int]) -> tuple[int, ...]:
-        """Number of nodes along each axis of an array; 1 along axes on which the coordinate does not depend."""
+        """Number of nodes along each axis of an array; 1 along axes that the coordinate does not depend on."""
         return tuple(size if axis in self.axes else 1 for axis, size in enumerate(shape))
 
 
@@ -111,22 +111,8 @@ def between(
 ) -> NDArray[np.float64]:
     """Interpolate values multilinearly within cells.
 
-    Parameters
-    ----------
-    axes : sequence of int
-        Axes along which the values vary.
-    value : (s0 or 1, .., sn-1 or 1) array
-        Values at the nodes.
-    cell : (P, n) int64
-        Lowest corners of the cells.
-    along : (P, n) float64
-        Position in the cell, from 0 to 1 along each axis.
-    period : int or float
-        Period of the values; 0 if not periodic.
-
-    Returns
-    -------
-    (P,) float64
+    ``value`` has one entry along axes other than ``axes``. ``cell`` (P, n) are the lowest corners, and ``along`` (P, n)
+    the positions in the cells, from 0 to 1. The period is 0 if values are not periodic.
     """
 
     def corner(number: int) -> NDArray[Any]:

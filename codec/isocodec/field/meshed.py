@@ -48,7 +48,7 @@ class Mesh:
     progressive : bool or None
         Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show the whole curve;
         or, if False, along the curve. The default is level by level if encoder and decoder have the mesh, except for
-        isovalues of less than 1 kB that this makes more than 2 % longer; with a distance, only as far as that takes.
+        isovalues of less than 1 kB that this makes more than 2 % longer; with a distance, only if it takes that.
     crs : str or None
         Reference system of the coordinates.
     unit : str or None
@@ -79,7 +79,7 @@ class Mesh:
 
 
 def valued(points: ArrayLike, values: ArrayLike) -> NDArray[np.bool_] | None:
-    """Find which scattered points have values in all frames, (V,) bool; None if all of them have."""
+    """Find the scattered points with values in all frames, (V,) bool; None if all have."""
     found: NDArray[Any] = np.asarray(values)
     if found.dtype.kind != "f" or found.shape[-1:] != (len(np.asarray(points)),):
         return None

@@ -34,30 +34,11 @@ def missing_samples(field: Array, nodata: float | None) -> NDArray[np.bool_]:
 
 
 def filled(field: Array, gone: NDArray[np.bool_], way: str, isovalues: Sequence[float]) -> Array:
-    """Replace missing samples.
+    """Replace missing samples, keeping the type of the field.
 
-    Parameters
-    ----------
-    field : (s0, .., sn-1) array of integers or floats
-    gone : (s0, .., sn-1) bool
-        Which samples are missing.
-    way : str
-        ``"below"``: with the smallest sample or less, so that they lie below all isovalues; ``"above"``: with the
-        largest sample or more, so that they lie above all isovalues (in both cases, the curve runs around them);
-        ``"nearest"``: with the nearest valid sample.
-    isovalues : sequence of float
-
-    Returns
-    -------
-    (s0, .., sn-1) array
-        The filled field, of the same type.
-
-    Raises
-    ------
-    InputError
-        If all samples are missing, or the type has no value beyond the isovalues.
-    MissingExtraError
-        If scipy is not installed, for ``"nearest"``.
+    ``"below"`` takes the smallest sample or less, so that they lie below all isovalues, and ``"above"`` the largest or
+    more; in both cases the curve runs around them. ``"nearest"`` takes the nearest valid sample and needs scipy. Raises
+    `InputError` if all samples are missing, or the type has no value beyond the isovalues.
     """
     if not gone.any():
         return field

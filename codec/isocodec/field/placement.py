@@ -33,7 +33,7 @@ SPACES = {RAS: "RAS", LPS: "LPS"}
 """Reference systems of bodies, by the sides of these that x, y, z run to, as NRRD names them, and in short; files of
 volumes are read in the first."""
 COORDINATE_UNIT = "coordinate_unit"
-"""Name of the note with the unit of the coordinates: ``mm``, or one for each of them: ``degree degree m``."""
+"""Name of the note with the unit of the coordinates: ``mm``, or one for each coordinate: ``degree degree m``."""
 FRAME_STEP = "frame_step"
 """Name of the note with the time between two frames of a series: ``2 s``."""
 LEAST, MOST = 1e-30, 1e30
@@ -80,8 +80,7 @@ class Placement:
         Distances after which x, y (, z) are the same, 0 for never; empty if no coordinate has a period. One number is
         that of x.
     error : float or None
-        Largest distance in cells by which coordinates in a file may be off, at most `MOST_ERROR`; `DEFAULT_ERROR` if
-        None.
+        Largest error of coordinates in a file, in cells, at most `MOST_ERROR`; `DEFAULT_ERROR` if None.
     remark : str
         What the source states and is left out, and why; or nothing.
     inferred : bool
@@ -214,10 +213,7 @@ class Placement:
     def with_nodes(self, shape: Sequence[int]) -> Placement:
         """Replace the matrix by coordinates, for a field of that shape.
 
-        Raises
-        ------
-        OptionError
-            If it is that of a plane in space.
+        Raises `OptionError` if it is that of a plane in space.
         """
         if self.matrix is None:
             return self
@@ -293,10 +289,7 @@ class Placement:
     def periods_of(self, n: int) -> list[float]:
         """Periods of n coordinates x, y (, z); 0 of those that have none.
 
-        Raises
-        ------
-        OptionError
-            If there are several, and not n.
+        Raises `OptionError` if there are several, and not n.
         """
         periods = [*self.periods, *[0.0] * (n - len(self.periods))] if len(self.periods) < 2 else [*self.periods]
         if len(periods) != n:
@@ -358,10 +351,7 @@ class Placement:
     def ground(self, distance: str, shape: tuple[int, ...]) -> GroundScale:
         """Scale of the coordinates on the ground, or in degrees if the distance is in these.
 
-        Raises
-        ------
-        OptionError, MissingExtraError
-            As `cells_of`.
+        Raises `OptionError` or `MissingExtraError` as `cells_of` does.
         """
         _, unit = distance_of(distance)
         if not self.placed:
@@ -392,30 +382,6 @@ class Placement:
         return out | {key: text for key, text in more.items() if text}
 
 
-class Noted:
-    """A file with notes, among them the placement of its samples."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Samples along each axis of the field."""
-        raise NotImplementedError
-
-    @property
-    def metadata(self) -> dict[str, str]:
-        """Notes of the file."""
-        raise NotImplementedError
-
-    @property
-    def placement(self) -> Placement | None:
-        """Placement of samples, as `Contour.placement`."""
-        return read_placement(self.metadata, len(self.shape))
-
-    @property
-    def crs(self) -> str | None:
-        """Reference system of the coordinates, as the file names it."""
-        return self.metadata.get(CRS)
-
-
 def unplaced(n: int) -> Array:
     """The matrix of samples without a placement: in the plane x runs along axis 1, in space x, y, z along 0, 1, 2."""
     return np.column_stack([np.eye(n)[::-1] if n == 2 else np.eye(n), np.zeros(n)])
@@ -430,24 +396,10 @@ def closed(array: NDArray[Any], periodic: Sequence[int]) -> NDArray[Any]:
 
 
 def placement_of(given: Placement | ArrayLike | None, n: int) -> Placement | None:
-    """Normalise the placement that a user gives for a field of n axes.
+    """Normalise the placement that a user gives for a field of n axes; None stays None.
 
-    Parameters
-    ----------
-    given : Placement, or (n,), (n, n + 1) or (n + 1, n + 1) array_like
-        Numbers as `matrix_of` takes them; of a Placement the matrix is checked in the same way, and one of shape (3, 3)
-        is that of a plane in space, with a row for z.
-    n : int
-
-    Returns
-    -------
-    Placement or None
-        None if None is given.
-
-    Raises
-    ------
-    OptionError
-        As `matrix_of`.
+    Numbers are taken as by `matrix_of`, which checks the matrix of a `Placement`, too; there, one of shape (3, 3) is
+    that of a plane in space, with a row for z.
     """
     if given is None:
         return None
@@ -457,26 +409,12 @@ def placement_of(given: Placement | ArrayLike | None, n: int) -> Placement | Non
 
 
 def matrix_of(given: ArrayLike, n: int, *, in_space: bool = False) -> Array:
-    """The matrix of a placement from what a user gives.
+    """The matrix (n, n + 1) of a placement from what a user gives.
 
-    Parameters
-    ----------
-    given : (n,), (n, n + 1) or (n + 1, n + 1) array_like
-        Distances of neighbouring samples along each axis of the array; or a row for each coordinate x, y (, z): what a
-        step along each axis adds to it, and its value at sample 0. A last row of 0 .. 0 1 may follow.
-    n : int
-        Axes of the field.
-    in_space : bool
-        Whether a matrix (3, 3) for two axes is that of a plane in space, instead of one with a last row.
-
-    Returns
-    -------
-    (n, n + 1) float64; (3, 3) of a plane in space
-
-    Raises
-    ------
-    OptionError
-        If it is none of these, lays different samples on one point, or has numbers beyond `LEAST` and `MOST`.
+    That is the distance of neighbouring samples along each axis of the array; or a row for each coordinate x, y (, z):
+    what a step along each axis adds to it, and its value at sample 0. A last row of 0 .. 0 1 may follow; with
+    ``in_space``, a matrix (3, 3) for two axes is that of a plane in space instead. Raises `OptionError` for anything
+    else, if different samples lie on one point, or for numbers beyond `LEAST` and `MOST`.
     """
     try:
         matrix = np.asarray(given)

@@ -16,7 +16,7 @@ from .placement import Placement
 DEGREES = 4326
 """EPSG number of longitude and latitude on WGS 84."""
 _ROUNDED = 1e-6
-"""Degrees by which latitudes may lie beyond a pole because of rounding."""
+"""Degrees that latitudes may lie beyond a pole because of rounding."""
 Transform = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 _SHORT = 60
 _DEFINITION = re.compile(r"\s*([A-Za-z]\w*\s*\[|\{)")
@@ -66,12 +66,7 @@ def short_name(crs: str) -> str:
 
 
 def crs_text(system: Any) -> str | None:
-    """Name a reference system as files do: by its EPSG number, or else by its definition (WKT 2).
-
-    Parameters
-    ----------
-    system : pyproj.CRS, rasterio.crs.CRS or None
-    """
+    """Name a reference system of pyproj or rasterio as files do: by its EPSG number, else its definition (WKT 2)."""
     if not system:
         return None
     text = str(system.to_wkt(version="WKT2_2019"))
@@ -85,12 +80,7 @@ def crs_text(system: Any) -> str | None:
 def named_system(text: str) -> str:
     """Name the reference system that a user gives: an EPSG number, WKT, PROJJSON, or a text of PROJ.
 
-    Raises
-    ------
-    OptionError
-        If it is none.
-    MissingExtraError
-        If pyproj is not installed.
+    Raises `OptionError` if it is none, and `MissingExtraError` if pyproj is not installed.
     """
     pyproj = optional("pyproj", extra="vector", purpose="--crs")
     try:
@@ -103,14 +93,8 @@ def named_system(text: str) -> str:
 def to_degrees(system: Any) -> Transform:
     """Make a function from coordinates (P, 2 or 3) in a system of pyproj to longitude and latitude; heights stay.
 
-    Longitudes and latitudes on WGS 84 stay as they are, also beyond 180 degrees.
-
-    Raises
-    ------
-    OptionError
-        If longitudes and latitudes do not follow from the coordinates.
-    MissingExtraError
-        If pyproj is not installed.
+    Longitudes and latitudes on WGS 84 stay as they are, also beyond 180 degrees. Raises `OptionError` if longitudes and
+    latitudes do not follow from the coordinates, and `MissingExtraError` if pyproj is not installed.
     """
     pyproj = optional("pyproj", extra="vector", purpose="longitude and latitude")
     remedy = "is the placement right? .gpkg and .fgb keep the coordinates as they are"

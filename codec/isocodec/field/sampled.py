@@ -43,7 +43,7 @@ class Field:
     name : str or None
         Name of the quantity.
     labels : tuple of numbers, or None
-        The values are labels of a segmentation, and these of them are encoded; ``"all"`` takes all but 0.
+        The values are labels of a segmentation, and these labels are encoded; ``"all"`` takes all but 0.
     missing : str
         What an encoder does with missing samples: ``"hole"`` keeps them missing; ``"below"``, ``"above"`` and
         ``"nearest"`` fill them, as `isocodec.field.missing.filled` does. With labels, ``"below"`` means that missing
@@ -76,7 +76,8 @@ class Field:
         labels: Sequence[float] | str | None = None, missing: str = HOLE, notes: Mapping[str, str] | None = None,
         remarks: Sequence[str] = (),
     ) -> None:
-        check_missing(missing)
+        if missing not in MISSING:
+            raise OptionError(f"missing is {missing!r}", code="missing", remedy="one of " + ", ".join(MISSING))
         array: Any = values if getattr(values, "windowed", False) else np.asarray(values)
         gone = None if mask is None else np.asarray(mask)
         if "numpy.ma" in sys.modules and np.ma.is_masked(values):
@@ -121,7 +122,7 @@ class Field:
         self, mask: ArrayLike | None = None, placement: Placement | ArrayLike | None = None,
         metadata: Mapping[str, str] | None = None,
     ) -> tuple[NDArray[np.bool_] | None, Placement | None, dict[str, str]]:
-        """Combine the mask, placement and notes of this field with further ones.
+        """Combine the mask, placement and notes of this field with others.
 
         A mask adds missing samples; a placement, or a note of that name, replaces that of the field.
         """
@@ -132,17 +133,6 @@ class Field:
         if placement is not None:
             return gone, placement_of(placement, self.values.ndim), notes
         return gone, None if PLACEMENT in notes else self.placement, notes
-
-
-def check_missing(missing: str) -> None:
-    """Refuse unknown ways to treat missing samples.
-
-    Raises
-    ------
-    OptionError
-    """
-    if missing not in MISSING:
-        raise OptionError(f"missing is {missing!r}", code="missing", remedy="one of " + ", ".join(MISSING))
 
 
 class SpatialImage(Protocol):

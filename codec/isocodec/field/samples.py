@@ -1,4 +1,4 @@
-"""From a sampled field to what the passes ask: signs, numbers of steps, offsets of crossings (spec clause 2)."""
+"""Signs, numbers of steps and offsets of crossings from a sampled field (spec clause 2)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Samples:
     scale : float or None
         Step of the numbers; None for integers, which are their own numbers.
     gone : (s0, .., sn-1) bool, or None
-        Which samples are missing; ``values`` has something else for them. None if none is.
+        Which samples are missing, and have a substitute in ``values``; None if none is.
     """
 
     values: NDArray[Any]
@@ -48,24 +48,14 @@ class Samples:
         return self.values.dtype.kind in "iub"
 
     def numbers(self, positions: NDArray[np.integer], above: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Whole steps from the isovalue's side of each vertex's interval (spec clause 2.3).
-
-        Parameters
-        ----------
-        positions : (V, n) int
-        above : (V,) bool
-            Signs of those samples.
-
-        Returns
-        -------
-        (V,) int64
-        """
+        """Count whole steps from the isovalue (spec clause 2.3), (V,) int64, of samples (V, n) with signs (V,)."""
         samples = self.values[tuple(positions.T)]
         if self.scale is None:
             t = math.floor(self.isovalue)
-            distance = np.array([abs(int(q) - t) for q in samples.ravel()], object) if _wide(samples, t) else (
-                np.abs(samples.astype(np.int64) - t)
-            )
+            large = samples.dtype.itemsize == 8 and (np.abs(samples.astype(float)) >= 2.0**62).any()
+            wide = large or abs(t) >= 1 << 62  # differences may overflow int64
+            distance = (np.array([abs(int(q) - t) for q in samples.ravel()], object) if wide
+                        else np.abs(samples.astype(np.int64) - t))
             number = np.where(above, distance - 1, distance)
         else:
             number = _steps(samples.astype(np.float64), self.isovalue, self.scale, above)
@@ -77,7 +67,7 @@ class Samples:
         return number.astype(np.int64)
 
     def number_bits(self) -> tuple[int, int]:
-        """Bits that the numbers of all samples need, above and below the isovalue."""
+        """Count the bits that the numbers of all samples need, above and below the isovalue."""
         ends = [np.unravel_index(int(i), self.values.shape) for i in (self.values.argmax(), self.values.argmin())]
         positions = np.array(ends, np.int64)
         above = self.signs[tuple(positions.T)]
@@ -86,20 +76,9 @@ class Samples:
         return bits[0], bits[1]
 
     def crossings(self, low: NDArray[np.integer], high: NDArray[np.integer]) -> NDArray[np.int64]:
-        """Places of the crossings on edges of the mesh as binary fractions of 30 bits, by linear interpolation.
+        """Interpolate crossings of edges with ends (E, n) of different signs, as 30-bit fractions (E,) from ``low``.
 
-        An edge that is longer than a sample's distance may be crossed several times: the crossing in the middle of all
-        is taken.
-
-        Parameters
-        ----------
-        low, high : (E, n) int
-            Ends of the edges; of different signs.
-
-        Returns
-        -------
-        (E,) int64
-            From the lower ends.
+        If an edge longer than the sample spacing is crossed several times, the crossing in the middle is used.
         """
         below: NDArray[np.int64] = low.astype(np.int64)
         beyond: NDArray[np.int64] = high.astype(np.int64)
@@ -112,7 +91,7 @@ class Samples:
         return np.clip(np.floor(np.ldexp(where, OFFSET_BITS)), 0, (1 << OFFSET_BITS) - 1).astype(np.int64)
 
     def _middle_crossing(self, low: NDArray[np.int64], high: NDArray[np.int64], length: int) -> NDArray[np.float64]:
-        """Places on edges that all span ``length`` samples, as fractions."""
+        """Interpolate crossings of edges that all span ``length`` samples, as fractions."""
         rows = np.arange(len(low))
         step = np.zeros(len(low), np.int64)
         if length > 1:
@@ -128,15 +107,15 @@ class Samples:
         return (step + np.clip(self.between(low, high), 0.0, 1.0)) / length
 
     def between(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Crossings of edges between samples next to one another, as fractions (E,) of the way from the first.
+        """Interpolate crossings between adjacent samples, as fractions (E,) from the first.
 
-        Beside an infinite sample the crossing is at the finite one, as beside an ever larger one; NaN between two.
+        Next to an infinite sample, the crossing is at the finite one; it is NaN between two.
         """
         f_low = self.values[tuple(low.T)].astype(np.float64)
         f_high = self.values[tuple(high.T)].astype(np.float64)
         with np.errstate(all="ignore"):
-            # The larger end is brought between a half and 1 by a power of two: then the span of two large floats does
-            # not overflow, all bits of tiny ones stay, and what loses some is too small to count.
+            # A power of two brings the larger end between a half and 1: then the span of two large floats does not
+            # overflow, tiny ones keep all bits, and whatever loses some is too small to matter.
             exponent = np.frexp(np.maximum(np.abs(f_low), np.abs(f_high)))[1]
             at, start, end = (np.ldexp(x, -exponent) for x in (self.isovalue, f_low, f_high))
             where: NDArray[np.float64] = (at - start) / (end - start)
@@ -145,29 +124,25 @@ class Samples:
         return where
 
     def along(self, edges: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Crossings of edges between vertices of a mesh, whose values these are, by their numbers (E, 2).
+        """Interpolate crossings of edges (E, 2) between vertices of a mesh, whose values these are.
 
-        As fractions (E,) of the way from the first, in the middle where that is not known.
+        They are fractions (E,) from the first vertex, in the middle where that is undefined.
         """
         where = self.between(edges[:, :1], edges[:, 1:2])
         return np.asarray(np.clip(np.nan_to_num(where, nan=0.5), 0.0, 1.0))
 
 
 _UNSURE = 2.0**-50
-"""Quotients this near to a whole number, relative to their size, may have been rounded to it, or past it."""
+"""Relative distance from a whole number within which a quotient may have been rounded to it, or past it."""
 
 
 def _steps(
     samples: NDArray[np.float64], isovalue: float, scale: float, above: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Numbers of whole steps between an isovalue and samples, exactly: other isovalues may follow from them.
+    """Count whole steps between an isovalue and samples exactly, since other isovalues may be predicted from them.
 
-    Above, ``(isovalue, isovalue + scale]`` is number 0; below, ``(isovalue - scale, isovalue]`` is.
-
-    Raises
-    ------
-    InputError
-        If a sample is infinite.
+    Above, ``(isovalue, isovalue + scale]`` is number 0; below, ``(isovalue - scale, isovalue]`` is. Raises `InputError`
+    if a sample is infinite.
     """
     from fractions import Fraction
 
@@ -185,24 +160,11 @@ def _steps(
     return np.maximum(number, 0)
 
 
-def _wide(samples: NDArray[Any], t: int) -> bool:
-    """Whether differences may overflow int64."""
-    return abs(t) >= 1 << 62 or (samples.dtype.itemsize == 8 and bool(np.any(np.abs(samples.astype(float)) >= 2.0**62)))
-
-
 def isovalue_of(given: object) -> float:
-    """An isovalue as files hold it, in double precision.
+    """Convert an isovalue (int, float, Fraction, Decimal or numpy number) to double precision, as files hold it.
 
-    Parameters
-    ----------
-    given : int, float, Fraction, Decimal, or a number of numpy's
-        Finite. Fractions are rounded as in a program's text; whole numbers are not, and no number past one, since that
-        would move samples of integers to the other side.
-
-    Raises
-    ------
-    InputError
-        If it is not a number, not finite, or would be rounded so.
+    Raises `InputError` if it is not a finite number, or rounding would change or pass a whole number, which would move
+    integer samples to the other side.
     """
     from decimal import Decimal
     from fractions import Fraction
@@ -228,19 +190,9 @@ def isovalue_of(given: object) -> float:
 
 
 def without_holes(field: ArrayLike, mask: ArrayLike | None = None) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-    """Samples with something in place of the missing ones, and which these are, None if none is.
+    """Substitute missing samples, and return which these are, or None; `missing_of` finds them.
 
-    Parameters
-    ----------
-    field : (s0, .., sn-1) array_like
-        NaN, and what a masked array of numpy masks, is missing.
-    mask : (s0, .., sn-1) array_like of bool, optional
-        What is missing, too.
-
-    Raises
-    ------
-    InputError
-        If the mask has another shape or is not of bool, or nothing is left.
+    Raises `InputError` as that does, and if all samples are missing.
     """
     values = np.asarray(field)
     if values.dtype.kind not in "biuf":
@@ -256,12 +208,9 @@ def without_holes(field: ArrayLike, mask: ArrayLike | None = None) -> tuple[NDAr
 
 
 def missing_of(field: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bool_]:
-    """Find which samples of a field of real numbers are missing.
+    """Find which samples of a field of real numbers are missing: NaN, masked by numpy, or True in ``mask``.
 
-    Raises
-    ------
-    InputError
-        If the mask has another shape or is not of bool.
+    Raises `InputError` if the mask has another shape or is not of bool.
     """
     values = np.asarray(field)
     gone = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, np.bool_)
@@ -283,24 +232,11 @@ def missing_of(field: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bo
 def check_field(
     field: ArrayLike, isovalue: object, step: float | None = None, gone: NDArray[np.bool_] | None = None
 ) -> Samples:
-    """A field that can be encoded at an isovalue.
+    """Check that a field of bool, integers or floats with two or three axes can be encoded at an isovalue.
 
-    Parameters
-    ----------
-    field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
-    isovalue : number
-        As `isovalue_of` takes it.
-    step : float, optional
-        For float data: the largest error of values sent, more exactly twice it.
-    gone : (s0, .., sn-1) bool, optional
-        Which samples are missing, of a field that has something in place of them: `without_holes`.
-
-    Raises
-    ------
-    InputError
-        If the field or the isovalue cannot be encoded; the message gives the reason.
-    OptionError
-        If the step is not a positive number, or the data are integers.
+    For floats, ``step`` is twice the largest error of values. ``gone`` are the missing samples, which have substitutes
+    (`without_holes`). Raises `InputError` if the field or the isovalue cannot be encoded, `OptionError` if the step is
+    not a positive number, or the data are integers.
     """
     values = np.asarray(field)
     if values.dtype.kind not in "biuf":
@@ -337,16 +273,16 @@ def check_field(
 
 
 def mask_field(gone: NDArray[np.bool_]) -> Samples:
-    """The field of a mask (spec clause 5.10.1): 1 where samples are valid, 0 where they are missing."""
+    """Make the field of a mask (spec clause 5.10.1): 1 where samples are valid, 0 where they are missing."""
     valid = ~gone
     return Samples(valid.view(np.uint8), 0.5, valid)
 
 
 def interval_value(isovalue: float, scale: float | None, number: NDArray[Any], above: NDArray[Any]) -> NDArray[Any]:
-    """Field values for numbers of steps (spec clause 2.3); inverse of ``Samples.numbers``."""
+    """Convert numbers of steps to field values (spec clause 2.3); inverse of ``Samples.numbers``."""
     if scale is None:
         t = math.floor(isovalue)
         return np.where(above, t + 1 + number, t - number).astype(np.float64)
-    # a file may state any scale; an overflow to infinity is as good as no value
+    # a file may state any scale; an overflow to infinity counts as no value
     with np.errstate(over="ignore"):
         return np.where(above, isovalue + scale * (number + 0.5), isovalue - scale * (number + 0.5))

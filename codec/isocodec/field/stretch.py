@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..errors import OptionError
 from ..extras import optional
-from .coordinates import at_corner, steps_along
+from .coordinates import steps_at_corners
 from .units import DEGREE, METRES, distance_of, units_of
 
 WGS84 = (6378137.0, 6356752.314245179)
 """Half axes of the ellipsoid, in metres."""
 UNSTATED = (WGS84[0] ** 2 / WGS84[1],) * 2
-"""Radii that are at least those of any direction anywhere, for degrees of which nobody states the ellipsoid."""
+"""Radii that are at least those of any direction anywhere, for degrees on an unknown ellipsoid."""
 _WGS84 = re.compile("(EPSG:(4326|4979|4258|4269)|OGC:CRS84|CRS:84)", re.I)
 """Systems of longitudes and latitudes on that ellipsoid, or on one within a tenth of a millimetre of it."""
 SAMPLED = 17
@@ -47,10 +47,7 @@ class GroundScale:
     def factors(self, latitude: Array | None) -> list[Any]:
         """Metres of a step of one of each coordinate within each unit cell, at most.
 
-        Parameters
-        ----------
-        latitude : (s0 or 1, .., sn-1 or 1) float64, or None
-            The coordinate y at the nodes, where x and y are longitude and latitude.
+        ``latitude`` is the coordinate y at the nodes, where x and y are longitude and latitude, else None.
         """
         if self.axes is None or latitude is None:
             return [*self.metres]
@@ -68,13 +65,9 @@ class GroundScale:
         return [east * turn, north * turn, *self.metres[2:]]
 
     def of_lines(self, places: Array, first: NDArray[np.int64]) -> Array:
-        """Points of lines in metres; of longitudes and latitudes each line in a scale that is nowhere too small.
+        """Points of lines, which begin at ``first``, in metres.
 
-        Parameters
-        ----------
-        places : (P, n) float64
-        first : (L,) int64
-            First point of each line.
+        Longitudes and latitudes of each line get a scale that is nowhere too small.
         """
         if self.axes is None:
             return places * np.array(self.metres)
@@ -99,31 +92,15 @@ def largest_step(
 ) -> float:
     """The farthest that a step of a cell leads in the world, in metres, over all whole cells and directions.
 
-    Parameters
-    ----------
-    arrays : sequence of (s0 or 1, .., sn-1 or 1) float64
-        Coordinates x, y (, z).
-    periods : sequence of float
-        Of each; 0 if it is not periodic.
-    whole : (s0 - 1, .., sn-1 - 1) bool
-        Which unit cells count.
-    ground : GroundScale
-
-    Returns
-    -------
-    float
-        Within a cell, where coordinates are multilinear, nothing is farther.
+    ``whole`` (s0 - 1, .., sn-1 - 1) marks the unit cells that count. Within a cell, where coordinates are multilinear,
+    nothing is farther.
     """
     n = len(arrays)
-    steps = [
-        [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
-        for array, period in zip(arrays, periods, strict=True)
-    ]
     most = 0.0
     with np.errstate(invalid="ignore", over="ignore"):
         factors = ground.factors(arrays[1])
-        for corner in product((0, 1), repeat=n):
-            j = [[0.0 if step is None else at_corner(step, axis, corner) * factor for axis, step in enumerate(row)]
+        for steps in steps_at_corners(arrays, periods):
+            j = [[step * factor if np.ndim(step) else step for step in row]
                  for row, factor in zip(steps, factors, strict=True)]
             gram = [[sum(row[a] * row[b] for row in j) for b in range(n)] for a in range(n)]
             most = _largest(gram, whole, most)
@@ -160,25 +137,9 @@ def ground_of(
 ) -> GroundScale:
     """Find the scale of n coordinates on the ground.
 
-    Parameters
-    ----------
-    unit : str or None
-        Of the coordinates, as a placement has it.
-    crs : str or None
-    degrees : bool
-        Whether x and y are known to be longitudes and latitudes in some other way.
-    n : int
-    some : callable
-        Gives some points within the field, (P, n).
-    distance : str
-        What is converted, for errors.
-
-    Raises
-    ------
-    OptionError
-        If the unit of the coordinates is unknown.
-    MissingExtraError
-        If it takes pyproj to find out.
+    ``degrees`` states that x and y are known to be longitudes and latitudes in some other way, and ``some`` gives some
+    points (P, n) within the field. Raises `OptionError`, naming the ``distance`` that is converted, if the unit of the
+    coordinates is unknown, and `MissingExtraError` if it takes pyproj to find out.
     """
     units = units_of(unit, n)
     if crs and (found := _by_system(crs, n, some, distance)) is not None:
@@ -200,20 +161,9 @@ def ground_of(
 
 
 def in_unit(distance: str, points: Array, unit: str | None, crs: str | None) -> float:
-    """A distance in the unit of points, which is at least as far in any direction and at any of them.
+    """A distance in the unit of points, at least as long in any direction and at any point; a number alone as it is.
 
-    Parameters
-    ----------
-    distance : str
-        With a unit; a number alone is as it is.
-    points : (P, n) array
-    unit, crs : str or None
-        Of their coordinates.
-
-    Raises
-    ------
-    OptionError, MissingExtraError
-        As `ground_of`.
+    Raises the errors of `ground_of`.
     """
     number, given = distance_of(distance)
     points = np.asarray(points, np.float64)

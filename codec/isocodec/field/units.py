@@ -32,13 +32,7 @@ _DISTANCE = re.compile(r"\s*([+-]?[0-9.]+(?:[eE][-+]?[0-9]+)?|[+-]?(?:inf|nan))\
 
 
 def unit_of(text: str | None) -> str | None:
-    """A unit by the name that the rest of the package has for it: ``mm`` for ``millimeters``; None if it is unknown.
-
-    Parameters
-    ----------
-    text : str or None
-        As files and people write it: ``mm``, ``micron``, ``US survey foot``, ``degrees_east``.
-    """
+    """A unit as the package names it, from ``mm``, ``micron``, ``degrees_east`` ..; None if it is unknown."""
     name = "_".join((text or "").split()).rstrip(".")
     # symbols are told apart by case: Mm is no millimetre
     return _KNOWN.get(name) or (_KNOWN.get(name.lower()) if len(name) > _SYMBOL else None)
@@ -55,22 +49,9 @@ def units_of(text: str | None, n: int) -> list[str | None]:
 
 
 def distance_of(text: str) -> tuple[float, str]:
-    """Split a distance into number and unit; without a unit it counts cells.
+    """Split a distance (``0.5``, ``15km``, ``200um``, ``0.001deg``) into a number and the name of a unit.
 
-    Parameters
-    ----------
-    text : str
-        ``0.5``, ``15km``, ``200um``, ``3us-ft``, ``0.001deg``.
-
-    Returns
-    -------
-    tuple of float and str
-        The number, and the name of the unit as `unit_of` gives it; empty without one.
-
-    Raises
-    ------
-    OptionError
-        If it is not a distance, or the unit is unknown.
+    The name is that of `unit_of`, and empty for a distance in cells, which has no unit.
     """
     found = _DISTANCE.fullmatch(text)
     try:
@@ -92,18 +73,7 @@ def distance_of(text: str) -> tuple[float, str]:
 def converted(distance: str, unit: str | None, of: str) -> float:
     """A distance with a unit in another unit; a number alone as it is.
 
-    Parameters
-    ----------
-    distance : str
-    unit : str or None
-        As `unit_of` gives it.
-    of : str
-        What is counted in it, for the error: ``the points of the mesh``.
-
-    Raises
-    ------
-    OptionError
-        If the unit is unknown, or of another kind than that of the distance.
+    ``of`` names what is counted in it, for the error: ``the points of the mesh``.
     """
     number, given = distance_of(distance)
     if not given or given == unit:

@@ -21,7 +21,7 @@ from .places import along_axes, at_nodes
 
 SUFFIXES = (".npy", ".npz")
 _SIGNATURES = (b"\x93NUMPY", b"PK")
-"""First bytes of arrays, and of archives of them."""
+"""First bytes of arrays, and of archives of arrays."""
 VALUES = "values"
 """Name of the array that is taken if there are several and no key is given."""
 _PAIRS = (("lon", "lat"), ("longitude", "latitude"), ("rlon", "rlat"), ("nav_lon", "nav_lat"), ("x", "y"))
@@ -39,14 +39,9 @@ def check_kind(dtype: Any) -> None:
 
 
 def channel_of(count: int, band: int | None) -> int:
-    """Number, from 0, of one of so many channels, which users count from 1.
+    """Number, from 0, of one of ``count`` channels, which users count from 1.
 
-    Raises
-    ------
-    InputError
-        If there are several, and none is chosen.
-    OptionError
-        If there is no such channel.
+    Raises `InputError` if there are several and none is chosen, and `OptionError` if there is no such channel.
     """
     if band is not None and not 1 <= band <= count:
         raise OptionError(f"there is no band {band}: there are {count}, counted from 1", code="channel")
@@ -75,7 +70,7 @@ def numbers(values: Any) -> Any:
 def of_array(
     values: Any, choice: Choice, placement: Placement | None = None, **more: Any
 ) -> Field | Frames:
-    """Read an array of two or three axes, or with a further first one that counts frames.
+    """Read an array of two or three axes, or with another in front that counts frames.
 
     Without ``frames``, ``placement`` is that of the whole; ``more`` are attributes of `Field`. Raises `InputError`
     unless these are real numbers, `OptionError` if there is no such frame.
@@ -162,24 +157,9 @@ def valued(
 ) -> Mesh:
     """Make a mesh, or scattered points, with the values of a key, or the only ones, or those named ``z``; or bare.
 
-    Parameters
-    ----------
-    points : (V, n) array
-    cells : (T, 3) or (T, 4) array of int, or None
-    values : mapping of str to (V,) or (F, V) array
-        By name; the coordinates of the points go by ``x``, ``y`` and ``z``, too.
-    key : str, optional
-    frame : int, optional
-        Of several frames, the number of one.
-    **more
-        Attributes of `Mesh`.
-
-    Raises
-    ------
-    InputError
-        Listing the names.
-    OptionError
-        If there is no such frame.
+    ``values`` are (V,) or (F, V) by name; the coordinates of the points go by ``x``, ``y`` and ``z``, too. ``frame``
+    takes one of several frames, and ``more`` are attributes of `Mesh`. Raises `InputError` with the names if the choice
+    is open, and `OptionError` if there is no such frame.
     """
     if cells is not None and cells.shape[1] == 3 and points.shape[1] == 3 and not points[:, 2].any():
         points = np.ascontiguousarray(points[:, :2])

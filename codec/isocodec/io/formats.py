@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
 
@@ -21,8 +22,6 @@ from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
 from ..errors import IsoError, OptionError, one_line
-from ..extras import check_installed
-from ..field.labelling import caption
 from ..field.placement import Placement
 from ..field.reference_system import is_named, short_name
 from ..storage.atomic import beside
@@ -35,7 +34,7 @@ Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin"]
 """Curves or surfaces; polygons beside curves or between them; bools of samples, or labels; the simplices under a
 contour; a triangulated surface."""
 LOST = 0.01
-"""Part of a cell by which single precision may move points without a remark."""
+"""Largest move of points by single precision, in cells, that takes no remark."""
 
 
 USUAL = OutputOptions()
@@ -74,7 +73,7 @@ class Thing(NamedTuple):
     ----------
     kind : str
     n : int or None
-        Axes of the field, as far as they are known.
+        Axes of the field; None if unknown.
     several : bool
         Whether it has several isovalues.
     """
@@ -126,13 +125,13 @@ class Format(NamedTuple):
     single: bool = False
 
     def fits(self, thing: Thing) -> bool:
-        """Whether files can hold a content, as far as it is known."""
+        """Whether files can hold a content, judged by what is known of it."""
         found = re.search(rf"{thing.kind}{thing.n or ''}", self.holds)
         return found is not None and (self.several or not thing.several)
 
 
 class Job:
-    """Writing of one file: its format and options, and where lies what the writer has taken so far.
+    """Writing of one file: its format and options, and the placement of what the writer has taken so far.
 
     Attributes
     ----------
@@ -193,7 +192,7 @@ class Job:
         return what if self.form.states == "samples" else pieces
 
     def remarks(self) -> tuple[str, ...]:
-        """One line for each loss of the format in coordinates, but for those that were asked for."""
+        """One line for each loss of the format in coordinates that was not asked for."""
         states, placement, suffix, options = self.form.states, self.placement, self.suffix, self.options
         if not self._some or states == "samples":
             return ()
@@ -236,19 +235,6 @@ def _as_table(what: Any, path: Path, job: Job) -> None:
                        members={"space": job.placement.crs} if job.placement is not None and job.space else {})
 
 
-def _by_pyvista(what: Iterable[Any], path: Path, job: Job) -> None:
-    first, *others = (one.to_pyvista() for one in what)
-    mesh = first.append_polydata(*others) if others else first
-    mesh.field_data.update(first.field_data)
-    surfaces.write_pyvista(mesh, path, job.name == "grid")
-
-
-def _by_trimesh(what: Iterable[Any], path: Path, job: Job) -> None:
-    meshes = {caption(one.isovalue, one.metadata) if isinstance(one, Contour) else "surface": one.to_trimesh()
-              for one in what if len(one.cells)}
-    surfaces.write_trimesh(meshes, path, job.name, job.space, float(job.steps.min()))
-
-
 def _as_samples(mask: Any, path: Path, job: Job) -> None:
     values = mask.values if isinstance(mask, SampleMask) else mask.raster()
     if job.name != "npy":  # libraries have neither truth values nor floats of two bytes
@@ -289,8 +275,10 @@ _OF_SAMPLES: Mapping[str, Callable[..., None]] = {
 }
 _SHAPES, _MAPS, _GRIDS = "contour2 areas2", "contour2 areas2 mesh2 tin2", "mask2 mask3 labels2 labels3"
 _PYOGRIO: Any = {"write": _as_table, "libraries": ("pyogrio", "geopandas"), "extra": "vector", "several": True}
-_TRIMESH: Any = {"holds": "contour3 mesh2 tin2", "write": _by_trimesh, "libraries": ("trimesh",), "extra": "mesh"}
-_PYVISTA: Any = {"write": _by_pyvista, "libraries": ("pyvista",), "extra": "vtk", "several": True, "states": "space"}
+_TRIMESH: Any = {"holds": "contour3 mesh2 tin2", "write": surfaces.write_trimesh, "libraries": ("trimesh",),
+                 "extra": "mesh"}
+_PYVISTA: Any = {"write": surfaces.write_pyvista, "libraries": ("pyvista",), "extra": "vtk", "several": True,
+                 "states": "space"}
 _VOLUMES: Any = {"holds": _GRIDS, "write": _as_samples, "extra": "volumes", "states": "space"}
 _DRAWN: Any = {"write": _as_picture, "libraries": ("matplotlib",), "extra": "plot", "several": True,
                "states": "samples"}
@@ -343,25 +331,8 @@ def check(
 ) -> tuple[str, Format]:
     """Choose a format by a file's name and check, before the work begins, that it can hold a content.
 
-    Parameters
-    ----------
-    path : path
-        Only the suffix is used, and ``options.to`` rather than that.
-    thing : Thing
-    options : OutputOptions
-
-    Returns
-    -------
-    str
-        The suffix, in lower case.
-    Format
-
-    Raises
-    ------
-    OptionError
-        If the format cannot hold the content; names the formats that can.
-    MissingExtraError
-        If a library is missing.
+    Only the suffix counts, and ``options.to`` before that; the suffix is returned in lower case. Raises `OptionError`
+    with the names of formats that can hold the content, and `MissingExtraError` if a library is missing.
     """
     path = path if options.to is None else f"_.{options.to.lstrip('.')}"
     suffix, listed = suffix_of(path), suffixes_of(thing)
@@ -382,17 +353,15 @@ def check(
     if options.attribute is not None:
         tables.check_names(*options.attribute.split(",", 1))
     for module in chosen.libraries:
-        check_installed(module, extra=chosen.extra, purpose=f"writing {suffix}")
+        if find_spec(module) is None:
+            library(module, extra=chosen.extra, purpose=f"writing {suffix}")
     return suffix, chosen
 
 
 def thing_of(what: Any) -> Thing:
     """Find the kind of what is to be written.
 
-    Raises
-    ------
-    OptionError
-        If there is no format for it, or if there are no contours.
+    Raises `OptionError` if there is no format for it, or if there are no contours.
     """
     if isinstance(what, Contour):
         return Thing("contour", what.n)
@@ -426,25 +395,13 @@ class Written(NamedTuple):
 def write(target: str | os.PathLike[str] | BinaryIO, what: Any, options: OutputOptions = USUAL) -> Written:
     """Write content in the format that the suffix of a name chooses, completely or not at all.
 
-    Parameters
-    ----------
-    target : path or binary file
-        An open file (standard output) needs ``options.to``. An existing GeoPackage keeps its other layers.
-    what : Contour, collection of Contour, Areas, SampleMask, Tessellation or Tin
-        Several contours are iterated over once, so that each can be drawn when it is needed and released afterwards;
-        such a collection has an attribute ``n``, the number of axes of the field.
-    options : OutputOptions
+    An open file (standard output) needs ``options.to``. An existing GeoPackage keeps its other layers. Contours are
+    iterated over once, so that each can be drawn when it is needed and released afterwards; a collection has an
+    attribute ``n``, the number of axes of the field.
 
-    Raises
-    ------
-    OptionError
-        If the format cannot hold the content.
-    TruncatedError
-        If areas are asked for, but the curve ends inside the field.
-    MissingExtraError
-        If a library is missing.
-    OSError
-        If the file cannot be written; an existing file is kept.
+    Raises `OptionError` if the format cannot hold the content, `TruncatedError` if areas are asked for but the curve
+    ends inside the field, `MissingExtraError` if a library is missing, and `OSError` if the file cannot be written; an
+    existing file is then kept.
     """
     suffix, form = check("" if hasattr(target, "write") else target, thing_of(what), options)
     job = Job(form, suffix, options)

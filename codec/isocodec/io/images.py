@@ -77,7 +77,7 @@ def open_tiff(path: Any, choice: Choice) -> Field | Frames:
     turned = False
     if not str(path).startswith("/vsi"):
         tifffile = library("tifffile", extra="raster", purpose="reading TIFF")
-        # the index of an NDTiff names further files
+        # the index of an NDTiff names other files
         with (reading("TIFF", "check that the file is complete; some compressions need imagecodecs"),
               tifffile.TiffFile(path, is_ndtiff=False) as tiff):
             if choice.key is None and _is_stack(tiff, str(path)):
@@ -103,7 +103,7 @@ def _is_stack(tiff: Any, path: str) -> bool:
 
 
 def _stack(tiff: Any, choice: Choice) -> Field | Frames:
-    """Read all pages, or one of them, of a stack with axes such as TZYX."""
+    """Read one page, or all, of a stack with axes such as TZYX."""
     if len(tiff.series) != 1:
         raise InputError(f"holds {len(tiff.series)} pictures of different kinds", code="series",
                          remedy="choose a page with --key, counted from 1")

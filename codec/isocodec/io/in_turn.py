@@ -12,17 +12,10 @@ from ..field.sampled import Field
 
 
 class InTurn:
-    """Fields in order, made one by one.
+    """Fields in order, each made when it is asked for.
 
-    Parameters
-    ----------
-    count : int
-    make : callable
-        Makes the field of a number, counted from 0.
-    whole : sequence of int
-        Shape of the array that the source holds, with the axis that counts the frames.
-    remarks : sequence of str
-        What the source states and the fields leave out, and why.
+    ``make`` gets a number from 0, ``whole`` is the shape of the array in the source with the axis of frames, and
+    ``remarks`` name what the source states and the fields leave out.
     """
 
     def __init__(
@@ -48,7 +41,7 @@ def check_frame(frame: int, count: int) -> None:
 
 
 def check_series(axes: int) -> None:
-    """Raise `OptionError` unless an array of so many axes is a series of fields."""
+    """Raise `OptionError` unless an array with this number of axes is a series of fields."""
     if axes not in (3, 4):
         raise OptionError(f"--frames makes a series of an array of three or four axes; the data have {axes}",
                           code="frame")

@@ -29,16 +29,11 @@ _POINTERS = ("coordinates", "bounds", "grid_mapping", "ancillary_variables")
 _UNITS = ((86400, "D"), (3600, "h"), (60, "min"))
 """Seconds of the units that a step in time is written in."""
 _PLACING = re.compile(r"spacing|origin|element_?size|(pixel|voxel)_?size|resolution|global_?offset|direction", re.I)
-"""Attributes by which files that do not follow the conventions place samples."""
+"""Attributes that place samples in files that do not follow the conventions."""
 _MOST_REPEATED = 2
 """Columns of a grid around the globe that the first ones may repeat."""
 _WORDS = 200
 """Characters of a note at most that names a single coordinate."""
-
-
-def is_labelled(thing: object) -> bool:
-    """Whether this is a DataArray or a Dataset of xarray."""
-    return hasattr(thing, "isel")
 
 
 def open_(path: Path, choice: Choice) -> Field | Frames:
@@ -82,14 +77,14 @@ def of_labelled(array: Any, choice: Choice) -> Field | Frames:
     check_series(array.ndim)
     dim = array.dims[_frame_axis(array)]
     step, first = _step(array[dim].values), _field(array.isel({dim: 0}), choice.nodata, lazy=True)
-    _, further = unjoined(first.placement)
+    _, remarks = unjoined(first.placement)
 
     def make(number: int) -> Field:
         field = _field(array.isel({dim: number}), choice.nodata, series=True)
         place, _ = unjoined(field.placement)
         return replace(field, placement=place, notes={**field.notes, **({FRAME_STEP: step} if step else {})})
 
-    return Frames(InTurn(array.sizes[dim], make, array.shape, (*first.remarks, *further)))
+    return Frames(InTurn(array.sizes[dim], make, array.shape, (*first.remarks, *remarks)))
 
 
 def _field(array: Any, nodata: float | None, lazy: bool = False, series: bool = False) -> Field:

@@ -49,13 +49,7 @@ def reading(what: str, remedy: str = "check it with the program that wrote it") 
 
 
 def choose(found: Sequence[str], key: str | None, what: str = "arrays") -> str:
-    """Return the name that a key asks for, or the only one there is.
-
-    Raises
-    ------
-    InputError
-        Listing the names.
-    """
+    """Return the name that a key asks for, or the only one there is; raises `InputError` listing the names."""
     if key is not None and key in found:
         return key
     if key is None and len(found) == 1:

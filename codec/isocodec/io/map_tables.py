@@ -45,19 +45,14 @@ _NOWHERE = {"crs": {"type": "name", "properties": {
 """Member of GeoJSON without a reference system, whose coordinates would be taken for longitudes and latitudes."""
 _PIXELS, _EQUATOR, _MOST_ZOOM = 256, 40075016.68, 22
 _LONGEST, _NEAR, _STEP = 1.5, 70.0, 2.0
-"""Cells that an edge is long at most before its ends are converted; beyond which latitude it is divided so that
-longitudes change by so many degrees at most."""
+"""Longest edge, in cells, whose ends are converted as they are; the latitude beyond which it is divided, and the most
+that the longitude of a part changes, in degrees."""
 _GAP = 1e-3
 """Half the width of the cut at 180 degrees, in cells."""
 
 
 def check_names(*names: str) -> None:
-    """Refuse names of columns that tables have for something else.
-
-    Raises
-    ------
-    OptionError
-    """
+    """Refuse names of columns that tables have for something else; raises `OptionError`."""
     wrong = [name for name in names if name.lower() in ("", *TAKEN)]
     if wrong or len({name.lower() for name in names}) < len(names):
         raise OptionError(f"isovalues cannot have the name {(wrong or [*names])[-1]!r} (--attribute): it is taken",
@@ -77,20 +72,11 @@ def areas(
     contours: Iterable[Contour], side: str = "above", valid: NDArray[np.bool_] | None = None,
     attribute: str | None = None,
 ) -> Any:
-    """Make a table with a row for the areas above or below each of some curves; others as for `lines`.
+    """Make a table with a row for the areas above or below each curve; other parameters are those of `lines`.
 
-    Parameters
-    ----------
-    side : {"above", "below", "bands"}
-        ``bands``: a row for each band between neighbouring isovalues instead, with the columns ``lower`` and ``upper``
-        (or those of ``attribute``: ``"low,high"``); the outer ones have one bound only.
-    valid : (s0, s1) bool, optional
-        As for `Contour.areas`.
-
-    Raises
-    ------
-    OptionError, TruncatedError, MissingExtraError
-        As for `Contour.areas`.
+    ``bands`` as the side gives a row for each band between neighbouring isovalues, with the columns ``lower`` and
+    ``upper`` (or those of ``attribute``: ``"low,high"``); the outer ones have one bound only. Raises the errors of
+    `Contour.areas`.
     """
     if side == "bands":
         names, whole = (attribute or "lower,upper").split(",", 1), list(contours)
@@ -124,17 +110,8 @@ def _joined(tables: Iterable[Any], attribute: str | None) -> Any:
 def degrees(table: Any, cell: float) -> Any:
     """Convert a table to longitude and latitude, cut at 180 degrees (RFC 7946); areas around a pole hold the pole.
 
-    Parameters
-    ----------
-    table : geopandas.GeoDataFrame
-        With a reference system.
-    cell : float
-        Size of a cell; longer edges are divided before they are converted, since they bend.
-
-    Raises
-    ------
-    OptionError
-        If coordinates have no longitude and latitude.
+    Edges longer than ``cell`` are divided before they are converted, since they bend. Raises `OptionError` if
+    coordinates have no longitude and latitude.
     """
     shapely = library("shapely", extra="vector", purpose="longitude and latitude")
     shapes, move, straight = np.array(table.geometry), to_degrees(table.crs), table.crs == DEGREES
@@ -205,24 +182,9 @@ def write_table(
     table: Any, path: Path, driver: str, *, layer: str, cell: float = 1.0,
     members: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a table by GDAL, or a GeoParquet file by geopandas; an existing GeoPackage keeps its other layers.
+    """Write a table by a driver of GDAL, or (``Parquet``) geopandas; a GeoPackage keeps its other layers.
 
-    Parameters
-    ----------
-    driver : str
-        Name of GDAL's driver, or ``Parquet``.
-    layer : str
-        Name of the layer, where the format has them.
-    cell : float, optional
-        As for `degrees`.
-    members : mapping, optional
-        Further members of a GeoJSON file.
-
-    Raises
-    ------
-    InputError
-        If there is a file of the name of a GeoPackage that is none.
-    OptionError, MissingExtraError
+    ``members`` are added to a GeoJSON file. Raises `InputError` if a file that is no GeoPackage has the name of one.
     """
     if driver == "Parquet":
         table.to_parquet(path, index=False)

@@ -58,7 +58,7 @@ def write_itk(values: NDArray[Any], placement: Placement | None, path: Path) -> 
 
 
 def volume_matrix(placement: Placement | None) -> NDArray[np.float64] | None:
-    """Matrix (4, 4) of a volume in coordinates right, front and top, as far as it is known where they run.
+    """Matrix (4, 4) of a volume in coordinates right, front and top; None if these are unknown.
 
     A field of two axes has a third of one sample, a unit long, at right angles to the others.
     """

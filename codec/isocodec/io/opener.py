@@ -45,7 +45,7 @@ def read(
     source: Any, *, key: str | None = None, band: int | None = None, frame: int | None = None, frames: bool = False,
     bbox: Box | None = None, nodata: float | None = None,
 ) -> Found:
-    """Read a sampled field, a series of them, or values on a mesh, with all that its source states.
+    """Read a sampled field, a series of fields, or values on a mesh, with all that its source states.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ def read(
     frames : bool
         Give a series: each field is read when it is asked for. With ``frame``, the slices of that volume.
     bbox : sequence of float, optional
-        Read only samples within these coordinates of the placement: least x, y (, z), then largest x, y (, z). Rasters
-        are read as far as that goes.
+        Read only samples within these coordinates of the placement: least x, y (, z), then largest x, y (, z). No
+        more of a raster is read.
     nodata : float, optional
         Value of missing samples besides NaN, instead of the one that the source states, as it is stored. NaN: none.
 
@@ -110,7 +110,7 @@ def read(
 def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
     """Read as `read` does, but leave remarks to the caller; those of a series are an attribute of its ``fields``.
 
-    With ``lazy``, samples of a field stay where they are until windows of them are read, where the format can.
+    With ``lazy``, samples of a field are read by windows later, if the format can do that.
     """
     choice = replace(choice, lazy=lazy)
     if choice.band is not None and choice.band < 1:
@@ -180,7 +180,7 @@ SUFFIXES = (*dict.fromkeys(suffix for suffixes, _, _ in _FILES.values() for suff
 def _of_library(thing: Any) -> tuple[_Taker, str] | None:
     """Find what reads an object of a class of another library, or of one derived from it."""
     names = [f"{each.__module__.partition('.')[0]}.{each.__name__}" for each in type(thing).__mro__]
-    names += ["xarray.DataArray"] * labelled.is_labelled(thing)
+    names += ["xarray.DataArray"] * hasattr(thing, "isel")
     return next((_OBJECTS[name] for name in names if name in _OBJECTS), None)
 
 
@@ -190,7 +190,7 @@ def is_described(thing: Any) -> bool:
 
 
 def _taken(take: _Taker, options: str, what: Any, choice: Choice) -> Found:
-    """Read something, with those options that apply, as far as a box goes; raises `OptionError` if others are given."""
+    """Read something within a box by the options that apply; raises `OptionError` if others are given."""
     for option in {"key", "band", "frame", "frames"} - {*options.split()}:
         if getattr(choice, option) is not (False if option == "frames" else None):
             kind = what.suffix or "a file" if isinstance(what, Path) else type(what).__name__
@@ -212,7 +212,7 @@ def _taken(take: _Taker, options: str, what: Any, choice: Choice) -> Found:
 
 
 def _part(field: Field, choice: Choice) -> Field:
-    """Cut a field to a box, mark further samples as missing, and read them unless that may wait."""
+    """Cut a field to a box, mark more samples as missing, and read them unless that may wait."""
     windowed = getattr(field.values, "windowed", False)
     if choice.bbox is not None and windowed and choice.lazy:
         spans = spans_within(field.placement, field.shape, choice.bbox)
@@ -231,7 +231,7 @@ def _part(field: Field, choice: Choice) -> Field:
 
 
 def _of_path(path: str, choice: Choice) -> Found:
-    """Read a file or a folder by the library of its suffix; of an unknown one by those that know most."""
+    """Read a file or a folder by the library of its suffix, or, if unknown, by the libraries that know most formats."""
     name, at = path.rstrip("/").lower(), Path(path)
     what: Any = path if path.startswith("/vsi") else at
     if what is at and not at.exists():

@@ -17,24 +17,14 @@ _MARKERS = ("_FillValue", "missing_value", "nodata")
 _DECODED = {*_MARKERS, "scale_factor", "add_offset", "_Unsigned"}
 """Attributes that xarray moves to the encoding when it applies them."""
 _SIGNS = {"true": ("i", "u"), "false": ("u", "i")}
-"""Kinds of integers that the attribute ``_Unsigned`` replaces, and by which."""
+"""Kinds of integers that the attribute ``_Unsigned`` replaces, with their replacements."""
 
 
 class MaskedSamples:
     """The samples of a DataArray by slices, masked where they are missing.
 
-    Parameters
-    ----------
-    array : xarray.DataArray
-    nodata : float, optional
-        Missing samples, instead of those that attributes of unpacked arrays state.
-
-    Attributes
-    ----------
-    dtype : dtype
-        Integers if stored integers are scaled by whole numbers, else floats.
-    remarks : list of str
-        Attributes that are left out, and why.
+    ``nodata`` replaces the missing value that attributes of unpacked arrays state. Samples are integers if stored
+    integers are scaled by whole numbers, else floats. `remarks` name the attributes that are left out, and why.
     """
 
     windowed = True

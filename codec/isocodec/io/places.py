@@ -53,13 +53,8 @@ def even_steps(values: Array) -> tuple[float, float] | None:
 def along_axes(axes: Sequence[Array], across: Sequence[int], turns: bool = False, **more: Any) -> Placement:
     """Place samples by the coordinates along each axis of the array: by steps if they are even, else one by one.
 
-    Parameters
-    ----------
-    axes : sequence of (si,) arrays
-    across : sequence of int
-        Which coordinate (0 x, 1 y, 2 z) runs along each axis.
-    turns : bool
-        Whether x is a longitude in degrees, whose ends are joined if it goes round.
+    ``across`` gives the coordinate (0 x, 1 y, 2 z) that runs along each axis. With ``turns``, x is a longitude in
+    degrees, whose ends are joined if it goes round.
     """
     n = len(axes)
     nodes = [

@@ -29,7 +29,7 @@ SUFFIXES = (*TIFF, _MOSAIC, ".gpkg", ".asc", ".hgt", ".img", ".dem", ".bil", ".b
 _DRIVERS = ["GTiff", "GPKG", "AAIGrid", "GRASSASCIIGrid", "SRTMHGT", "HFA", "USGSDEM", "ENVI", "EHdr", "DTED",
             "JP2OpenJPEG", "SAGA", "RST", "GSBG", "GS7BG", "GSAG", "BT", "NITF", "PCRaster", "ZMap", "PNG", "JPEG",
             "BMP", "GIF", "PNM", "WEBP"]
-"""Drivers of GDAL, which opens files by their content; those of others name further files and servers."""
+"""Drivers of GDAL, which opens files by their content; those of others name other files and servers."""
 
 
 @contextmanager
@@ -73,22 +73,8 @@ def open_(path: str, key: str | None = None) -> Any:
 class RasterBand:
     """A band of a raster by slices, scaled as the file states, masked where samples are missing.
 
-    What other processes receive is no more than the name of the file, which they open again.
-
-    Parameters
-    ----------
-    dataset : rasterio.DatasetReader
-    band : int, optional
-        Counted from 1; without it the only one that is no alpha.
-    nodata : float, optional
-        Stored value of missing samples instead of that of the file; NaN: none.
-
-    Raises
-    ------
-    InputError
-        If there are several bands, or none of real numbers.
-    OptionError
-        If there is no such band.
+    Other processes receive the name of the file only, and open it again. Without a number, counted from 1, there must
+    be a single band that is no alpha. ``nodata`` replaces the stored missing value of the file; NaN: none.
     """
 
     windowed, ndim = True, 2

@@ -32,7 +32,7 @@ Array = NDArray[Any]
 _LONG = 1 << 18
 """Bytes of elements that are not read with the header."""
 _CUT = ".*[Uu]nexpected end of file|The end of the encapsulated pixel data"
-"""Warnings of pydicom about files that are cut short, of which it then takes what there is."""
+"""Warnings of pydicom about files that are cut short, whose beginning it reads."""
 _ALIKE, _TOGETHER = 1e-4, 1e-3
 """Differences of directions and steps within a stack; distance in mm of slices that lie in one place."""
 _FILMED = "FrameTime", "FrameTimeVector", "CineRate"
@@ -48,7 +48,7 @@ _TIMES = (
     "AcquisitionNumber", "AcquisitionDateTime", "FrameAcquisitionDateTime", "AcquisitionTime", "ContentTime",
     "ComplexImageComponent", "FrameType", "ImageType",
 )
-"""Attributes by which volumes in one place differ."""
+"""Attributes that distinguish volumes in one place."""
 
 
 def _library(name: str) -> Any:
@@ -111,32 +111,12 @@ class _Plane:
 def open_(path: Path, choice: Choice) -> Field | Frames:
     """Read a file of DICOM, or the series in a folder and those below it.
 
-    Parameters
-    ----------
-    path : path
-    key : str, optional
-        Series, by number, description or UID; or segment of a segmentation, by its number or label, which has 1 within.
-        Without a key all segments are read, as labels.
-    frame : int, optional
-        Volume of several in one place, counted from 0.
-    frames : bool
-        Give all of these.
-    band : int, optional
-        Colour, counted from 1.
-    nodata : float, optional
-        Stored value of missing samples, instead of padding.
+    The key is a series by number, description or UID, or a segment of a segmentation by its number or label, which has
+    1 within; without a key all segments are read, as labels. Of several volumes in one place, ``frame`` takes one, and
+    ``frames`` gives all. Axes are i, j (, k), and values are rescaled as each slice states; integers stay integers if
+    all do so by whole numbers. Fractions of a segment are from 0 to 1. Padding is missing.
 
-    Returns
-    -------
-    Field or Frames
-        With axes i, j (, k) and values rescaled as each slice states; integers stay integers if all do so by whole
-        numbers. Fractions of a segment are from 0 to 1. Padding is missing.
-
-    Raises
-    ------
-    InputError
-        If slices are missing, lie in one place or at uneven steps, or a choice is left open.
-    OptionError, MissingExtraError
+    Raises `InputError` if slices are missing, lie in one place or at uneven steps, or a choice is left open.
     """
     remarks, series = list[str](), dict[tuple[str, ...], list[_Plane]]()
     with reading("DICOM"):
@@ -224,7 +204,7 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
 
 
 def _flat(header: Any, number: int) -> Any:
-    """Collect the attributes of a frame, those that sequences state of it before those of all frames."""
+    """Collect the attributes of a frame; its own in sequences take precedence over those of all frames."""
     groups = [some[number % len(some)] for name in ("Shared", "PerFrame")
               if (some := header.get(f"{name}FunctionalGroupsSequence"))]
     if not groups:
@@ -268,7 +248,7 @@ def _stack(planes: list[_Plane], remarks: list[str]) -> list[_Plane]:
 
 
 def _segmentation(planes: list[_Plane], choice: Choice) -> tuple[Field, int]:
-    """Read labels of all segments, 1 within one, or fractions of it; with a further empty slice at both ends."""
+    """Read labels of all segments, 1 within one, or fractions of it; with an empty slice added at both ends."""
     header, paths = planes[0].header, {each.path for each in planes}
     if len(paths) > 1:
         raise InputError(f"holds {len(paths)} segmentations", code="key", remedy="give the file of one")
@@ -285,7 +265,7 @@ def _segmentation(planes: list[_Plane], choice: Choice) -> tuple[Field, int]:
 
 
 def _arranged(planes: list[_Plane]) -> tuple[list[list[_Plane]], Array, str]:
-    """Arrange slices as volumes in one place, with the matrix of their samples, and by what they differ."""
+    """Arrange slices as volumes in one place; with the matrix of their samples, and what distinguishes them."""
     first = planes[0]
     between = abs(float(first.get("SpacingBetweenSlices", "SliceThickness") or 1))
     if first.corner is None:
@@ -314,7 +294,7 @@ def _arranged(planes: list[_Plane]) -> tuple[list[list[_Plane]], Array, str]:
 
 
 def _times(heaps: list[list[_Plane]]) -> tuple[str, list[list[_Plane]]]:
-    """Find the attribute by which frames in each place differ, and the frames of each volume."""
+    """Find the attribute that distinguishes frames in one place, and the frames of each volume."""
     more = [heap for heap in heaps if len(heap) > 1]
     if not more:
         return "", [[plane for (plane,) in heaps]]

@@ -117,7 +117,7 @@ def _attributes(item: Any) -> dict[str, Any]:
 
 
 def _zarr(zarr: Any, path: Path) -> Arrays:
-    """A store, which is an array or a group of them, perhaps in a zip."""
+    """A store, which is an array or a group of arrays, perhaps in a zip."""
     top = zarr.open(zarr.storage.ZipStore(path) if path.is_file() else path, mode="r")
     members = {"": top, **(dict(top.members(max_depth=None)) if isinstance(top, zarr.Group) else {})}
     found = {name: _of_zarr(one, name) for name, one in members.items() if isinstance(one, zarr.Array)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..deferred import dataclass
+from ..drawing.contour import Contour
 from ..drawing.separation import single
 from ..drawing.tessellation import Tessellation
 from ..errors import OptionError
+from ..field.labelling import caption
 from ..field.placement import CRS, Placement, read_placement, unplaced
 from .libraries import library
 from .map_tables import table_of
@@ -56,8 +58,13 @@ class Simplices:
 
     @classmethod
     def of_tin(cls, tin: Tin, in_samples: bool = False) -> Simplices:
-        """Place a triangulated surface according to its notes; the third coordinate is the value."""
-        where = placement_of_tin(tin, in_samples)
+        """Place a triangulated surface by the matrix of its notes; the third coordinate is the value.
+
+        Without a placement x runs along axis 1 of a field. Coordinates in samples have no reference system.
+        """
+        found = None if in_samples else read_placement(tin.metadata, 2)
+        crs = tin.metadata.get(CRS) if tin.shape is None and not in_samples else None
+        where = _where(None if found is None or found.matrix is None else found.flat, 2, tin.shape is not None, crs)
         return cls(np.column_stack([where.place(tin.points), tin.values]), _turned(tin.triangles, where), where,
                    {"value": tin.values.copy()})
 
@@ -88,14 +95,6 @@ class Simplices:
                                face_attributes=self.of_cells)
 
 
-def placement_of_tin(tin: Tin, in_samples: bool = False) -> Placement:
-    """Find where a surface lies, by a matrix; without a placement x runs along axis 1 of a field."""
-    found = None if in_samples else read_placement(tin.metadata, 2)
-    # coordinates in samples have no system
-    crs = tin.metadata.get(CRS) if tin.shape is None and not in_samples else None
-    return _where(None if found is None or found.matrix is None else found.flat, 2, tin.shape is not None, crs)
-
-
 def _where(placement: Placement | None, n: int, in_field: bool, crs: str | None = None) -> Placement:
     """Placement of coordinates that may have none, in samples of a field or in a mesh."""
     if placement is not None and placement.placed:
@@ -113,39 +112,27 @@ def _check_some(cells: object) -> None:
                           remedy="choose an isovalue within the data, or write .vtp")
 
 
-def write_pyvista(mesh: Any, path: Path, as_grid: bool) -> None:
-    """Write a mesh by PyVista, in a format of unstructured grids or as it is.
+def write_pyvista(what: Iterable[Any], path: Path, job: Any) -> None:
+    """Write curves, surfaces or meshes by PyVista, as one mesh; refuses grids without cells, at which VTK crashes."""
+    first, *others = (one.to_pyvista() for one in what)
+    mesh = first.append_polydata(*others) if others else first
+    mesh.field_data.update(first.field_data)
+    if job.name == "grid":
+        _check_some(mesh.n_cells)
+        mesh = mesh.cast_to_unstructured_grid()
+    mesh.save(path)
 
-    Raises
-    ------
-    OptionError
-        For an empty grid, at which VTK crashes.
-    """
-    _check_some(mesh.n_cells or not as_grid)
-    (mesh.cast_to_unstructured_grid() if as_grid else mesh).save(path)
 
-
-def write_trimesh(meshes: Mapping[str, Any], path: Path, kind: str, space: str | None, step: float) -> None:
-    """Write named meshes of trimesh, each as an object of that name if the format holds several.
+def write_trimesh(what: Iterable[Any], path: Path, job: Any) -> None:
+    """Write surfaces by trimesh, each as an object named by its isovalue if the format holds several.
 
     GLB and glTF have x, z, -y, since their y is up, and single precision relative to the middle of each object, which
     the object's node adds again. PLY, STL, OBJ and glTF state where x, y, z run in a body.
-
-    Parameters
-    ----------
-    kind : str
-        Name of the format in trimesh: ``"glb"``.
-    space : str or None
-        ``"RAS"`` or ``"LPS"``.
-    step : float
-        Size of a cell.
-
-    Raises
-    ------
-    OptionError
-        If there is no mesh.
     """
+    meshes = {caption(one.isovalue, one.metadata) if isinstance(one, Contour) else "surface": one.to_trimesh()
+              for one in what if len(one.cells)}
     _check_some(meshes)
+    kind, space = job.name, job.space
     text = {"SPACE": space} if space else {}
     scene = library("trimesh", extra="mesh", purpose=f"writing {kind}").Scene(metadata={"up": "y"} | text)
     for name, mesh in meshes.items():
@@ -158,7 +145,7 @@ def write_trimesh(meshes: Mapping[str, Any], path: Path, kind: str, space: str |
             mesh.vertices = single(mesh.vertices)
         scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
     # decimals that resolve a hundred-millionth of a cell
-    digits = 8 + max(0, math.ceil(-math.log10(step)))
+    digits = 8 + max(0, math.ceil(-math.log10(job.steps.min())))
     header = f"SPACE={space}" if space else ""
     options: dict[str, Any] = {"obj": {"digits": digits, "header": header or None}, "off": {"digits": digits},
                "gltf": {"embed_buffers": True}}

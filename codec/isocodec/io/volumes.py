@@ -34,10 +34,10 @@ _TIMES = {"sec": "s", "msec": "ms", "usec": "µs"}
 def of_frames(
     at: Callable[[int], Field], count: int, choice: Choice, differ: str = ""
 ) -> Field | Frames:
-    """Read one of so many volumes, or give all of them as a series, or the slices of one.
+    """Read one of ``count`` volumes, or give all as a series, or the slices of one.
 
-    ``differ`` is by what they differ, for the error. Raises `InputError` if none of several is chosen, `OptionError` if
-    there is no such frame.
+    ``differ`` names what distinguishes them, for the error. Raises `InputError` if none of several is chosen,
+    and `OptionError` if there is no such frame.
     """
     frame = choice.frame
     if frame is not None:

@@ -128,7 +128,7 @@ def _complaints() -> Iterator[None]:
 
 
 def _steps(path: Path) -> tuple[Sequence[float], Callable[[int], Any]]:
-    """Find the times of a file and what reads one of them."""
+    """Find the times of a file and what reads the data of one."""
     pyvista, suffix = _vtk("pyvista"), path.suffix.lower()
     known, bare = suffix in pyvista.core.utilities.reader.CLASS_READERS and suffix not in _BY_MESHIO, set[str]()
     if suffix in (".xdmf", ".xmf"):

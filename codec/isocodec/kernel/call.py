@@ -1,4 +1,4 @@
-"""A kernel as the rest of the package calls it, and the entry behind it."""
+"""A kernel as the rest of the package calls it, and the compiled entry that it runs."""
 
 from __future__ import annotations
 
@@ -12,27 +12,21 @@ from ..errors import KernelError
 from .types import BOOL, FLOAT, Signature
 
 RESULTS = 8
-"""Numbers that a kernel may return at most."""
+"""Most numbers that a kernel returns."""
 _Results = ctypes.c_int64 * RESULTS
 _Fault = ctypes.c_int64 * 4
 PROTOTYPE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
-"""An entry of a library: where the results go, where what went wrong, the slots of all arguments; returns a status."""
+"""An entry of a library: pointers to results and to the fault, the slots of all arguments; returns a status."""
 FINE = (0, -2)
-"""Statuses of a kernel that came back: with a value, without."""
+"""Statuses of a kernel that returned, with a value or without."""
 Entry = Callable[[Any, Any, bytes], int]
 
 
 class Kernel:
-    """A compiled function.
+    """A compiled function; ``entry_of`` finds its entry, once, when it is first called.
 
-    Calling it with arguments of other types than its annotations state is an error: nothing else has been compiled,
-    and it never runs as plain Python instead.
-
-    Parameters
-    ----------
-    function : callable
-    entry_of : callable
-        From a kernel to its entry; called once, when it is needed.
+    Arguments of types other than the annotations are an error: nothing else has been compiled, and it never runs as
+    plain Python instead.
     """
 
     def __init__(self, function: Callable[..., Any], entry_of: Callable[[Kernel], Entry]) -> None:

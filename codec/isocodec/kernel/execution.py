@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from contextlib import suppress
 from enum import Enum
 from importlib.util import find_spec
 from pathlib import Path
@@ -27,17 +28,13 @@ def content_of(path: Path) -> bytes:
     return bytes(__spec__.loader.get_data(str(path)))  # type: ignore[union-attr]
 
 
-def _is_there(path: Path) -> bool:
-    try:
-        return bool(content_of(path))
-    except OSError:
-        return False
-
-
 def _chosen() -> Execution:
     asked = os.environ.get(SETTING, "")
     if not asked:
-        return Execution.LIBRARY if _is_there(NOTE) else _without_library()
+        with suppress(OSError):
+            if content_of(NOTE):
+                return Execution.LIBRARY
+        return _without_library()
     try:
         out = Execution(asked)
     except ValueError:

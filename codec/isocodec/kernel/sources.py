@@ -10,14 +10,9 @@ PACKAGES = ("isocodec", "isospec")
 
 
 def digest_of(files: Iterable[str], homes: dict[str, Path]) -> str:
-    """SHA-256 of source files.
+    """SHA-256 of source files, named from the package on (``isocodec/grid/tube/holes.py``); ``homes`` are the packages.
 
-    Parameters
-    ----------
-    files : iterable of str
-        Each from its package on, as ``isocodec/grid/tube/holes.py``. A missing one gives a digest like no other.
-    homes : dict of str to Path
-        The folder of each package.
+    A missing file gives a digest like no other.
     """
     import hashlib
 
@@ -35,14 +30,14 @@ def digest_of(files: Iterable[str], homes: dict[str, Path]) -> str:
 
 
 def needed(homes: dict[str, Path]) -> list[str]:
-    """All files with kernels, and all of these packages that they import, directly or not."""
+    """List all files with kernels, and all files of these packages that they import, directly or not."""
     found = reached((path for path in homes["isocodec"].rglob("*.py") if "\n@kernel\n" in path.read_text()), homes)
     return sorted(f"{name}/{path.relative_to(home).as_posix()}" for name, home in homes.items()
                   for path in found if path.is_relative_to(home))
 
 
 def reached(files: Iterable[Path], homes: dict[str, Path]) -> set[Path]:
-    """These files, and all of the packages that they import, directly or not."""
+    """Collect these files, and all files of the packages that they import, directly or not."""
     found: set[Path] = set()
     left = list(files)
     while left:

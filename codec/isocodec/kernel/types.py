@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import struct
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache, cached_property
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
@@ -178,7 +178,7 @@ class Registers:
         return out
 
     def clear(self) -> None:
-        """All of them 0."""
+        """All 0."""
         self.values[:] = 0
 
 
@@ -277,11 +277,11 @@ def members_of(cls: type) -> dict[str, Any]:
 
 
 def _evaluated(annotation: Any, scope: dict[str, Any]) -> Any:
-    """An annotation that may be text: as of `typing.get_type_hints`, of which it needs a fraction of the time."""
+    """Evaluate an annotation that may be text, in a fraction of the time of `typing.get_type_hints`."""
     text = getattr(annotation, "__forward_arg__", annotation)
     if not isinstance(text, str):
         return text
-    # nearly all of them are names, which need not be compiled
+    # most are names, which need not be compiled
     return scope[text] if text in scope else eval(text, scope)
 
 
@@ -339,14 +339,6 @@ class Signature:
         if isinstance(self.result, tuple):
             return f"({taken}) -> ({', '.join(map(str, self.result))})"
         return f"({taken}) -> {self.result}"
-
-
-def records_in(kinds: Iterator[Kind]) -> Iterator[Record]:
-    """All records among types and their members."""
-    for kind in kinds:
-        if isinstance(kind, Record):
-            yield from records_in(member for _, member in kind.members)
-            yield kind
 
 
 assert sys.byteorder == "little"

@@ -9,11 +9,11 @@ import numpy as np
 from ..kernel import inlined, inner
 
 SPAN = 14
-"""Differences of positions count with as many bits at most."""
+"""Most bits of differences of positions."""
 UNIT = 1 << 10
-"""Coefficients count in parts of this."""
+"""Denominator of coefficients."""
 MOST = 8 * UNIT
-"""No coefficient is larger."""
+"""Largest coefficient."""
 
 
 @inlined

@@ -10,14 +10,14 @@ from .complex import CellArrays
 
 UNKNOWN = -1
 RINGS = 9
-"""Classes of how many more vertices around lie above than below."""
+"""Classes of the surplus of vertices above over those below, around a vertex."""
 AGREED = 4
 """Whether the last two signs were those of the frame before."""
 
 
 @inner
 def surplus(mesh, sign, v):
-    """Class of how many more corners of the cells around a vertex are known to lie above than below."""
+    """Class of the surplus of known corners above over those below, in the cells around a vertex."""
     more = np.int64(0)
     for k in range(mesh.first[v], mesh.first[v + 1]):
         t = mesh.star[k]
@@ -32,7 +32,7 @@ def surplus(mesh, sign, v):
 
 @inlined
 def learn_agreement(st, v, sign):
-    """Take in whether a sign is that of the frame before."""
+    """Record whether a sign agrees with the frame before."""
     if st.before[v] != UNKNOWN:
         st.reg.agreed = (st.reg.agreed << 1 | np.int64(st.before[v] == sign)) & (AGREED - 1)
 
@@ -47,7 +47,7 @@ def sign_before(st, v, above):
 
 @inner
 def spread(mesh, sign, queue, end):
-    """Give vertices that are not known the sign of those around them, beginning with the first ``end`` of a queue."""
+    """Spread signs to unknown vertices, starting from the first ``end`` vertices of a queue."""
     at = np.int64(0)
     while at < end:
         v = queue[at]
@@ -64,9 +64,9 @@ def spread(mesh, sign, queue, end):
 
 @kernel
 def spread_signs(mesh: CellArrays, sign: Int8Vector, queue: IntVector) -> None:
-    """Give every vertex that is not known the sign of those around it; ``queue`` (V,) is room.
+    """Give every unknown vertex the sign of the vertices around it; ``queue`` (V,) is scratch space.
 
-    Where cells of both signs are all known, as of a complete isovalue, that is the same in whatever order.
+    If all vertices of mixed cells are known, as for a complete isovalue, the result does not depend on the order.
     """
     end = np.int64(0)
     for v in range(len(sign)):

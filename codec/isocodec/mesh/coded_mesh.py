@@ -1,4 +1,4 @@
-"""A mesh in the file: for each open face whether a cell is behind it, and its vertex (spec clause 10.10)."""
+"""A mesh in the file: for each open face, whether a cell lies across it, and which vertex it adds (clause 10.10)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from .models import (
 from .walk import uniform
 
 LEAST = 1 << (FINE - 2)
-"""Positions are never expected more sharply than this."""
+"""Least width of a predicted position."""
 TOO_MANY, NO_COMPLEX = 1, 2
 REASONS = {
     TOO_MANY: ("more vertices or cells than stated", "10.10.1"),
@@ -53,8 +53,8 @@ REASONS = {
 class Original(NamedTuple):
     """The encoder's mesh, empty for a decoder.
 
-    ``position`` (V, d), ``cell`` and ``neighbour`` (T, n + 1) as of `CellArrays`; ``vertex`` (V,): our number of each
-    vertex or -1; ``place`` (T,): the cell as it has been numbered, or -1, and ``source`` (T,) the other way round.
+    ``position`` (V, d), ``cell`` and ``neighbour`` (T, n + 1) as of `CellArrays`; ``vertex`` (V,) and
+    ``place`` (T,): the coded number of each vertex and cell, or -1; ``source`` (T,): the inverse of ``place``.
     """
 
     position: IntMatrix
@@ -67,7 +67,7 @@ class Original(NamedTuple):
 
 @inner
 def _code_place(g, cd, origin, face, truth):
-    """Code where a new vertex lies: behind a face, or far from all."""
+    """Code the position of a new vertex: across a face, or anywhere."""
     v = np.int64(g.reg.vertices)
     if v >= g.reg.all_vertices:
         g.reg.error = TOO_MANY
@@ -169,7 +169,7 @@ def _behind(g, origin, t, o):
 
 @inner
 def _take(g, origin, truth):
-    """Take the cell that has been written."""
+    """Add the cell that has just been written."""
     new = g.reg.cells
     if truth >= 0:
         origin.place[truth] = new
@@ -182,7 +182,7 @@ def _take(g, origin, truth):
 
 @inner
 def _code_face(g, cd, origin, face):
-    """Code what is behind an open face."""
+    """Code whether a cell lies across an open face, and its vertex."""
     corners = g.cell.shape[1]
     t = face // corners
     o = face - t * corners
@@ -239,7 +239,7 @@ def _code_seed(g, cd, origin, seed):
 def code_mesh(g: Growth, origin: Original, cd: Coder) -> int:
     """Code a mesh: the encoder's original, or the decoder's from the run.
 
-    GROW where there is no room for the next cell, SPENT if too many cells are looked at; it can go on from there.
+    Returns GROW if there is no room for the next cell, SPENT if too many cells were visited; it can resume from there.
     """
     corners = g.cell.shape[1]
     seed = np.int64(0)

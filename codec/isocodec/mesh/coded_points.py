@@ -21,11 +21,11 @@ from .complex import Complex, assembled, determinants, neighbours
 from .quantised import EXTENT
 
 BYTES_PER_POINT = 400
-"""Memory that decoding takes for a point, about."""
+"""Approximate memory for decoding a point, in bytes."""
 FLAT, FLAT_BITS = 2, 22
-"""Triangles of rounded points are flat up to so many units, or that part of the longer side, ``2**-FLAT_BITS``."""
+"""Height, in units or as ``2**-FLAT_BITS`` of the longer side, up to which a triangle of rounded points is flat."""
 _ROOM = 32
-"""Symbols of a run for each point at most, and some more."""
+"""Most symbols of a run per point."""
 
 
 class Triangulated(NamedTuple):
@@ -38,9 +38,9 @@ class Triangulated(NamedTuple):
         Anticlockwise triangles.
     values : (V,) or (F, V) array
     position : (V, 2) int64
-        The points as the triangles were found from them, to 24 bits at least.
+        The points that were triangulated, with at least 24 bits.
     unit : float
-        Of positions.
+        Unit of positions.
     """
 
     points: NDArray[np.float64]
@@ -58,17 +58,8 @@ class Triangulated(NamedTuple):
 def triangulated(points: ArrayLike, values: ArrayLike) -> Triangulated:
     """Triangulate scattered points of the plane.
 
-    Triangles at the border that are as flat as rounding is are left out, where points lie in a line but for rounding.
-
-    Parameters
-    ----------
-    points : (N, 2) array_like of numbers
-    values : (N,) or (F, N) array_like
-
-    Raises
-    ------
-    InputError
-        If they are not points with values, or cannot be triangulated.
+    Triangles at the border that are flat to within rounding are left out: their points lie on a line but for rounding.
+    Raises `InputError` if these are not points (N, 2) with values (N,) or (F, N), or cannot be triangulated.
     """
     found, numbers = np.asarray(points, np.float64), np.asarray(values)
     if found.ndim != 2 or found.shape[1] != 2:
@@ -123,7 +114,7 @@ def _fine(points: NDArray[np.float64]) -> Points:
 
 
 def _without_slivers(position: NDArray[np.int64], cells: NDArray[np.int64], flat: int) -> NDArray[np.int64]:
-    """Leave out triangles at the border that are at most so high."""
+    """Leave out triangles at the border whose height is at most ``flat``."""
     while True:
         corners = position[cells]
         sides = corners[:, [1, 2, 0]] - corners
@@ -136,14 +127,9 @@ def _without_slivers(position: NDArray[np.int64], cells: NDArray[np.int64], flat
 
 
 def delaunay_complex(position: NDArray[np.int64], unit: float, run: Run | None = None) -> Complex:
-    """The complex of distinct points (V, 2) in the order of ranks.
+    """Triangulate distinct points (V, 2) in the order of ranks.
 
-    Raises
-    ------
-    InputError
-        If all lie on a line.
-    LimitError
-        If it takes more work than the run that the points are from may.
+    Raises `InputError` if all lie on a line, `LimitError` if the run that they come from allows no more work.
     """
     x, y = np.ascontiguousarray(position.T)
     tri, _ = delaunay(x, y, UNLIMITED if run is None else run.left(STEPS))
@@ -170,31 +156,7 @@ def decoded_points(
     data: bytes, at: int, size: tuple[int, int], extent: Sequence[int], unit: float, account: Account,
     hold: Callable[[int, int], None],
 ) -> Complex:
-    """Inverse of ``encoded_points``.
-
-    Parameters
-    ----------
-    data : bytes
-        The run.
-    at : int
-        Where it lies in the file.
-    size : (int, int)
-        Numbers of points and triangles that the file states.
-    extent : sequence of int
-        Positions are below these.
-    unit : float
-        Of positions.
-    account : Account
-        The file's.
-    hold : callable
-        As of `decoded_mesh`.
-
-    Raises
-    ------
-    FormatError
-        If the run violates the specification.
-    LimitError
-        If it takes more than the account or ``hold`` allows.
+    """Inverse of ``encoded_points``; parameters and errors as for `decoded_mesh`.
     """
     run = whole_run(new_coder(), data, account, at)
     box = int(extent[0]), int(extent[1])

@@ -16,11 +16,11 @@ from .complex import holds
 from .shape import tetrahedron_quality, triangle_quality, turned
 
 SURFACE_TURN = 70
-"""Triangles of a surface turn by a cosine of as many hundredths at least."""
+"""Least cosine, in hundredths, of the angle that triangles of a surface may turn."""
 TARGETS = 4
-"""A target has at most so many times as many cells as the vertices that go."""
+"""Most cells of a target, relative to the most of a vertex that goes."""
 NEVER = np.int64(1 << 60)
-"""A quality that no cell has."""
+"""Quality above that of any cell."""
 
 
 class CollapseRegisters(Registers):
@@ -33,7 +33,7 @@ class CollapseRegisters(Registers):
     planar, space : int
         1 for triangles of the plane, and where triangles lie in space; else 0.
     limit : int
-        Cosine by which borders may turn, in hundredths.
+        Cosine of the angle that borders may turn, in hundredths.
     most : int
         Cells of a vertex that may go.
     at : int
@@ -41,9 +41,9 @@ class CollapseRegisters(Registers):
     nodes, faces : int
         Vertices that went in this round, and their faces.
     clock, around : int
-        Number of marks so far, and the mark of the link of the vertex looked at.
+        Number of marks so far, and the mark of the current vertex's link.
     work : int
-        Cells looked at.
+        Cells visited.
     """
 
     real: int
@@ -65,9 +65,9 @@ class Collapsing(NamedTuple):
 
     ``position`` (V, 3); ``cell`` (T, n + 1); ``alive`` (T,): cells that have not gone; ``head``, ``tail`` (V + 1,) and
     ``following`` (T (n + 1),): lists of the places of each vertex in ``cell``, -1 at their ends; ``degree`` (V + 1,):
-    cells of each; ``stays`` (V + 1,): vertices that do not go; ``blocked`` (V + 1,): vertices beside one that went in
-    this round; ``linked``, ``edge`` (V + 1,): marks; ``star``, ``beside``: cells and vertices around the one looked at.
-    The round: ``vertex``, ``target`` (V,), ``first`` (V + 1,), ``face`` (T, n).
+    cells of each; ``stays`` (V + 1,): vertices that never collapse; ``blocked`` (V + 1,): neighbours of one that
+    collapsed in this round; ``linked``, ``edge`` (V + 1,): marks; ``star``, ``beside``: cells and vertices around the
+    current one. The round: ``vertex``, ``target`` (V,), ``first`` (V + 1,), ``face`` (T, n).
     """
 
     position: IntMatrix
@@ -92,7 +92,7 @@ class Collapsing(NamedTuple):
 
 @inlined
 def _append(w, v, place):
-    """A place is one more of a vertex."""
+    """Append a place to the list of a vertex."""
     if w.head[v] < 0:
         w.head[v] = place
     else:
@@ -103,7 +103,7 @@ def _append(w, v, place):
 
 @inlined
 def _unlink(w, v, before, place):
-    """Take the place behind ``before`` out of the list of a vertex."""
+    """Remove the place after ``before`` from the list of a vertex."""
     after = w.following[place]
     if before < 0:
         w.head[v] = after
@@ -125,9 +125,9 @@ def sew(w: Collapsing) -> None:
 
 @kernel
 def find_stays(w: Collapsing, union: IntVector) -> None:
-    """Mark vertices whose link is no circle or sphere: not connected, or of another Euler characteristic.
+    """Mark vertices whose link is not a circle or sphere: not connected, or of another Euler characteristic.
 
-    ``union`` (V + 1,) is room.
+    ``union`` (V + 1,) is scratch space.
     """
     corners = w.cell.shape[1]
     for v in range(len(w.position)):
@@ -162,7 +162,7 @@ def find_stays(w: Collapsing, union: IntVector) -> None:
 
 @inner
 def _look_around(w, v):
-    """Note the cells of a vertex, ascending, and the vertices of its link but the apex; returns how many these are."""
+    """List the cells of a vertex, ascending, and the vertices of its link except the apex; returns their number."""
     corners = w.cell.shape[1]
     w.reg.clock += 1
     mark = w.reg.clock
@@ -345,7 +345,7 @@ def _best_target(w, v):
 
 @inner
 def _collapse(w, v, u):
-    """Let a vertex go, and note its node."""
+    """Collapse a vertex into its target, and record the node."""
     corners = w.cell.shape[1]
     count = w.degree[v]
     for i in range(count):
@@ -378,7 +378,7 @@ def _collapse(w, v, u):
 
 @kernel
 def collapse(w: Collapsing, order: IntVector, most: int) -> int:
-    """Go on with a round from ``reg.at``; SPENT once more than ``most`` cells have been looked at."""
+    """Continue a round from ``reg.at``; returns SPENT once more than ``most`` cells have been visited."""
     while w.reg.at < len(order):
         v = order[w.reg.at]
         if w.reg.work > most:

@@ -15,11 +15,11 @@ from ..kernel import inlined, kernel, record
 from ..kernel.types import BoolVector, IntMatrix, IntVector
 
 EXTENT_BITS = {2: 20, 3: 20}
-"""Positions of a known mesh take as many bits, or one more, along the longest side of its box."""
+"""Bits of positions of a known mesh along the longest side of its box; sometimes one more."""
 MOST_POSITION = 1 << 40
-"""Coordinates stay below this."""
+"""Upper bound of coordinates."""
 NAMED = 5
-"""Simplices that an error names at most."""
+"""Most simplices that an error names."""
 
 
 @inlined
@@ -54,9 +54,9 @@ class Complex:
     ----------
     mesh : CellArrays
     unit : float
-        What positions count in.
+        Unit of positions.
     mirrored : (T,) bool
-        Cells whose vertices come in the order that drawing has to reverse.
+        Cells whose vertex order drawing has to reverse.
     """
 
     mesh: CellArrays
@@ -80,22 +80,11 @@ class Complex:
 
 
 def complex_of(points: ArrayLike, cells: ArrayLike, exponent: int | None = None) -> tuple[Complex, NDArray[np.float64]]:
-    """The complex of a mesh with coordinates, and these as floats.
+    """Make the complex of points (V, 2 or 3) and cells (T, 3 or 4); also returns the points as floats.
 
-    Parameters
-    ----------
-    points : (V, d) array_like of numbers
-        Coordinates of the vertices, d = 2 or 3.
-    cells : (T, 3) or (T, 4) array_like of int
-        Vertices of triangles, or of tetrahedra if d = 3.
-    exponent : int, optional
-        Of the unit of positions; chosen by the mesh's extent if not given.
-
-    Raises
-    ------
-    InputError
-        If they are not a complex: indices out of range, cells that are degenerate or given twice, faces of more
-        than two cells; the message has the numbers of the first ones.
+    The unit of positions is ``2**exponent``; by default it follows from the mesh's extent. Raises `InputError`, naming
+    the first simplices, if this is not a complex: indices out of range, degenerate or duplicate cells, faces of more
+    than two cells.
     """
     coordinates = _checked_points(points)
     simplices = _checked_cells(cells, coordinates)
@@ -119,7 +108,7 @@ def assembled(
 
 
 def _arrays(position: NDArray[np.int64], cells: NDArray[np.int64], neighbour: NDArray[np.int64]) -> CellArrays:
-    """Put them together for kernels."""
+    """Make the view for kernels, with the star of each vertex."""
     order = np.argsort(cells.ravel(), kind="stable")
     first = np.searchsorted(cells.ravel()[order], np.arange(len(position) + 1))
     return CellArrays(
@@ -129,9 +118,9 @@ def _arrays(position: NDArray[np.int64], cells: NDArray[np.int64], neighbour: ND
 
 
 def part_of(domain: Complex, cells: NDArray[np.int64], source: NDArray[np.int64]) -> Complex:
-    """The complex of other cells (T', n + 1) of a mesh's vertices, each from one of its cells; they run as that one.
+    """Make a complex of other cells (T', n + 1) on the vertices of a mesh; ``source`` names the cell each came from.
 
-    In the plane and in space they run as the axes do.
+    On a surface they are oriented like that cell, in the plane and in space like the axes.
     """
     made = _arrays(domain.mesh.position, cells, neighbours(cells))
     flat = made.position.shape[1] == domain.n
@@ -183,7 +172,7 @@ def _check_coincident(points: NDArray[np.float64], used: NDArray[np.int64]) -> N
 
 
 def _exponent(points: NDArray[np.float64], cells: NDArray[np.int64]) -> int:
-    """So that positions are fine as against the extent of the cells, and coordinates do not get too large."""
+    """Choose a unit that is fine relative to the extent of the cells, and keeps coordinates in bounds."""
     used = points[np.unique(cells)]
     extent = float((used.max(axis=0) - used.min(axis=0)).max())
     if not 0 < extent < np.inf:
@@ -200,7 +189,7 @@ def _named(numbers: NDArray[np.int64]) -> str:
 
 
 def _check_degenerate(position: NDArray[np.int64], cells: NDArray[np.int64]) -> None:
-    """Refuse cells without a volume, and cells that are there twice."""
+    """Refuse degenerate and duplicate cells."""
     ordered = np.sort(cells, axis=1)
     twice = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
     bad = np.flatnonzero(twice | ~has_volume(position, cells))
@@ -219,8 +208,16 @@ def _check_degenerate(position: NDArray[np.int64], cells: NDArray[np.int64]) -> 
 
 
 def determinants(position: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[Any]:
-    """Twice the areas of triangles of the plane, or six times the volumes of tetrahedra, exactly: int64 or object."""
-    side = position[cells[:, 1:]] - position[cells[:, :1]]
+    """Compute `volumes` of cells by their vertices."""
+    return volumes(position[cells])
+
+
+def volumes(corners: NDArray[np.int64]) -> NDArray[Any]:
+    """Twice the signed areas of triangles, or six times the volumes of tetrahedra, exactly: int64 or object.
+
+    ``corners`` are (T, 3, 2) or (T, 4, 3).
+    """
+    side = corners[:, 1:] - corners[:, :1]
     if side.size and int(np.abs(side).max()) ** side.shape[2] >= 1 << 60:
         side = side.astype(object)
     if side.shape[2] == 2:
@@ -262,7 +259,7 @@ def neighbours(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _mirrored(mesh: CellArrays) -> NDArray[np.bool_]:
-    """Cells whose vertices run the other way round: than the axes, or on a surface than the first of their piece."""
+    """Find cells oriented against the axes, or on a surface against the first cell of their piece."""
     if mesh.position.shape[1] == mesh.cell.shape[1] - 1:
         return np.asarray(determinants(mesh.position, mesh.cell) < 0, np.bool_)
     mirrored = np.zeros(len(mesh.cell), np.bool_)
@@ -272,7 +269,7 @@ def _mirrored(mesh: CellArrays) -> NDArray[np.bool_]:
 
 @kernel
 def _agree(mesh: CellArrays, mirrored: BoolVector, seen: BoolVector, stack: IntVector) -> None:
-    """Turn triangles of a surface as their neighbours, piece by piece, as far as it has two sides."""
+    """Orient triangles of a surface like their neighbours, piece by piece, where it has two sides."""
     for start in range(len(mesh.cell)):
         if seen[start]:
             continue

@@ -1,7 +1,7 @@
-"""Cuts of the hierarchy of a mesh: which of its cells are there when some vertices have come back (spec clause 10.8.7).
+"""Cuts of the hierarchy of a mesh: its cells after some vertices have come back (spec clause 10.8.7).
 
-Each cell that there is at any time came from the collapse of a node, its breaker, or from the mesh, and goes with that
-of another, its maker, or stays to the end. A cut has nodes with, for each, the makers of the cells of its patch.
+Every cell comes from the mesh or from the collapse of a node, its breaker, and vanishes with the collapse of another,
+its maker, unless it stays to the end. A cut contains, with each node, the makers of the cells of its patch.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .hierarchy import Hierarchy
 
 @dataclass(frozen=True, eq=False)
 class CellHistory:
-    """Cells that there are at any time, C of them, the apex being the number of vertices; N nodes, the first one first.
+    """All C cells that exist at some time, with the number of vertices as the apex, and N nodes in order of collapse.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class CellHistory:
     first, patch : (N + 1,), (P,) int64
         ``patch[first[i] : first[i + 1]]`` are the cells of the patch of node i.
     star_first, star : (N + 1,), (S,) int64
-        Likewise of its star.
+        The same for its star.
     vertex, target : (N,) int64
     around : (S, n + 1) int64
         Cells of the stars: ``cell[star]``.
@@ -53,13 +53,13 @@ class CellHistory:
 
     @property
     def bytes(self) -> int:
-        """Memory that it holds."""
+        """Memory in bytes."""
         return sum(part.nbytes for part in vars(self).values())
 
     def closure(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """The least cut that has all of some nodes, (N,)."""
+        """Find the smallest cut that contains some nodes, (N,)."""
         inside = wanted.copy()
-        # what a node needs went later than it did
+        # a node needs only nodes that collapsed after it
         for i in range(len(inside)):
             if inside[i]:
                 makers = self.maker[self.patch[self.first[i] : self.first[i + 1]]]
@@ -71,9 +71,9 @@ class CellHistory:
         return np.flatnonzero(np.append(inside, True)[self.maker] & ~np.append(inside, False)[self.breaker])
 
     def real(self, inside: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The cells of a cut without those at the apex, (T', n + 1), in the order of the cells that they came from.
+        """Find the cells of a cut without those at the apex, (T', n + 1), and the original cells that they came from.
 
-        Also the numbers of these.
+        They are in the order of the original cells.
         """
         there = self.there(inside)
         there = there[(self.cell[there] < len(self.position)).all(axis=1)]
@@ -124,13 +124,13 @@ def _cone(cell: NDArray[np.int64], apex: int) -> NDArray[np.int64]:
 
 
 def _groups(node: NDArray[np.int64], nodes: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Numbers of cells by their node: where each node's begin, and all of them."""
+    """Group cells by node: where each node's cells begin, and all cells in that order."""
     order = np.argsort(node, kind="stable")
     return np.searchsorted(node[order], np.arange(nodes + 1)) - (node < 0).sum(), order[(node < 0).sum() :]
 
 
 def cut_of(history: CellHistory) -> Cut:
-    """The cut without any node."""
+    """Make the empty cut."""
     nodes = len(history.vertex)
     none = np.zeros(nodes, np.bool_)
     return Cut(
@@ -141,9 +141,9 @@ def cut_of(history: CellHistory) -> Cut:
 
 
 def wanted_by(history: CellHistory, c: Cut, wanted: NDArray[np.bool_], above: NDArray[np.bool_]) -> None:
-    """Let the encoder want a cut of some nodes (N,), by the signs of all vertices (V,).
+    """Set the nodes (N,) that an encoder wants in the cut, from the signs of all vertices (V,).
 
-    Vertices with the sign of all of their ring change nothing, and come only where others need them.
+    Vertices with the sign of their whole ring change nothing, and are added only if others need them.
     """
     inside = c.inside | wanted
     c.wanted[:] = history.closure(inside)

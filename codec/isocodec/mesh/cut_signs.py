@@ -45,7 +45,7 @@ class Cut(NamedTuple):
 
 @inner
 def _missing(c, i):
-    """The last one removed of what a node needs and is not in the cut, or -1."""
+    """Find the node that collapsed last among those a node needs and the cut lacks, or -1."""
     last = np.int64(-1)
     for k in range(c.first[i], c.first[i + 1]):
         maker = c.maker[c.patch[k]]
@@ -68,7 +68,7 @@ def _sides(cell, t, but, sign):
 
 @inner
 def _crossed(c, sign, i):
-    """Whether a real cell of a node's patch is there and mixed."""
+    """Whether the cut has a mixed real cell of a node's patch."""
     apex = len(sign)
     for k in range(c.first[i], c.first[i + 1]):
         t = c.patch[k]
@@ -81,7 +81,7 @@ def _crossed(c, sign, i):
 
 @inner
 def _question(c, sign, i):
-    """Class of what is known of a node that may come back."""
+    """Class of the context of a node that may come back."""
     mixed = np.int64(0)
     apex = len(sign)
     for k in range(c.star_first[i], c.star_first[i + 1]):
@@ -92,7 +92,7 @@ def _question(c, sign, i):
 
 @inner
 def _insert(g, st, cd, c, node):
-    """Let a node come into the cut, behind all that it needs."""
+    """Add a node to the cut, after all that it needs."""
     c.stack[0] = node
     top = np.int64(1)
     while top > 0:

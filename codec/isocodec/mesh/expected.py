@@ -1,4 +1,4 @@
-"""Prediction of the vertex behind an open face of a growing mesh (spec clause 10.10.3(1))."""
+"""Prediction of the vertex across an open face of a growing mesh (spec clause 10.10.3(1))."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .affine import SPAN, root
 from .growth import OPEN
 
 REFLECTED, EVEN = 0, 1
-"""Two ways to expect a vertex, rows of ``Growth.aim``; that which has missed less is followed."""
+"""Two predictions of a vertex, rows of ``Growth.aim``; the one with the smaller error so far is used."""
 HALVES, HEIGHT, SIDE, BENT = 128, 128, 80, 32
 """Weights of an even place, in parts of 256: each end of the face, the height of the triangle before it, a line as
 long as the face, and the open sides at both ends."""
@@ -43,7 +43,7 @@ def _spread(g, t):
 
 @inner
 def _even(g, t, o):
-    """Expect a vertex where it makes the angles on both sides of it, and the lengths of its sides, much alike."""
+    """Predict a vertex so that its adjacent angles, and the lengths of its sides, are about equal."""
     d = g.position.shape[1]
     a, b, left = g.cell[t, (o + 1) % 3], g.cell[t, (o + 2) % 3], g.cell[t, o]
     far = _spread(g, t)
@@ -71,7 +71,7 @@ def _even(g, t, o):
 
 @inner
 def expect(g, t, o):
-    """Write where a vertex behind face o of cell t is expected, either way, and which way is followed."""
+    """Store both predictions of a vertex across face o of cell t, and which one is used."""
     corners = g.cell.shape[1]
     for k in range(g.position.shape[1]):
         total = np.int64(0)
@@ -92,6 +92,6 @@ def expect(g, t, o):
 
 @inlined
 def learn_miss(g, k, place, fine):
-    """Take in by how much coordinate k of a vertex misses what both ways expected."""
+    """Record the errors of both predictions in coordinate k of a vertex."""
     for m in range(2):
         g.missed[m] += ((abs(place - g.aim[m, k]) << fine) - g.missed[m]) >> 5

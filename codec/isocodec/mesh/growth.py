@@ -10,11 +10,11 @@ from ..kernel import inlined, inner, record
 from ..kernel.types import IntMatrix, IntVector, Registers
 
 OPEN, BORDER = -1, -2
-"""Instead of the cell across a face: not coded yet, and none."""
+"""Markers in place of the cell across a face: not coded yet, and no cell."""
 CANDIDATES = 4
-"""Vertices that the next cell may have already, at most."""
+"""Most known vertices that are candidates for the next cell."""
 NEAR = 12
-"""Classes of how far vertices lie from where the next one is expected."""
+"""Classes of the distance of a vertex from the prediction."""
 
 
 class GrowthRegisters(Registers):
@@ -23,17 +23,17 @@ class GrowthRegisters(Registers):
     Attributes
     ----------
     vertices, cells : int
-        So far.
+        Counts so far.
     all_vertices, all_cells : int
-        That the mesh has.
+        Counts of the whole mesh.
     first, last : int
-        The faces that wait: from which place of the queue to which.
+        Range of the queue with the waiting faces.
     past : int
         Whether the last faces were on the border, as bits, the latest lowest.
     work : int
-        Cells that were looked at.
+        Cells visited.
     most, granted : int
-        Cells that may be looked at and symbols that may be decoded, together, and ``left`` of the coder at first.
+        Limit on cells visited plus symbols decoded, and ``left`` of the coder at the start.
     chosen : int
         Which row of ``aim`` is followed.
     error : int
@@ -56,7 +56,7 @@ class GrowthRegisters(Registers):
 
 @record
 class Growth(NamedTuple):
-    """A mesh in d dimensions of cells of n + 1 vertices, as far as it has come; with room for V vertices and T cells.
+    """A partial mesh in d dimensions of cells of n + 1 vertices, with room for V vertices and T cells.
 
     ``position`` (V, d), from 0 to below ``extent`` (d,); ``cell`` (T, n + 1); ``neighbour`` (T, n + 1): the cell across
     the face opposite each vertex, ``OPEN`` or ``BORDER``; ``head`` (V,): the last corner (cell times (n + 1) plus
@@ -109,7 +109,7 @@ def _common(g, t, i, other, f):
 
 @inner
 def _join(g, t, i):
-    """Find the cell across face i of cell t among those before it; False if that cannot be."""
+    """Find the cell across face i of cell t among the earlier ones; False if the mesh is then not a complex."""
     corners = g.cell.shape[1]
     pivot = 1 if i == 0 else 0
     k = g.link[t * corners + pivot]
@@ -132,7 +132,7 @@ def _join(g, t, i):
 
 @inner
 def attach(g):
-    """Take the cell that has been written behind the others; False if the mesh is not a complex then."""
+    """Attach the cell that was written after the others; False if the mesh is then not a complex."""
     t = np.int64(g.reg.cells)
     corners = g.cell.shape[1]
     for i in range(corners):

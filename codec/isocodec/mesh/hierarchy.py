@@ -1,8 +1,8 @@
 """The multi-triangulation of a mesh: rounds in which vertices collapse into neighbours (spec clauses 10.8.1, 10.8.2).
 
-A round lets vertices go that share no cell, each into a neighbour that keeps the shape of cells best. The rounds
-reversed are levels of a progressive file: a vertex comes back into the ring that it left. Both sides compute the same
-from the mesh alone.
+A round collapses vertices that share no cell, each into the neighbour that keeps the shape of cells best. In reverse,
+the rounds are the levels of a progressive file: a vertex returns to the ring that it left. Encoder and decoder compute
+them from the mesh alone.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from .collapse import CollapseRegisters, Collapsing, collapse, find_stays, sew
 from .complex import Complex
 
 MOST_EXTENT = 1 << 30
-"""Positions lie closer to one another than this along each axis."""
+"""Upper bound of the extent of positions along each axis."""
 MOST_STAR = {2: 16, 3: 64}
-"""Cells of a vertex that may go, by the dimension of cells."""
+"""Most cells of a vertex that may collapse, by the dimension of cells."""
 BORDER_TURNS = (97, 70)
-"""Cosines by which borders may turn, in hundredths: at first, and in later rounds."""
+"""Least cosines of the turn of a border, in hundredths: in the first and in later rounds."""
 LATER = 16
-"""Borders turn further behind a round that removes fewer than such a part of the vertices."""
+"""Once a round removes less than this fraction (1 / LATER) of the vertices, borders may turn more."""
 LEAST = 64
-"""Rounds end behind one that removes fewer than such a part of the vertices, or leaves so many at most."""
+"""Rounds end once one removes less than 1 / LEAST of the vertices, or leaves at most LEAST."""
 SHUFFLE = 2654435761
 """Vertices are visited in the order of their numbers times this, modulo 2**32."""
 SLICE = 1 << 22
-"""Cells that are looked at before a caller hears of it."""
+"""Cells visited between two reports to the caller."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Hierarchy:
 
     @property
     def left(self) -> int:
-        """Vertices after the last round, those without a cell not counted."""
+        """Vertices that have a cell after the last round."""
         return len(np.unique(self.cells(len(self.rounds))))
 
     @property
@@ -105,24 +105,15 @@ class Hierarchy:
 
 
 def has_hierarchy(domain: Complex) -> bool:
-    """Whether a mesh is not too large for its unit."""
+    """Whether the extent of a mesh is small enough relative to its unit."""
     return int(np.ptp(domain.mesh.position, axis=0).max()) < MOST_EXTENT
 
 
 def hierarchy_of(domain: Complex, watch: Callable[[int, int], None] | None = None) -> Hierarchy:
-    """Collapse vertices round by round.
+    """Collapse vertices round by round; raises `OptionError` if the mesh is too large for its unit.
 
-    Parameters
-    ----------
-    domain : Complex
-    watch : callable, optional
-        Called now and then with the cells looked at since the last time, and the bytes that all rounds hold so far;
-        what it raises ends them.
-
-    Raises
-    ------
-    OptionError
-        If the mesh is too large for its unit.
+    ``watch`` is called repeatedly with the cells visited since the last call and the bytes that all rounds hold so far;
+    an error that it raises ends them.
     """
     if not has_hierarchy(domain):
         raise OptionError(
@@ -157,14 +148,14 @@ def hierarchy_of(domain: Complex, watch: Callable[[int, int], None] | None = Non
 
 
 def _heard(w: Collapsing, held: int, watch: Callable[[int, int], None] | None) -> None:
-    """Pass on what a round has taken."""
+    """Report the work of a round so far."""
     work, w.reg.work = w.reg.work, 0
     if watch is not None:
         watch(work, held)
 
 
 def _closed(domain: Complex) -> tuple[Collapsing, int]:
-    """A copy of a mesh with its apex, and the number of cells without it."""
+    """Close a copy of a mesh by the apex; also returns the number of cells without it."""
     mesh = domain.mesh
     vertices, d = mesh.position.shape
     real, corners = mesh.cell.shape

@@ -1,4 +1,4 @@
-"""One isovalue on an explicit complex: what is known of it, and the layers that code it (spec clause 10.1.3)."""
+"""State of an isovalue on an explicit complex, and the layers that code it (spec clause 10.1.3)."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from .complex import Complex, part_of
 from .cut import CellHistory, cut_of, wanted_by
 from .cut_signs import Cut, code_cut
 from .hierarchy import Hierarchy
-from .levels import coarse_signs, estimates_of, signs_of_round
+from .levels import coarse_signs, code_round, estimates_of
 from .models import NUMBERS, new_coder
 from .positions import (
     LARGEST,
+    PLACE,
     TOLD,
     active_vertices,
     code_offsets,
     code_values,
     crossed_edges,
     parts_of,
-    places_on,
 )
 from .ring_fit import RingEstimates
 from .walk import REASONS, WalkRegisters, WalkState, code_base, code_parts, trace
@@ -54,17 +54,18 @@ class _Then(NamedTuple):
         return np.where(same, self.place[at], out)
 
     def numbers(self, vertices: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Numbers of vertices, as far as known."""
+        """Numbers of vertices; 0 where unknown."""
         return self.number[vertices] if len(self.number) else np.zeros(len(vertices), np.int64)
 
 
 def _then_of(before: MeshIsovalue, vertices: int) -> _Then:
-    """Geometry of an isovalue, for that of the frame behind it."""
+    """Geometry of an isovalue, for predicting the next frame."""
     key = place = number = np.zeros(0, np.int64)
     if before.edges is not None and before.parts is not None and before.number is not None:
         key = before.edges[:, 0] * np.int64(vertices) + before.edges[:, 1]
         order = np.argsort(key)
-        key, place = key[order], places_on(before.parts, before.number)[order]
+        place = np.clip(((2 * before.number + 1) << PLACE) // (2 * before.parts), 1, (1 << PLACE) - 1)
+        key, place = key[order], place[order]
     if before.active is not None and before.steps is not None:
         number = np.zeros(vertices, np.int64)
         twice = 2 * np.minimum(before.steps, LARGEST) + 1
@@ -83,19 +84,19 @@ class MeshIsovalue:
     scale : float or None
         Step of numbers of values; None for integers.
     earlier : sequence of MeshIsovalue
-        Those that it leans on, the nearest first.
+        Isovalues that it is predicted from, the nearest first.
     before : MeshIsovalue, optional
-        Instead, the same isovalue of the frame before.
+        Instead of these, the same isovalue of the previous frame.
 
     Attributes
     ----------
     domain : Complex
-        What the curve lies on: the mesh, or the cells of a cut of it.
+        The mesh that the curve lies on, or the cells of a cut of it.
     strand : WalkState
     run : Run
-        That of the present layer, from `read` or `write`.
+        Run of the current layer, from `read` or `write`.
     rounds : int or None
-        How many rounds of the hierarchy are to come back yet, in signs that come level by level.
+        Rounds of the hierarchy that are still collapsed, for signs coded level by level.
     cut : (N,) bool or None
         Nodes of the hierarchy that have come back, in layers of a cut.
     edges : (E, 3) int64 or None
@@ -145,13 +146,13 @@ class MeshIsovalue:
 
     @staticmethod
     def bytes_for(domain: Complex) -> int:
-        """Memory that an isovalue holds."""
+        """Memory of an isovalue, in bytes."""
         vertices, (cells, corners) = len(domain.mesh.position), domain.mesh.cell.shape
         return vertices * 52 + cells * (9 + 8 * (corners - 1))
 
     @staticmethod
     def bytes_of_cut(domain: Complex) -> int:
-        """Memory that an isovalue holds more once it has a layer of a cut."""
+        """Additional memory of an isovalue with a layer of a cut, in bytes."""
         vertices, (cells, corners) = len(domain.mesh.position), domain.mesh.cell.shape
         return 80 * vertices + 32 * corners * cells
 
@@ -195,9 +196,9 @@ class MeshIsovalue:
         self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
 
     def code_levels(self, hierarchy: Hierarchy, rounds: int, truth: NDArray[np.bool_] | None = None) -> None:
-        """Code which vertices lie above, of those that are there when so many rounds are to come back yet.
+        """Code which vertices lie above, among those present while ``rounds`` rounds are still collapsed.
 
-        Those of earlier layers are known. ``truth`` as in `code_signs`.
+        Vertices of earlier layers are known. ``truth`` as in `code_signs`.
         """
         mesh, run = self.domain.mesh, self.run
         if truth is not None:
@@ -207,8 +208,10 @@ class MeshIsovalue:
             self._estimates = estimates_of(hierarchy.position, hierarchy.cell.shape[1])
             run.check(coarse_signs(hierarchy.cells(rounds), self._estimates, self.strand, run.coder))
         else:
-            for number in range(self.rounds - 1, rounds - 1, -1):
-                run.check(signs_of_round(hierarchy.rounds[number], self._estimates, self.strand, run.coder))
+            for back in reversed(hierarchy.rounds[rounds : self.rounds]):
+                room = np.zeros((3, len(back.vertex) + 128), np.int64)
+                run.check(code_round(self._estimates, self.strand, run.coder, back.vertex, back.target, back.first,
+                                     back.face, room))
         self.rounds = rounds
         if rounds == 0:
             self._estimates = None
@@ -218,16 +221,10 @@ class MeshIsovalue:
     def code_cut(
         self, history: CellHistory, wanted: NDArray[np.bool_] | None = None, truth: NDArray[np.bool_] | None = None
     ) -> None:
-        """Code which vertices come back into a cut, and their signs; in the first layer, of those that are left, too.
+        """Code which vertices return to a cut, and their signs; in the first layer also the signs of the coarsest mesh.
 
-        Parameters
-        ----------
-        history : CellHistory
-        wanted : (N,) bool, optional
-            The encoder's: nodes that are to be inside, which those that they need will be, too. Those that neither
-            change the contour nor are needed stay out.
-        truth : (V,) bool, optional
-            The encoder's, as in `code_signs`.
+        An encoder gives the nodes ``wanted`` (N,) in the cut, to which those they need are added, while those that
+        neither change the contour nor are needed stay out; and ``truth`` (V,) as in `code_signs`.
         """
         run, st = self.run, self.strand
         if truth is not None:
@@ -262,7 +259,7 @@ class MeshIsovalue:
         self.parts, self.number = parts, found
 
     def code_values(self, bits: tuple[int, int], number: NDArray[np.int64] | None = None) -> None:
-        """Code the numbers of the vertices next to the curve; ``bits`` of those below and above."""
+        """Code the numbers of the vertices next to the curve, with ``bits`` below and above."""
         assert self.edges is not None
         active = active_vertices(self.edges)
         found, told = self._told(active[:, 0])
@@ -278,7 +275,7 @@ class MeshIsovalue:
         self.active, self.steps = active, found
 
     def _told(self, vertices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Numbers that follow from integers decoded for earlier isovalues, and which these are."""
+        """Find the numbers that follow from integers decoded for earlier isovalues, and which are known so."""
         number, told = np.zeros(len(vertices), np.int64), np.zeros(len(vertices), np.bool_)
         if self.scale is not None:
             return number, told

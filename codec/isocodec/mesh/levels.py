@@ -1,4 +1,4 @@
-"""Signs of a mesh level by level: those left of it, then vertices that come back (spec clauses 10.8.3 to 10.8.5)."""
+"""Signs of a mesh level by level: the coarsest mesh, then vertices that come back (spec clauses 10.8.3 to 10.8.5)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..entropy.range_coder import Coder, code
 from ..kernel import DONE, inlined, inner, kernel
 from ..kernel.types import IntMatrix, IntVector
 from .before import AGREED, UNKNOWN, learn_agreement, sign_before
-from .hierarchy import MOST_STAR, Round
+from .hierarchy import MOST_STAR
 from .models import (
     CHANGED,
     COARSE,
@@ -36,17 +36,17 @@ from .ring_fit import RingEstimates, RingRegisters, gather, weighted
 from .walk import WalkState
 
 NEAR = 16
-"""Weights around a vertex of the coarse mesh count in parts of that of the nearest one: ``2**NEAR`` of them."""
+"""Weights around a vertex of the coarse mesh are multiples of ``2**-NEAR`` of the weight of the nearest one."""
 COARSE_PARTS = 16
-"""The share of the weight around that lies above is taken in as many parts."""
+"""Classes of the share of the surrounding weight that lies above."""
 TRUST = 180
-"""Trust at first, of ``ALL``."""
+"""Initial trust, out of ``ALL``."""
 ALL = 256
-"""Full trust, and the tilt of a vertex around which all lie above."""
+"""Full trust; also the tilt of a vertex whose neighbours all lie above."""
 OPEN = 1
-"""A vertex that comes back has the sign of its ring, unless it is found to have the other one."""
+"""Status of a returning vertex that got the sign of its ring, and may still have the other one."""
 LEARNT = 77
-"""Share by which trust and tilt of a ring move towards a sign, of ``ALL``."""
+"""Share of the way, out of ``ALL``, that trust and tilt of a ring move towards a new sign."""
 
 
 @inlined
@@ -58,7 +58,7 @@ def _square(position, v, u):
 
 @inner
 def _share(position, sign, v, around, start, end):
-    """Share of the weight of the known vertices around one that lies above, in parts; -1 if none is known."""
+    """Class of the share of the known weight around a vertex that lies above; -1 if none is known."""
     nearest = np.int64(-1)
     for k in range(start, end):
         if sign[around[k]] != UNKNOWN:
@@ -97,7 +97,7 @@ def _mean_edge(position, first, around):
 
 @inner
 def _begin(st, g, v, bit, height):
-    """A vertex of the coarse mesh becomes known."""
+    """Enter the sign and first estimates of a vertex of the coarse mesh."""
     st.sign[v] = bit
     learn_agreement(st, v, bit)
     st.reg.past = (st.reg.past << 1 | bit) & 63
@@ -110,9 +110,9 @@ def _begin(st, g, v, bit, height):
 def code_coarse(
     g: RingEstimates, st: WalkState, cd: Coder, first: IntVector, around: IntVector, order: IntVector
 ) -> int:
-    """Code the signs of what is left, each vertex after one beside it.
+    """Code the signs of the coarsest mesh, each vertex after a neighbour.
 
-    ``around[first[v] : first[v + 1]]`` are those beside vertex v; ``order`` (V,), all -1 at first, takes their order.
+    ``around[first[v] : first[v + 1]]`` are the neighbours of vertex v; ``order`` (V,), -1 at first, receives the order.
     """
     height = _mean_edge(g.position, first, around) >> 1
     end = np.int64(0)
@@ -146,7 +146,7 @@ def code_coarse(
 
 @inner
 def _changed(st, g):
-    """Class of how many vertices of a ring have another sign than in the frame before."""
+    """Class of the number of vertices of a ring whose sign changed since the previous frame."""
     count = np.int64(0)
     for i in range(g.reg.count):
         u = g.ring[i]
@@ -156,7 +156,7 @@ def _changed(st, g):
 
 @inner
 def _class_of(size, far):
-    """Class of the size of a fit, in parts of the mean distance."""
+    """Class of the size of a fit relative to the mean distance."""
     share = 4 * size // far
     out = np.int64(0)
     for bound in FIT_BOUNDS:
@@ -166,7 +166,7 @@ def _class_of(size, far):
 
 @inner
 def _agreeing(g, sign, above):
-    """Share of the weight of the ring with a sign, in parts; -1 if no sign is known there."""
+    """Class of the share of the ring's weight that has a sign; -1 if no sign is known."""
     some, total = np.int64(0), np.int64(0)
     for i in range(g.reg.count):
         one = sign[g.ring[i]]
@@ -178,7 +178,7 @@ def _agreeing(g, sign, above):
 
 @inner
 def _hear_ring(st, g, cd, target, above, then):
-    """List the opinions on whether a vertex lies where the fit has it; returns the class of the fit's size."""
+    """List the opinions on whether the fit has the right sign; returns the class of the fit's size."""
     reg = g.reg
     size = _class_of(abs(reg.fit), reg.far)
     share = _agreeing(g, st.sign, above)
@@ -207,7 +207,7 @@ def _hear_ring(st, g, cd, target, above, then):
 
 @inner
 def _learn(st, g, v, sign, right):
-    """Estimates of a vertex that comes back into a ring of both signs, and what its ring learns from it."""
+    """Estimate a vertex that returned to a ring of both signs, and update the estimates of its ring."""
     reg = g.reg
     height = ((3 * reg.far) << reg.shift) // 5
     if right:
@@ -230,7 +230,7 @@ def _learn(st, g, v, sign, right):
 
 @inner
 def _mixed_sign(st, g, cd, v, target):
-    """Sign of a vertex that comes back into a ring of both signs."""
+    """Code the sign of a vertex that returns to a ring of both signs."""
     above = np.int64(g.reg.fit > 0)
     if st.given[v] != UNKNOWN:
         right = np.int64(st.given[v] == above)
@@ -249,7 +249,7 @@ def _mixed_sign(st, g, cd, v, target):
 
 @inner
 def _follow(st, g, v, sign):
-    """A vertex has the sign of its ring."""
+    """Give a vertex the sign of its ring."""
     reg = g.reg
     height = ((3 * reg.far) << reg.shift) // 10
     if (reg.fit > 0) == (sign == 1):
@@ -262,7 +262,7 @@ def _follow(st, g, v, sign):
 
 @inlined
 def flip(st, g, v):
-    """A vertex has another sign than its ring."""
+    """Give a vertex the sign opposite to its ring."""
     st.sign[v] = 1 - st.sign[v]
     size = (3 * abs(g.height[v])) // 10
     g.height[v] = size if st.sign[v] else -size
@@ -270,7 +270,7 @@ def flip(st, g, v):
 
 @inner
 def comes_back(g, st, cd, v, target, face, start, end):
-    """Give a vertex that comes back its sign; OPEN if it has that of its ring, and might have the other one."""
+    """Code the sign of a returning vertex; OPEN if it got that of its ring, and may still have the other one."""
     gather(g, v, face, start, end)
     sign = np.int64(st.sign[g.ring[0]])
     for k in range(g.reg.count):
@@ -286,13 +286,13 @@ def comes_back(g, st, cd, v, target, face, start, end):
 
 @inlined
 def _any(prefix, low, high):
-    """Encoder: whether some of the listed are sought."""
+    """Encoder: whether any item of a range of the list is sought."""
     return np.int64(prefix[high] > prefix[low])
 
 
 @inlined
 def _width(low, high):
-    """Class of how many are listed."""
+    """Class of the length of a range."""
     wide = np.int64(0)
     while (high - low) >> wide and wide < 15:
         wide += 1
@@ -301,7 +301,7 @@ def _width(low, high):
 
 @inner
 def code_list(cd, context, listed, count, prefix, stack):
-    """Find those that are sought among all listed, by halves; returns how many, which begin the list then."""
+    """Code which items of a list are sought, by bisection; moves them to its start, and returns their number."""
     found = np.int64(0)
     if count == 0:
         return found
@@ -338,7 +338,7 @@ def code_round(
     g: RingEstimates, st: WalkState, cd: Coder, vertex: IntVector, target: IntVector, first: IntVector, face: IntMatrix,
     room: IntMatrix,
 ) -> int:
-    """Code the signs of the vertices that come back in a round, the last one first; ``room`` is (3, R + 128)."""
+    """Code the signs of the vertices that return in a round, the last first; ``room`` (3, R + 128) is scratch space."""
     candidate, prefix = room[0], room[1]
     count = np.int64(0)
     prefix[0] = 0
@@ -367,7 +367,7 @@ def code_round(
 
 
 def estimates_of(position: NDArray[np.int64], corners: int) -> RingEstimates:
-    """Estimates before the first sign, at positions (V, 3) of cells of so many corners."""
+    """Make the initial estimates at positions (V, 3) of cells with ``corners`` corners."""
     vertices = len(position)
     most = MOST_STAR[corners - 1] * corners
 
@@ -381,7 +381,7 @@ def estimates_of(position: NDArray[np.int64], corners: int) -> RingEstimates:
 
 
 def beside(cells: NDArray[np.int64], vertices: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Vertices beside each: those of vertex v from ``first[v]`` to ``first[v + 1]``, ascending."""
+    """List the neighbours of each vertex, ascending: those of v from ``first[v]`` to ``first[v + 1]``."""
     corners = cells.shape[1]
     pairs = cells[:, [[i, j] for i in range(corners) for j in range(corners) if i != j]].reshape(-1, 2)
     keys = np.unique(pairs @ np.array([vertices, 1]))
@@ -389,13 +389,7 @@ def beside(cells: NDArray[np.int64], vertices: int) -> tuple[NDArray[np.int64], 
 
 
 def coarse_signs(cells: NDArray[np.int64], g: RingEstimates, st: WalkState, cd: Coder) -> int:
-    """Code the signs of the vertices of some cells (T, n + 1), those that are left."""
+    """Code the signs of the vertices of the coarsest cells, (T, n + 1)."""
     vertices = len(g.position)
     first, around = beside(cells, vertices)
     return code_coarse(g, st, cd, first, around, np.full(len(around) + vertices, -1, np.int64))
-
-
-def signs_of_round(removed: Round, g: RingEstimates, st: WalkState, cd: Coder) -> int:
-    """Code the signs of the vertices that went in a round."""
-    room = np.zeros((3, len(removed.vertex) + 128), np.int64)
-    return code_round(g, st, cd, removed.vertex, removed.target, removed.first, removed.face, room)

@@ -16,20 +16,14 @@ from .models import coder_of_meshes
 from .room import bytes_of, growth_of, longer, more_rows, whole_growth
 
 BYTES_PER_UNIT = 8
-"""Bytes of a mesh that count as a unit of work: they are to grow with the bytes of the file, too."""
+"""Bytes of a mesh that count as a unit of work, so that they are bounded by the bytes of the file, too."""
 
 
 def encoded_mesh(domain: Complex, extent: Sequence[int], unit: float) -> tuple[bytes, Complex, NDArray[np.int64]]:
     """Code a complex whose positions are from 0 to below ``extent``.
 
-    Returns
-    -------
-    bytes
-        The run.
-    Complex
-        As a decoder has it, with vertices and cells in the order of decoding.
-    (V,) int64
-        For each of its vertices the original one.
+    Returns the run, the complex as a decoder has it, with vertices and cells in the order of decoding, and for each of
+    its vertices the original one, (V,).
     """
     vertices, d = domain.mesh.position.shape
     cells, corners = domain.mesh.cell.shape
@@ -47,33 +41,11 @@ def decoded_mesh(
     data: bytes, at: int, size: tuple[int, int], corners: int, extent: Sequence[int], unit: float, account: Account,
     hold: Callable[[int, int], None],
 ) -> Complex:
-    """Inverse of ``encoded_mesh``.
+    """Decode the run of a mesh, which lies at ``at`` in the file; inverse of ``encoded_mesh``.
 
-    Parameters
-    ----------
-    data : bytes
-        The run.
-    at : int
-        Where it lies in the file.
-    size : (int, int)
-        Numbers of vertices and cells that the file states.
-    corners : int
-        Vertices of a cell.
-    extent : sequence of int
-        Positions are below these.
-    unit : float
-        Of positions.
-    account : Account
-        The file's.
-    hold : callable
-        Called before anything is allocated with the bytes there will be, and those more while arrays are copied.
-
-    Raises
-    ------
-    FormatError
-        If the run violates the specification.
-    LimitError
-        If it takes more than the account or ``hold`` allows.
+    ``size`` is the number of vertices and cells that the file states. ``hold`` is called before every allocation with
+    the bytes that will be held, and the additional ones while arrays are copied. Raises `FormatError` if the run
+    violates the specification, `LimitError` if it takes more than the account or ``hold`` allows.
     """
     vertices, cells = size
     run = whole_run(coder_of_meshes(), data, account, at)
@@ -90,7 +62,7 @@ def decoded_mesh(
         after = bytes_of(g, rows)
         run.spend(sum(after) - sum(before), BYTES_PER_UNIT)
         hold(sum(after), max(before))
-        # one after the other: what each was before is let go of
+        # one after the other, so that the old array is freed before the next is made
         for name, count in rows.items():
             g = longer(g, name, count)
     run.check(status, REASONS, g.reg.error)

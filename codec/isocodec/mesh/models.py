@@ -12,27 +12,27 @@ from .before import AGREED, RINGS
 from .growth import CANDIDATES, NEAR
 
 CLASSES = 8
-"""Classes of how sure an estimate is."""
+"""Classes of the certainty of an estimate."""
 PASTS = 64
-"""Last symbols, six of them."""
+"""Patterns of the last six symbols."""
 CROSSINGS = 4
-"""Classes of what is known about where an edge is crossed; as many more where the frame before knows, too."""
+"""Classes of the knowledge of a crossing; twice as many with that of the previous frame."""
 NUMBERS = 4
-"""Classes of what is known about a value at a vertex; as many more where the frame before knows, too."""
+"""Classes of the knowledge of a value at a vertex; twice as many with that of the previous frame."""
 CHANGED = 4
-"""Numbers of vertices of a ring whose signs are others than in the frame before: so many or more are one class."""
+"""Classes of the number of vertices of a ring whose signs changed since the previous frame."""
 SHARES = 18
-"""Classes of the share of what is around that lies above: none known, 0 to 16."""
+"""Classes of the share of the surroundings that lies above: unknown, 0 to 16."""
 PARTS = 16
-"""The share of a ring's weight with a sign is taken in as many parts."""
+"""Classes of the share of a ring's weight with a sign."""
 TILTS = 12
-"""Classes of how far the signs around a ring lean towards one."""
+"""Classes of the tilt of the signs around a ring."""
 MOST_COUNT = 30
-"""Numbers of vertices of a ring, and of those with a sign: so many or more are one class."""
+"""Number of vertices of a ring, or of those with a sign, from which on all are one class."""
 MIXED_FACES = 6
-"""Half the numbers of faces of a ring that have both signs: the last one and more are one class."""
+"""Classes of half the number of faces of a ring that have both signs."""
 FIT_BOUNDS = (2, 5, 10, 16, 26, 38, 54, 77, 109, 160)
-"""Least sizes of fits in their classes but the first, in 1/64 of the mean distance."""
+"""Lower bounds of the classes of fits after the first, in 1/64 of the mean distance."""
 SIZES = len(FIT_BOUNDS) + 1
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
 CONTEXT = Layout({
@@ -95,9 +95,9 @@ MIX_KNOWN = MIX_CLOSED + 4
 MIX_PLACE = MIX_KNOWN + 1 + CANDIDATES
 _MESH_MIXES = MIX_PLACE + 2 * 3 * DEPTHS
 WEIGHT = 22000
-"""Mixing weight that every opinion starts with, of 2**16."""
+"""Initial mixing weight of every opinion, out of 2**16."""
 LEVEL_WEIGHT = 11000
-"""Mixing weight of opinions on signs of vertices that come back."""
+"""Initial mixing weight of opinions on signs of returning vertices."""
 BY_SIZE = (51, 57, 64, 74, 85, 94, 98, 99, 99, 97, 91)
 BY_SHARE = (46, 46, 51, 55, 60, 60, 62, 65, 68, 72, 79, 84, 90, 95, 98, 99)
 BY_TILT = (61, 72, 73, 74, 78, 82, 85, 87, 91, 93, 95, 95)

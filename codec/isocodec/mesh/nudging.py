@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ..tin.rank import ranks
 
 TURNS, MORE_TURNS = 1.25, 100
-"""Moves that are tried: so many times the number of broken conditions, and some more."""
+"""Number of moves tried, relative to the number of broken conditions, and in addition."""
 _UNSURE = 1e-15
-"""Determinants that are smaller, relative to the sizes of their terms, are computed anew with whole numbers."""
+"""Determinants that are smaller, relative to their terms, are recomputed exactly."""
 _SMALL = 1 << 14
-"""Points that are less apart have determinants of 64 bits."""
+"""Points closer than this have determinants of 64 bits."""
 _ALONG = (-8, -4, -2, -1, 0, 1, 2, 4, 8)
 _STEPS = np.array([(i, j) for i in _ALONG for j in _ALONG])
 """Places that a point may move to."""
@@ -43,12 +43,7 @@ class Conditions(NamedTuple):
 def conditions_of(
     cells: NDArray[np.int64], neighbour: NDArray[np.int64], needed: NDArray[np.bool_]
 ) -> Conditions:
-    """Conditions for keeping the needed ones of anticlockwise triangles.
-
-    Parameters
-    ----------
-    cells, neighbour : (T, 3) int64
-    needed : (T,) bool
+    """Make the conditions that keep the ``needed`` (T,) of some anticlockwise triangles (T, 3) with their neighbours.
     """
     mate = np.where(neighbour >= 0, neighbour, 0)
     # each edge once, from the side of a needed triangle
@@ -77,19 +72,9 @@ def nudged(
     target: NDArray[np.float64], position: NDArray[np.int64], extent: Sequence[int], radius: float,
     conditions: Conditions,
 ) -> NDArray[np.int64] | None:
-    """Move points on their lattice until all conditions hold; None if that is not reached.
+    """Move rounded points (V, 2), from 0 to below ``extent``, until all conditions hold; None if that is not reached.
 
-    Parameters
-    ----------
-    target : (V, 2) float64
-        Where the points lie, in units of positions.
-    position : (V, 2) int64
-        Their rounded positions.
-    extent : (int, int)
-        Positions are from 0 to below these.
-    radius : float
-        Points stay as near to where they lie, in units of positions.
-    conditions : Conditions
+    Points stay within ``radius`` of where they really lie, ``target`` (V, 2), both in units of positions.
     """
     rows = _Rows(position.copy(), conditions)
     reach = _Reach(target, np.array(extent), radius)
@@ -102,7 +87,7 @@ def nudged(
             continue
         move = _best_move(rows, reach, row)
         if move is None:
-            # from now on it counts for more than others that keep it from holding
+            # it weighs more from now on, against others that keep it from holding
             rows.weight[row] += 1
             waiting.append(row)
             continue
@@ -144,7 +129,7 @@ class _Reach(NamedTuple):
 
 
 class _Rows:
-    """Conditions in one list, and which of them have a point."""
+    """Conditions in one list, indexed by point."""
 
     def __init__(self, position: NDArray[np.int64], conditions: Conditions) -> None:
         self.position = position
@@ -161,15 +146,15 @@ class _Rows:
         self._first = np.searchsorted(owner[order], np.arange(len(position) + 1))
 
     def around(self, v: int) -> NDArray[np.int64]:
-        """Conditions that have a point."""
+        """Conditions on a point."""
         return self._row[self._first[v]: self._first[v + 1]]
 
     def broken(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Find which of some conditions do not hold."""
+        """Find which conditions do not hold."""
         return self._broken(rows, self.position[self.corner[rows]])
 
     def gained(self, v: int, places: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Weigh by how much the broken conditions become fewer if a point moves to each of some places (K, 2)."""
+        """Compute by how much the weight of broken conditions falls if a point moves to each of some places (K, 2)."""
         rows = self.around(v)
         corner, weight = self.corner[rows], self.weight[rows]
         now = self.position[corner]
@@ -215,13 +200,9 @@ def in_circle(at: NDArray[np.int64]) -> NDArray[np.bool_]:
             exact[k] = (total > 0) - (total < 0)
         found[unsure] = exact
         ties = unsure[exact == 0]
-        found[ties] = _decided(at[ties], weight[ties])
+        # on a circle the weight of the position of lowest rank decides, of those that are not 0
+        weights = np.column_stack([weight[ties], -weight[ties].sum(axis=1)])
+        x, y = at[ties].transpose(2, 0, 1)
+        order = np.lexsort((y, x, ranks(x, y), weights == 0), axis=1)
+        found[ties] = np.take_along_axis(weights, order[:, :1], axis=1)[:, 0]
     return found > 0
-
-
-def _decided(at: NDArray[np.int64], weight: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The weight that decides between four positions on a circle, (R, 4, 2): that of lowest rank that is not 0."""
-    weights = np.column_stack([weight, -weight.sum(axis=1)])
-    x, y = at[..., 0], at[..., 1]
-    order = np.lexsort((y, x, ranks(x, y), weights == 0), axis=1)
-    return np.take_along_axis(weights, order[:, :1], axis=1)[:, 0]

@@ -17,28 +17,27 @@ from .nudging import Conditions, broken_share, conditions_of, nudged
 from .quantised import EXTENT, Quantised, rounded_points
 
 CLOSER = 2**0.5
-"""Factor by which lattices get finer at first; every second one, by that much more."""
+"""Factor between the first lattices; it grows by itself with every second one."""
 MARGIN = 8
-"""Steps by which points may move beyond the box."""
+"""Steps that points may move beyond the box."""
 TRIALS = 10
 """Number of lattices that are tried."""
 MOST_BROKEN = 0.06
 """Share of broken conditions above which points are not moved: a finer lattice comes next."""
 HARDLY = 0.9
-"""Factor by which that share shrinks at least from one lattice to the next, once points are apart, if finer ones are of
-use."""
+"""Once points are distinct, finer lattices are given up unless that share falls below this factor of the last."""
 Crossed = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
-"""Finds which cells (T, 3) of given points a contour crosses; all of them, if the file stores all points."""
+"""Finds which cells (T, 3) of given points a contour crosses; all cells, if the file stores all points."""
 
 
 class Placed(NamedTuple):
-    """Points in their places.
+    """Points as a file stores them.
 
     Attributes
     ----------
     places : Quantised
     off : float
-        How far points may lie from the given ones.
+        Largest distance of points from the given ones.
     run : bytes
         Their positions, coded.
     domain : Complex
@@ -79,7 +78,7 @@ class WantedTriangles(NamedTuple):
         """Conditions for the points that are placed, by their numbers among these."""
         cells = self.cells
         if len(self.kept) < len(self.points):
-            # beyond the crossed triangles, others than those of all points join the ones that are kept
+            # away from the contour, the kept points have other triangles than all points have
             order = by_rank(*self.position[self.kept].T)
             domain = delaunay_complex(np.ascontiguousarray(self.position[self.kept[order]]), 1.0)
             few = self.kept[order][domain.mesh.cell]
@@ -94,7 +93,7 @@ class WantedTriangles(NamedTuple):
         return Conditions(*(place[rows][(place[rows] >= 0).all(axis=1)] for rows in found))
 
     def kept_by(self, places: Quantised) -> bool:
-        """Check that contours cross the same triangles of points in these places, and no others."""
+        """Check that contours cross the same triangles, and no others, when points lie in these places."""
         order = by_rank(*places.position.T)
         if not _apart(places.position):
             return False
@@ -102,7 +101,7 @@ class WantedTriangles(NamedTuple):
         return np.array_equal(self._crossed_of(self.kept[order][domain.mesh.cell]), self._crossed_of(self.cells))
 
     def _crossed_of(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Crossed ones of some cells, whatever order they and their vertices have."""
+        """Find the crossed cells, in canonical order."""
         found = np.sort(cells[self.crossed(cells)], axis=1)
         return found[np.lexsort(found.T)]
 
@@ -116,7 +115,7 @@ def placements(wanted: WantedTriangles, error: float, reach: float) -> Iterator[
     """Place points on finer and finer lattices; None where triangles are not those of the given points.
 
     Points are rounded to within ``error``; those that are moved, because triangles would change, stay within ``reach``.
-    Origin and extent are those of all points, so that ties are decided as among all of them (docs/encoders.md, 5).
+    Origin and extent are those of all points, so that ties are decided as among all points (docs/encoders.md, 5).
 
     Raises
     ------

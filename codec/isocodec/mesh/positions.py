@@ -15,19 +15,19 @@ from .models import CROSSINGS, MIX_OFFSET, MIX_VALUE, NUMBERS, OFFSET, VALUE
 from .walk import WalkState
 
 LARGE, SMALL = 1 << 24, 1 << 4
-"""Bounds of how far vertices are taken to lie above or below."""
+"""Bounds of the estimated distance of vertices from the isovalue."""
 START = 1 << 14
 """Size of the estimate for the first vertex of a component."""
 PLACE = 16
-"""Places on an edge count in parts of ``2**-PLACE`` of it."""
+"""Places on an edge are multiples of ``2**-PLACE`` of it."""
 MOST_PARTS = 1 << 24
 STEPS = 256
-"""Steps of offsets count in parts of a unit of positions: so many of them."""
+"""Steps of offsets per unit of positions."""
 LARGEST, WIDEST = 1 << 44, 1 << 48
-"""Numbers count for the guess of others as that much at most; how far guesses are wrong, in parts, likewise."""
+"""Upper bounds of numbers, and of errors of guesses in parts, where others are predicted from them."""
 HALF = 1 << (FINE - 1)
 TOLD = 1 << 62
-"""Instead of twice a number of the frame before: the present one is known."""
+"""Marker in place of twice the previous frame's number: this one is known."""
 
 
 def crossed_edges(mesh: CellArrays, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -> NDArray[np.int64]:
@@ -48,7 +48,7 @@ def crossed_edges(mesh: CellArrays, leaf: NDArray[np.int64], sign: NDArray[np.in
 
 
 def parts_of(mesh: CellArrays, edges: NDArray[np.int64], step: int) -> NDArray[np.int64]:
-    """Number of equal parts for each edge: none longer than ``step`` of ``STEPS`` to a unit of positions."""
+    """Number of equal parts of each edge, none longer than ``step`` / ``STEPS`` units of positions."""
     side = mesh.position[edges[:, 1]] - mesh.position[edges[:, 0]]
     largest = np.abs(side).max(axis=1, initial=1)
     # so that the sum of three squares, of differences in steps, is below 2**63
@@ -69,7 +69,7 @@ def _bounded(value, sign):
 
 @inner
 def _guessed(mesh, st, t, v):
-    """Value of a vertex v of cell t from cells across faces of t that do without it, 0 without such cells."""
+    """Extrapolate the value of vertex v of cell t from the cell across the opposite face; 0 if that is not known."""
     corners = mesh.cell.shape[1]
     for i in range(corners):
         if mesh.cell[t, i] != v:
@@ -89,14 +89,14 @@ def _guessed(mesh, st, t, v):
 
 @inlined
 def _expect_then(st, place, upwards, known):
-    """Second guess: the value in the frame before, moved as others have been; none if it is unknown there."""
+    """Set the second guess: the previous frame's value plus the drift of others; none if it is unknown."""
     st.bells[2] = place + (st.drift[0] if upwards else -st.drift[0])
     st.bells[3] = (st.drift[1] if st.drift[1] > 0 else st.bells[1]) if known else np.int64(0)
 
 
 @inlined
 def _learn_drift(st, moved, upwards):
-    """Take in by how much a place or number has moved, which counts towards what lies above if ``upwards``."""
+    """Record by how much a place or number has moved, towards the upper side if ``upwards``."""
     step = moved if upwards else -moved
     wrong = abs(step - st.drift[0])
     if st.drift[1] == 0:
@@ -111,8 +111,8 @@ def code_offsets(
 ) -> int:
     """Code which part of each edge is crossed, counted from its lower vertex.
 
-    ``st.estimate`` has to be 0 everywhere; it is where values are kept, which are right but for a factor. ``then`` (E,)
-    is where the edge was crossed in the frame before, in parts of ``2**-PLACE`` of it; 0 where it was not.
+    ``st.estimate``, 0 at first, receives values that are right up to a factor. ``then`` (E,) is where the edge was
+    crossed in the previous frame, in ``2**-PLACE`` of it; 0 where it was not.
     """
     for k in range(len(edges)):
         a, b = edges[k, 0], edges[k, 1]
@@ -163,13 +163,8 @@ def code_offsets(
     return DONE
 
 
-def places_on(parts: NDArray[np.int64], number: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Crossings of edges of so many parts, from 1 to ``2**PLACE - 1``."""
-    return np.clip(((2 * number + 1) << PLACE) // (2 * parts), 1, (1 << PLACE) - 1)
-
-
 def active_vertices(edges: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Ends of crossed edges, each once, in their order, with the leaf that each comes with: (A, 2) int64."""
+    """List the ends of crossed edges, each once, in order, with the leaf where each first occurs: (A, 2) int64."""
     ends = edges[:, :2].ravel()
     _, first = np.unique(ends, return_index=True)
     first.sort()
@@ -194,11 +189,10 @@ def _mean_around(mesh, st, v):
 def code_values(
     mesh: CellArrays, st: WalkState, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, then: IntVector
 ) -> int:
-    """Code the numbers of active vertices, of ``bits[sign]`` bits; those that are known take no symbols.
+    """Code the numbers of active vertices, of ``bits[sign]`` bits; known ones take no symbols.
 
-    ``st.estimate`` has to be 0 everywhere; it is where twice the numbers are kept, with the sign of their side.
-    ``then`` (A,) is twice the number in the frame before, and 1, negative if it lay below; ``TOLD`` if ``number`` is
-    known, and 0 if nothing is known.
+    ``st.estimate``, 0 at first, receives twice the numbers plus 1, with the sign of their side. ``then`` (A,) is the
+    same for the previous frame; ``TOLD`` if ``number`` is known, and 0 if nothing is.
     """
     spread = st.spread
     for k in range(len(active)):

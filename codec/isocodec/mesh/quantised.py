@@ -1,4 +1,4 @@
-"""Positions of a mesh that goes into a file, rounded, and where its curve lies then: for encoders (clause 10.10)."""
+"""Rounded positions of a mesh that a file stores, and where its curve then lies: for encoders (clause 10.10)."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from ..errors import InputError
 from .complex import Complex, assembled, determinants, has_volume, neighbours
 
 EXTENT = 1 << 24
-"""Positions along an axis at most."""
+"""Most positions along an axis."""
 MOST_ORIGIN = 2.0**40
-"""Positions begin below this."""
+"""Upper bound of the origin of positions."""
 SLACK = 1e-9
-"""Points of cells may lie so far beyond their faces."""
+"""Tolerance, in barycentric coordinates, within which a point counts as inside a cell."""
 MULTIPLES = 16
-"""Units are from so many to twice as many times a power of two."""
+"""Units are from ``MULTIPLES`` to twice as many times a power of two."""
 
 
 class Quantised(NamedTuple):
-    """Positions from 0 on, (V, d), what they count in, and where they begin."""
+    """Positions from 0 on, (V, d), with unit, origin and extent."""
 
     position: NDArray[np.int64]
     multiple: int
@@ -36,7 +36,7 @@ class Quantised(NamedTuple):
         return math.ldexp(self.multiple, self.exponent)
 
     def widened(self, steps: int) -> Quantised:
-        """Return the places in a box with room at each side, as far as positions go."""
+        """Widen the box on each side by ``steps``, or fewer if positions allow no more."""
         room = max(min(steps, (EXTENT - max(self.extent)) // 2), 0)
         return self._replace(
             position=self.position + room, origin=tuple(each - room for each in self.origin),
@@ -47,20 +47,9 @@ class Quantised(NamedTuple):
 def quantised(
     points: NDArray[np.float64], cells: NDArray[np.int64], error: float
 ) -> tuple[Quantised, Complex]:
-    """Positions, and their complex: vertices lie within ``error`` of points, nearer where cells would fold otherwise.
+    """Round points (V, d), all vertices of cells (T, n + 1), to within ``error``, or less where cells would fold.
 
-    Parameters
-    ----------
-    points : (V, d) float64
-        Each a vertex of some cell.
-    cells : (T, n + 1) int64
-        As of a complex.
-    error : float
-
-    Raises
-    ------
-    InputError
-        If that takes more positions than a file may have.
+    Also returns their complex. Raises `InputError` if that takes more positions than a file may have.
     """
     found = rounded(points, error)
     while _folds(points, found.position, cells):
@@ -76,12 +65,7 @@ def quantised(
 
 
 def rounded(points: NDArray[np.float64], error: float) -> Quantised:
-    """Positions within ``error`` of points (V, d).
-
-    Raises
-    ------
-    InputError
-        If that takes more positions than a file may have.
+    """Round points (V, d) to within ``error``; raises `InputError` if that takes more positions than a file may have.
     """
     wanted = 2 * error / math.sqrt(points.shape[1])
     exponent = math.frexp(wanted)[1] - MULTIPLES.bit_length()
@@ -106,24 +90,10 @@ def _counted(scaled: NDArray[np.float64], multiple: int, exponent: int) -> Quant
 def rounded_points(
     points: NDArray[np.float64], error: float, kept: NDArray[np.int64], exact: bool = True
 ) -> tuple[Quantised, float]:
-    """Round some points of the plane; they may come together.
+    """Round those points of the plane that are kept, (W,), as `rounded` does; they may coincide then.
 
-    Parameters
-    ----------
-    points : (V, 2) float64
-    error : float
-        As of `rounded`.
-    kept : (W,) int64
-        The points to round.
-    exact : bool
-        Whether not to move points at all if all of them are multiples of a unit that is hardly finer.
-
-    Returns
-    -------
-    Quantised
-        Positions of those points; origin and extent are those of all points.
-    float
-        How far points may have been moved.
+    Origin and extent are those of all points. If ``exact``, and all points are multiples of a unit that is not much
+    finer, no point moves. Also returns how far points may have been moved.
     """
     found = _shared(points, error) if exact else None
     if found is not None:
@@ -136,8 +106,8 @@ def rounded_points(
 def _shared(points: NDArray[np.float64], error: float | None) -> Quantised | None:
     """Positions in the largest power of two that holds all coordinates exactly, if that is not too fine.
 
-    It may be half of the unit that ``error`` asks for: exact positions are worth a bit more. Without an error, it may
-    be as fine as positions can be.
+    It may be half the unit that ``error`` asks for, since exact positions are worth one more bit. Without an error, it
+    may be as fine as positions can be.
     """
     if error is None:
         exponent = math.frexp(float(np.ptp(points, axis=0).max()))[1] - EXTENT.bit_length() + 1
@@ -156,7 +126,7 @@ def _shared(points: NDArray[np.float64], error: float | None) -> Quantised | Non
 
 
 def _folds(points: NDArray[np.float64], position: NDArray[np.int64], cells: NDArray[np.int64]) -> bool:
-    """Whether rounding takes the size of a cell, or turns it over."""
+    """Whether rounding makes a cell degenerate, or turns it over."""
     if points.shape[1] == cells.shape[1]:
         return not bool(has_volume(position, cells).all())
     rounded = np.asarray(determinants(position, cells)).astype(np.float64)
@@ -168,29 +138,12 @@ def refitted(
     domain: Complex, points: NDArray[np.float64], rounded: NDArray[np.float64], edges: NDArray[np.int64],
     above: NDArray[np.float64], where: NDArray[np.float64], off: float,
 ) -> NDArray[np.float64]:
-    """Crossings of edges between rounded points with the contour of the mesh as it was.
+    """Intersect edges (E, 2) between rounded points with the contour of the original mesh.
 
-    A crossing that would come farther from where the edge was crossed stays at its share of the edge: the contour
-    between both places would be lost, where it turns.
-
-    Parameters
-    ----------
-    domain : Complex
-    points, rounded : (V, d) float64
-        Where the vertices were, and are now.
-    edges : (E, 2) int64
-        Crossed edges.
-    above : (V,) float64
-        How far values lie above the isovalue.
-    where : (E,) float64
-        Where the edges were crossed, from 0 to 1.
-    off : float
-        Crossings lie as near to where they were.
-
-    Returns
-    -------
-    (E,) float64
-        From 0 to 1; ``where`` if an edge does not meet the contour any more.
+    ``points`` and ``rounded`` (V, d) are the vertices before and after rounding, ``above`` (V,) their values less the
+    isovalue, ``where`` (E,) the crossings before, from 0 to 1. A crossing farther than ``off`` from the original place
+    stays at its share of the edge, since the contour between both would be lost where it turns; so does that of an edge
+    that no longer meets the contour.
     """
     mesh = domain.mesh
     ends = edges.ravel()

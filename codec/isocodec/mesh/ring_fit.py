@@ -14,18 +14,18 @@ from .shape import shift_of
 SPAN, NEAR, HEIGHT, MOMENT, FORCE, SLOPE = 11, 10, 15, 13, 23, 20
 """Bits of differences, of weights, of heights, of second moments, of moments with heights, and of the gradient."""
 SIXTEENTH = 4
-"""Heights count in parts of a difference: ``2**SIXTEENTH`` of them."""
+"""Heights are multiples of ``2**-SIXTEENTH`` of a difference."""
 
 
 class RingRegisters(Registers):
-    """Ring of the vertex that is looked at.
+    """Ring of the current vertex.
 
     Attributes
     ----------
     clock, count : int
         Mark of its vertices, and how many there are.
     shift : int
-        Positions are taken without so many bits.
+        Low bits of positions that are dropped.
     near, far : int
         Square of the distance of the nearest, at least 1, and the mean distance, at least 1, of shifted positions.
     total : int
@@ -33,7 +33,7 @@ class RingRegisters(Registers):
     fit, slope : int
         Value of the fit there, in parts of shifted positions, and size of its gradient.
     past : int
-        Whether the last signs were those of the fit, as bits, the latest lowest.
+        Whether the fit had the last signs right, as bits, the latest lowest.
     """
 
     clock: int
@@ -75,14 +75,14 @@ class RingEstimates(NamedTuple):
 
 @inlined
 def bounded(x, bits):
-    """A number of so many bits at most."""
+    """Clamp a number to ``bits`` bits."""
     most = np.int64(1) << bits
     return min(max(x, -most), most)
 
 
 @inner
 def _measure(g, v):
-    """Differences, distances and heights of the ring."""
+    """Compute differences, distances and heights of the ring."""
     reg = g.reg
     far = np.int64(0)
     for i in range(reg.count):
@@ -108,7 +108,7 @@ def _measure(g, v):
 
 @inner
 def _weigh(g):
-    """Weigh the ring, and find weighted means. Returns that of the heights."""
+    """Compute weights and weighted means of the ring; returns that of the heights."""
     reg = g.reg
     reg.total = 0
     heights = np.int64(0)

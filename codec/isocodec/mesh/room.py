@@ -1,4 +1,4 @@
-"""Room for a mesh that grows: arrays in proportion to the cells that have come."""
+"""Arrays of a growing mesh, in proportion to the cells decoded so far."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from .growth import CANDIDATES, Growth, GrowthRegisters
 
 ROOM = 1024
-"""Cells for which a mesh has room at first."""
+"""Initial room, in cells."""
 
 
 def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]) -> Growth:
-    """Make a mesh of so many vertices and cells of which nothing has come, without room for any."""
+    """Make an empty mesh, to which ``vertices`` and ``cells`` will be added, without room for any."""
     d = len(extent)
     reg = GrowthRegisters()
     reg.all_vertices, reg.all_cells = vertices, cells
@@ -27,7 +27,7 @@ def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]
 
 
 def rows_for(g: Growth, vertices: int, cells: int) -> dict[str, int]:
-    """Rows of the arrays that grow, with room for so many vertices and cells."""
+    """Rows that the growing arrays need for some numbers of vertices and cells."""
     corners = g.cell.shape[1]
     # the vertices of a first cell are coded before the next look at the room
     vertices += corners
@@ -38,7 +38,7 @@ def rows_for(g: Growth, vertices: int, cells: int) -> dict[str, int]:
 
 
 def whole_growth(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]) -> Growth:
-    """Make a mesh of which nothing has come, with room for all of it."""
+    """Make an empty mesh with room for all of it."""
     g = growth_of(vertices, cells, corners, extent)
     for name, size in rows_for(g, vertices, cells).items():
         g = longer(g, name, size)
@@ -46,7 +46,7 @@ def whole_growth(vertices: int, cells: int, corners: int, extent: NDArray[np.int
 
 
 def more_rows(g: Growth) -> dict[str, int]:
-    """Rows for the cells that come next, in proportion to those that have come."""
+    """Rows for the next cells, in proportion to those so far."""
     reg = g.reg
     more = max(ROOM, int(reg.cells))
     return rows_for(
@@ -55,13 +55,13 @@ def more_rows(g: Growth) -> dict[str, int]:
 
 
 def bytes_of(g: Growth, rows: dict[str, int] | None = None) -> list[int]:
-    """Bytes of each array that grows, now or with so many rows."""
+    """Bytes of each growing array, now or with these rows."""
     rows = rows or {name: len(getattr(g, name)) for name in rows_for(g, 0, 0)}
     return [8 * count * math.prod(getattr(g, name).shape[1:]) for name, count in rows.items()]
 
 
 def longer(g: Growth, name: str, size: int) -> Growth:
-    """The mesh with so many rows of an array."""
+    """Lengthen an array of a mesh to ``size`` rows."""
     array = getattr(g, name)
     out = np.zeros((size, *array.shape[1:]), np.int64)
     out[: len(array)] = array

@@ -8,17 +8,17 @@ from ..kernel import inlined, inner
 from .affine import root
 
 EXACT = 20
-"""Determinants of differences of so many bits are exact in 64 bits."""
+"""Bits of differences up to which determinants are exact in 64 bits."""
 LARGE = float(1 << 62)
 """A determinant in floating point that is this large has the sign of the exact one; smaller ones are exact modulo
 2**64."""
 TRIANGLE, TETRAHEDRON, TURN = 12, 11, 10
-"""Bits that differences count with for the quality of triangles and of tetrahedra, and for turns."""
+"""Bits of differences for the quality of triangles and of tetrahedra, and for turns."""
 
 
 @inlined
 def shift_of(far, bits):
-    """Shift that leaves so many bits of a number."""
+    """Shift that leaves at most ``bits`` bits of a number."""
     shift = np.int64(0)
     while far >> shift >= np.int64(1) << bits:
         shift += 1

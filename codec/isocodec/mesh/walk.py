@@ -27,9 +27,9 @@ from .models import (
 )
 
 ESTIMATE = 1 << 10
-"""Distance above or below at which a vertex is taken to lie at first."""
+"""Initial estimate of the distance of a vertex from the isovalue."""
 LEAST, MOST = ESTIMATE * 3 // 10, ESTIMATE * 2
-"""Bounds of the estimates that the walk goes on with."""
+"""Bounds of later estimates."""
 VISITED, NOT_MIXED = 1, 2
 REASONS = {
     VISITED: ("a component starts in a cell that was visited before", "10.3.1"),
@@ -67,7 +67,7 @@ class WalkRegisters(Registers):
 class WalkState(NamedTuple):
     """State of an isovalue on a complex of V vertices and T cells.
 
-    ``sign`` (V,): 1, 0, or -1 if not known; ``given`` (V,): likewise what follows from earlier isovalues; ``truth``
+    ``sign`` (V,): 1, 0, or -1 if not known; ``given`` (V,): the signs that follow from earlier isovalues; ``truth``
     (V,): the encoder's signs; ``estimate`` (V,): how far vertices may lie above; ``visited`` (T,); ``leaf`` (T,): the
     crossed cells in their order; ``stack``: gates, as cell times (n + 1) plus face; ``spread`` (2 NUMBERS,): how far
     guesses of values have been wrong; ``before`` (V,): signs of the frame before, or -1; ``bells`` (4,): as of
@@ -91,7 +91,7 @@ class WalkState(NamedTuple):
 
 @inlined
 def _learn(st, v, sign, estimate):
-    """A vertex becomes known."""
+    """Enter the sign and the estimate of a vertex."""
     st.sign[v] = sign
     st.estimate[v] = estimate if sign else -estimate
     st.reg.known += 1
@@ -135,7 +135,7 @@ def uniform(cd, low, high, number):
 
 @inner
 def _first_signs(mesh, st, cd, t):
-    """Signs of the cell that a component begins with."""
+    """Code the signs of the first cell of a component."""
     last = mesh.cell.shape[1] - 1
     for i in range(last + 1):
         v = mesh.cell[t, i]
@@ -184,7 +184,7 @@ def _visit(mesh, st, t):
 
 @inner
 def _apex_sign(mesh, st, cd, t, o, v):
-    """Sign of the vertex v behind the face o of the leaf t."""
+    """Code the sign of the vertex v across face o of the leaf t."""
     guess = beyond(mesh, st.estimate, t, o, v)
     above = np.int64(guess > 0)
     size = min(abs(guess), MOST)
@@ -243,7 +243,7 @@ def _walk(mesh, st, cd):
 
 @kernel
 def trace(mesh: CellArrays, st: WalkState, cd: Coder) -> None:
-    """Find the leaves of signs that are all known, in the order of a walk."""
+    """List the leaves in the order of a walk, once all signs are known."""
     for t in range(len(mesh.cell)):
         if st.visited[t] or not mixed(mesh, st, t):
             continue
@@ -288,9 +288,9 @@ def code_base(mesh: CellArrays, st: WalkState, cd: Coder) -> int:
 
 @kernel
 def code_parts(mesh: CellArrays, st: WalkState, cd: Coder, sign: Int8Vector, queue: IntVector) -> int:
-    """Code the sides of the parts of the mesh that no curve enters.
+    """Code the signs of connected parts of the mesh that no curve enters.
 
-    ``sign`` (V,) are those that follow from the components, as `spread_signs` finds them; ``queue`` (V,) is room.
+    ``sign`` (V,) are the signs that follow from the components (`spread_signs`); ``queue`` (V,) is scratch space.
     """
     for seed in range(len(sign)):
         if sign[seed] != UNKNOWN or mesh.first[seed] == mesh.first[seed + 1]:

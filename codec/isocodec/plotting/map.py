@@ -13,7 +13,6 @@ from ..errors import OptionError, one_line
 from ..field.labelling import is_of_labels, noun_of
 from ..field.reference_system import short_name, system_of, to_degrees
 from ..field.sampled import UNIT
-from .panels import picture_file
 from .scene import drawing
 
 Points = NDArray[np.float64]
@@ -31,38 +30,16 @@ _END = 16
 """Length of the ends of lines that have none."""
 
 
-def map_picture(
-    contours: Sequence[Any], suffix: str = ".png", samples: NDArray[Any] | None = None,
-    valid: NDArray[np.bool_] | None = None, title: str = "", size: float = 20.0,
-) -> bytes:
-    """Make the map of contours of a field.
-
-    Parameters
-    ----------
-    contours : sequence of Contour
-        Of one field with two axes.
-    suffix : str
-        ``.png``, ``.pdf`` or ``.svg``.
-    samples : (s0, s1) array, optional
-        Samples, for the relief.
-    valid : (s0, s1) bool, optional
-        Which samples are not missing; all if not given.
-    title : str
-    size : float
-        Longest side of the map, without what is around it, in centimetres.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is missing, or if the contours name a reference system and pyproj is missing.
-    """
-    return picture_file(map_figure(contours, samples, valid, title, size), suffix, bbox_inches="tight", pad_inches=0.2)
-
-
 def map_figure(
-    contours: Sequence[Any], samples: NDArray[Any] | None, valid: NDArray[np.bool_] | None, title: str, size: float
+    contours: Sequence[Any], samples: NDArray[Any] | None = None, valid: NDArray[np.bool_] | None = None,
+    title: str = "", size: float = 20.0,
 ) -> Any:
-    """Draw a map; parameters as of `map_picture`. The axes fill the figure, and texts lie around it."""
+    """Draw the map of contours of a field with two axes; the axes fill the figure, and texts lie around it.
+
+    ``samples`` (s0, s1) give the relief, ``valid`` (s0, s1) marks those that are not missing, and ``size`` is the
+    longest side of the map in centimetres. Raises `MissingExtraError` without matplotlib, or without pyproj if the
+    contours name a reference system.
+    """
     contours = [contour.flat for contour in contours]
     first = contours[0]
     nodes = first.place(np.argwhere(np.ones(first.shape)).astype(np.float64)).reshape(*first.shape, 2)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import IsoError, OptionError, one_line
 from ..field.labelling import caption, noun_of
 from ..field.sampled import UNIT
-from .scene import USUAL, draw_surfaces, drawing, world
+from .scene import USUAL, draw_surfaces, drawing, rotation, world
 
 PICTURES = (".png", ".pdf", ".svg")
 _INK, _SURFACE = (0.10, 0.25, 0.45), (0.62, 0.72, 0.84)
@@ -37,13 +37,12 @@ class StepPanel(NamedTuple):
     meshes: Meshes = ()
 
 
-def check_picture(path: Path) -> str:
-    """Check a picture's name, and that the library for it is installed; returns the suffix.
+def check_picture(path: Path, view: str | None) -> str:
+    """Check a picture's name, a view, and that the library for it is installed; returns the suffix.
 
-    Raises
-    ------
-    OptionError, MissingExtraError
+    Raises `OptionError` or `MissingExtraError`.
     """
+    rotation(view or USUAL)
     suffix = path.suffix.lower()
     if suffix not in PICTURES:
         raise OptionError(f"{suffix or 'a name without a suffix'} is not a picture", code="suffix",
@@ -63,7 +62,7 @@ def picture_file(figure: Any, suffix: str, **options: Any) -> bytes:
 
 
 def colours_of(isovalues: Sequence[float], solid: bool = False) -> Any:
-    """Colours of isovalues by rank, (V, 4) in 0 .. 1, from violet to yellow as far as lines, or shades, can be seen."""
+    """Colours of isovalues by rank, (V, 4) in 0 .. 1, from violet to a yellow that lines, or shades, still show in."""
     rising, rank = np.unique(isovalues, return_inverse=True)
     low, high = (0.3, 0.9) if solid else (0.0, 8 / 9)
     return drawing("cm").viridis(low + rank / max(len(rising) - 1, 1) * (high - low))
@@ -72,14 +71,9 @@ def colours_of(isovalues: Sequence[float], solid: bool = False) -> Any:
 def contour_picture(contours: Iterable[Any], suffix: str = ".png") -> bytes:
     """Make the picture of contours of a field: curves in one panel, surfaces side by side.
 
-    An SVG of curves has the pixels of the field as its unit and no frame, so that the two can be overlaid.
-
-    Raises
-    ------
-    OptionError
-        If the contours are neither in the plane nor surfaces.
-    MissingExtraError
-        If matplotlib is missing.
+    An SVG of curves has the pixels of the field as its unit and no frame, so that the two can be overlaid. Raises
+    `OptionError` if the contours are neither in the plane nor surfaces, and `MissingExtraError` if matplotlib is
+    missing.
     """
     every = [*contours]
     first, isovalues = every[0], [one.isovalue for one in every]
@@ -101,25 +95,9 @@ def panels_picture(
     panels: Sequence[StepPanel], suffix: str = ".png", view: str = USUAL, isovalues: Sequence[float] = (),
     columns: int = 6, side: float = 2.6,
 ) -> bytes:
-    """Make a picture of panels of one field side by side.
+    """Make a picture of panels of one field side by side, the longer side of each ``side`` inches.
 
-    Parameters
-    ----------
-    panels : sequence of StepPanel
-    suffix : str
-    view : str
-        Of surfaces, as of `scene.rotation`.
-    isovalues : sequence of float
-        Isovalues that are distinguished by colours.
-    columns : int
-        Largest number of panels in a row.
-    side : float
-        Longer side of a panel, in inches.
-
-    Raises
-    ------
-    OptionError, MissingExtraError
-        As `contour_picture`.
+    The view of surfaces is that of `scene.rotation`; colours distinguish isovalues.
     """
     return picture_file(panels_figure(panels, view, isovalues, columns, side), suffix)
 

@@ -31,26 +31,14 @@ _SHADOW, _VEIL = 0.3, 0.35
 
 
 def drawing(module: str) -> Any:
-    """Import a module of matplotlib.
-
-    Raises
-    ------
-    MissingExtraError
-    """
+    """Import a module of matplotlib; raises `MissingExtraError`."""
     return optional(f"matplotlib.{module}", extra="plot", purpose="drawing a picture")
 
 
 def rotation(view: str) -> Points:
     """Matrix (3, 3) of a view, from world coordinates to the right, up and towards the viewer.
 
-    Parameters
-    ----------
-    view : str
-        A name, or azimuth (0 at the front, 90 on the side of +x) and elevation in degrees, separated by a comma.
-
-    Raises
-    ------
-    OptionError
+    A view is a name, or azimuth (0 at the front, 90 on the side of +x) and elevation in degrees, separated by a comma.
     """
     try:
         azimuth, elevation = np.radians([float(part) for part in _VIEWS.get(view, view).split(",")])
@@ -75,16 +63,6 @@ def world(contour: Any) -> Points:
 
 def draw_surfaces(axes: Any, contours: Sequence[Any], colours: Sequence[Any], view: str, edges: bool = False) -> None:
     """Draw surfaces of one field, the innermost opaque and those around it seen through, in the box of their samples.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    contours : sequence of Contour
-    colours : sequence of colours
-    view : str
-        As of `rotation`.
-    edges : bool
-        Also draw the edges of triangles.
     """
     turn = (rotation(view) @ world(contours[0])).T
     points = np.concatenate([one.points for one in contours])

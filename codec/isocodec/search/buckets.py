@@ -1,4 +1,4 @@
-"""Pieces of a curve or surface sorted into buckets, and which lie near a place or a piece (docs/encoders.md, 3).
+"""Pieces of a curve or surface sorted into buckets, to find those near a place or a piece (docs/encoders.md, 3).
 
 A piece is proven to lie within a limit of the others if all its vertices lie within the limit of one segment or
 triangle (distance to a convex set is convex); otherwise it is halved. What is not proven counts as too far: bounds err

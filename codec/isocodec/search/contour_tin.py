@@ -29,7 +29,7 @@ from .proof import Target
 from .tin_fit import ChosenPoints, evenly
 
 _REACH = 2.0, 1.5
-"""Distances from a contour up to which the surface slopes: so many tolerances, and so many samples."""
+"""Distances from a contour up to which the surface slopes: in tolerances, and in samples."""
 _STEP, _FINE = 1.0, 0.5
 """Step of heights, in tolerances; of those smaller than a sample."""
 _SHARE, _KEPT = 1.3, 0.9
@@ -279,7 +279,7 @@ def _distances(contour: Contour, shape: tuple[int, ...], reach: float, spacing: 
 
 
 def _neighbours(cells: NDArray[np.int64], count: int) -> tuple[list[int], list[int]]:
-    """Points beside each of so many points of a mesh, and where those of each begin among them."""
+    """Points beside each point of a mesh, and where the neighbours of each begin in the list."""
     ends = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
     ends = np.concatenate([ends, ends[:, ::-1]])
     ends = ends[np.argsort(ends[:, 0], kind="stable")]
@@ -481,7 +481,7 @@ class _Changes:
         self._boxes.append((low, high))
 
     def begin(self) -> None:
-        """All of them are to be tried."""
+        """All are to be tried."""
         self._on = np.ones(len(self._from), np.bool_)
         self._low, self._high = np.array(self._boxes).reshape(-1, 2, 2).transpose(1, 0, 2)
 
@@ -514,7 +514,7 @@ class _Changes:
         hit = np.zeros(len(self._on), np.bool_)
         hit[on] = before[u, v] - before[x, v] - before[u, y] + before[x, y] > 0
         if not hit.any() and len(on):
-            # further away than is usual: those next to these places
+            # farther away than is usual: those next to these places
             middle = (self._low[on] + self._high[on]) / 2
             hit[on[np.unique([np.abs(middle - place).max(axis=1).argmin() for place in places])]] = True
         self._on &= ~hit

@@ -26,7 +26,7 @@ from .reduced import FAILED, LINEAR_POINTS, Domain, corner_at, diamond_at, flags
 _place_of = inner(place_of)
 MOST_PIECES = 16
 _INWARDS = 1.0 / 64.0
-"""Share by which places on pieces move to the pieces' centres, so as to lie inside simplices rather than between."""
+"""Share of the way that places on pieces move to the pieces' centres, to lie inside simplices rather than between."""
 
 
 @record

@@ -295,7 +295,7 @@ class MeshContour:
         return None
 
     def _step(self, pitch: float) -> int:
-        """The step of offsets, as in `parts_of`, for parts of so many distances; 0 without."""
+        """The step of offsets, as in `parts_of`, for parts of ``pitch`` distances; 0 without."""
         return int(min(max(pitch * self.distance / self.domain.unit * STEPS, pitch > 0), MOST_STEP))
 
     def _size(self, kept: KeptCut, strand: MeshIsovalue) -> int:

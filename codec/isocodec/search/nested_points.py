@@ -1,7 +1,7 @@
 """Points of a surface in layers: nested sets, each the best of its size among the next one's points, sent part by part.
 
 A set's surface should come near to the whole field, not only to the points that are kept: so sets are thinned with all
-points in view. Each point has one value in the file, which all sets share: values are fitted for all of them at once.
+points in view. Each point has one value in the file, which all sets share: values are fitted for all sets at once.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ class Target:
 
 
 def in_parts(count: int, work: Callable[[slice], object]) -> None:
-    """Do work on so many things, part by part, on all processors: each is settled by itself.
+    """Do work on ``count`` things, part by part, on all processors: each is settled by itself.
 
     Kernels let other threads run beside them.
     """
@@ -119,7 +119,7 @@ def _threads() -> ThreadPoolExecutor:
 
 
 if hasattr(os, "register_at_fork"):
-    # a process that is forked off has none of them
+    # a process that is forked off has none
     os.register_at_fork(after_in_child=_threads.cache_clear)
 
 

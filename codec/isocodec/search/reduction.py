@@ -299,7 +299,7 @@ class Reduction:
         return back
 
     def _around(self, places: NDArray[np.float64], reach: int) -> NDArray[np.int64]:
-        """Leaves around places, up to so many steps of three quarters of a sample away, as `leaves_at`."""
+        """Leaves around places, up to ``reach`` steps of three quarters of a sample away, as `leaves_at`."""
         around = 0.75 * np.array(list(product(range(-reach, reach + 1), repeat=self.n)))
         return self.leaves_at((places[:, None] + around).reshape(-1, self.n))
 

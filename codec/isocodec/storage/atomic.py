@@ -38,10 +38,7 @@ def undo_all() -> None:
 def check_target(path: str | os.PathLike[str]) -> None:
     """Check, before the work begins, that ``path`` can be written.
 
-    Raises
-    ------
-    OSError
-        If ``path`` is a directory or write-protected, or its directory is missing or not writable.
+    Raises `OSError` if ``path`` is a directory or write-protected, or its directory is missing or not writable.
     """
     target = Path(path)
     if target.is_dir():
@@ -65,12 +62,8 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Yield a file for the new contents of ``path``, which on an error keeps its old contents.
 
     A symbolic link is followed, the permissions of an existing file are kept, and anything but a regular file
-    (``/dev/null``, a pipe) is written to directly, because it must not be replaced.
-
-    Raises
-    ------
-    OSError
-        As the operating system reports it.
+    (``/dev/null``, a pipe) is written to directly, because it must not be replaced. Raises `OSError` as the operating
+    system reports it.
     """
     if _is_special(Path(path)):
         # checked before links are followed: /dev/stdout may not link to a path
@@ -89,19 +82,9 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = False) -> Iterator[Path]:
     """Yield a path for a library to write to; the file, and all that the library puts beside it, then take their place.
 
-    Parameters
-    ----------
-    target : path or binary file
-        Where the file is to be; an open file, a pipe or a device receives its bytes.
-    suffix : str
-        Suffix of the yielded path, if ``target`` is no regular file.
-    keep : bool
-        Begin with a copy of a file that exists.
-
-    Raises
-    ------
-    OSError
-        As the operating system reports it; all files are then unchanged. If there are several for one open file.
+    A target that is an open file, a pipe or a device receives the bytes of the file, whose path has ``suffix``. With
+    ``keep``, the library begins with a copy of the file that exists. Raises `OSError` as the system reports it, or if
+    there are several files for an open one; all files are then unchanged.
     """
     special = not isinstance(target, str | os.PathLike) or _is_special(Path(target))
     real = None if special else Path(os.path.realpath(target))  # type: ignore[arg-type]
@@ -125,10 +108,12 @@ def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = 
             else:
                 target.write(path.read_bytes())
         else:
+            mask = os.umask(0o077)  # it can be read only by setting it
+            os.umask(mask)
             places = [real.with_name(one.name) for one in made]
             for one, place in zip(made, places, strict=True):
                 check_target(place)
-                one.chmod(place.stat().st_mode & 0o7777 if place.exists() else _new_file_mode())
+                one.chmod(place.stat().st_mode & 0o7777 if place.exists() else 0o666 & ~mask)
             for one, place in zip(made, places, strict=True):
                 os.replace(one, place)
     rmtree(folder, ignore_errors=True)
@@ -151,11 +136,3 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 def _is_special(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
-
-
-def _new_file_mode() -> int:
-    """Permissions of new files in this process."""
-    # The umask can be read only by setting it.
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return 0o666 & ~mask

@@ -44,12 +44,7 @@ def is_file(thing: object) -> bool:
 
 @contextmanager
 def opened(url: str) -> Iterator[Any]:
-    """Open a URL for reading.
-
-    Raises
-    ------
-    OSError, InputError, MissingExtraError
-    """
+    """Open a URL for reading; raises `OSError`, `InputError` or `MissingExtraError`."""
     if is_web(url):
         with WebFile(url).open() as body:
             yield body
@@ -76,23 +71,9 @@ def by_fsspec(url: str) -> Iterator[Any]:
 def content(data: Readable, limits: Limits | None = None, signatures: Collection[bytes] = ()) -> bytes:
     """Read a path, a URL or a file object; anything else is returned unchanged.
 
-    Parameters
-    ----------
-    data : bytes, path, URL or file object
-    limits : Limits, optional
-        ``limits.bytes`` bounds the size.
-    signatures : collection of bytes, optional
-        The file must begin with one of these, which have the same length; of any other file, which may be endless, only
-        that many bytes are read.
-
-    Raises
-    ------
-    OSError
-        If it cannot be opened.
-    OptionError
-        If a file object was opened as text.
-    LimitError
-        If there are more bytes than the limits allow.
+    ``limits.bytes`` bounds the size. A file must begin with one of the ``signatures``, which have the same length; of
+    any other file, which may be endless, no more than that is read. Raises `OSError` if it cannot be opened,
+    `OptionError` for a file object that was opened as text, and `LimitError` if it is too large.
     """
     most = (limits or Limits()).bytes
     if isinstance(data, str) and is_url(data):
@@ -119,23 +100,10 @@ def _read(file: Any, most: int, signatures: Collection[bytes]) -> bytes:
 
 @contextmanager
 def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterator[Path]:
-    """Yield a temporary local copy of a URL or an open file, with the suffix of its format.
+    """Yield a temporary local copy of a URL or an open file, with the suffix that ``suffix_of`` finds.
 
-    Parameters
-    ----------
-    thing : str or file object
-    suffix_of : callable
-        Finds the suffix.
-    samples : int, optional
-        Number of samples that may be read; the file may have 16 bytes for each.
-
-    Raises
-    ------
-    OSError
-    InputError
-        If ``suffix_of`` finds none.
-    LimitError
-        If there are too many bytes.
+    If ``samples`` is the number that may be read, the file may have 16 bytes for each. Raises `InputError` if no suffix
+    is found, and `LimitError` if there are too many bytes.
     """
     from tempfile import TemporaryDirectory
 

@@ -15,27 +15,21 @@ from .web import NoRangesError, Range, WebFile
 Fetch = Callable[[Sequence[Range]], list[bytes]]
 """Reads ranges of a file, each from one offset up to another; fewer bytes if the file ends before."""
 MOST_PIECES = 6
-"""Ranges are joined over the smallest gaps until there are no more than this many, as far as `SLACK` allows."""
+"""Ranges are joined over the smallest gaps until there are no more than this many, if `SLACK` allows."""
 GAP, SLACK = 1 << 13, 1 << 14
 """Gaps, in bytes, that cost less than a request; and bytes of gaps that are read at most, unless the ranges have more.
 """
 
 
 class Pieces:
-    """Ranges of a file that have been fetched.
-
-    Parameters
-    ----------
-    first : bytes
-        The beginning of the file, if it has already been read.
-    """
+    """Ranges of a file that have been fetched; ``first`` is its beginning, if it has already been read."""
 
     def __init__(self, first: bytes) -> None:
         self._left = 0
         self._starts, self._pieces = [0], [first]
 
     def begin(self, limit: int, kept: int) -> None:
-        """Allow so many bytes to be fetched, and keep those fetched before if they are no more than ``kept``."""
+        """Allow ``limit`` more bytes to be fetched; those fetched before are kept if they are at most ``kept``."""
         self._left = limit
         if sum(map(len, self._pieces)) > kept:
             self._starts, self._pieces = [0], self._pieces[:1]
@@ -59,12 +53,7 @@ class Pieces:
         return next((i for i in before if end <= self._starts[i] + len(self._pieces[i])), None)
 
     def fetch(self, fetch: Fetch, ranges: Iterable[Range], partial: bool = False) -> None:
-        """Fetch the ranges that are missing; with ``partial``, as much of them as the file has.
-
-        Raises
-        ------
-        LimitError, TruncatedError
-        """
+        """Fetch the ranges that are missing; with ``partial``, as much as the file has."""
         wanted = together(each for each in ranges if not self.has(*each))
         self._left -= sum(end - start for start, end in wanted)
         if self._left < 0:

@@ -42,15 +42,8 @@ class NoRangesError(InputError):
 class WebFile:
     """A file of a web server.
 
-    Parameters
-    ----------
-    url : str
-
-    Raises
-    ------
-    InputError, OSError
-        Raised by all methods: the server does not answer, answers with an error, or sends anything but what was asked
-        for. ``NoRangesError`` if it sends the whole file instead of a range.
+    All methods raise `InputError` or `OSError` if the server does not answer, answers with an error, or sends anything
+    but what was asked for, and `NoRangesError` if it sends the whole file instead of a range.
     """
 
     def __init__(self, url: str) -> None:
@@ -165,17 +158,17 @@ class WebFile:
             if answer.status == 200:
                 raise NoRangesError()
             found = _ENDS.fullmatch(answer.headers.get("Content-Range", "").strip())
-            first, behind = (int(found[1]), int(found[2]) + 1) if found else (-1, -1)
+            first, after = (int(found[1]), int(found[2]) + 1) if found else (-1, -1)
             # fewer bytes are right at the end of the file only
-            right = start < behind <= end and (behind == end or found is None or found[3] in ("*", str(behind)))
+            right = start < after <= end and (after == end or found is None or found[3] in ("*", str(after)))
             if first != start or not right:
                 raise InputError(f"the server sends other bytes than the requested {start:,} to {end - 1:,}",
                                  code="ranges", remedy="download the file first")
-            body = await _body(answer, behind - start + 1, until)
-            if len(body) > behind - start:
-                raise InputError(f"the server sends more than the {behind - start:,} bytes that it announces",
+            body = await _body(answer, after - start + 1, until)
+            if len(body) > after - start:
+                raise InputError(f"the server sends more than the {after - start:,} bytes that it announces",
                                  code="ranges", remedy="download the file first")
-            if len(body) < behind - start:
+            if len(body) < after - start:
                 raise self._http.ClientPayloadError("the answer ends too early")
             return body
         finally:
@@ -196,12 +189,12 @@ class WebStream:
         self._answer.close()
 
     def read(self, count: int) -> bytes:
-        """Read that many bytes, or those that are left."""
+        """Read ``count`` bytes, or what is left."""
         return self._file.run(_body(self._answer, count))
 
 
 class _BusyError(InputError):
-    """The server has no time; ``pause`` is the number of seconds for which it asks."""
+    """The server has no time; ``pause`` is the number of seconds that it asks for."""
 
     def __init__(self, answer: Any) -> None:
         asked = answer.headers.get("Retry-After", "").strip()
@@ -215,7 +208,7 @@ def _status(answer: Any) -> str:
 
 
 async def _body(answer: Any, most: int, until: float | None = None) -> bytes:
-    """Read a body, but no more than some bytes of it; each piece has to arrive in time, the first one until then."""
+    """Read at most ``most`` bytes of a body; each piece has to arrive in time, the first one by ``until``."""
     import asyncio
 
     body, clock = bytearray(), asyncio.get_running_loop().time

@@ -31,7 +31,7 @@ def opening(frame: int, number: int, isovalue: float, lean: int | None, interval
 
 
 def closed(chunks: Iterable[bytes]) -> Iterator[bytes]:
-    """Yield header and chunks of a file, the last one marked as such, and the checksum of all of them."""
+    """Yield header and chunks of a file, the last one marked as such, and the checksum of them all."""
     checksum, waiting = 0, b""
     for chunk in chunks:
         if waiting:

@@ -251,7 +251,7 @@ class DomainBeginning:
 
 
 def _contents_of(session: Session, header: Header, *, mesh: tuple[ArrayLike, ArrayLike] | None) -> Contents:
-    """Make the contents for a file's chunks, as far as the header determines them."""
+    """Make the contents for a file's chunks, if the header determines them."""
     if header.cells is not None:
         return DomainBeginning(session, header, mesh)
     from .grid_contents import GridContents

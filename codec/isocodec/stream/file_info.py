@@ -186,7 +186,7 @@ class FileInfo:
         return number_of(isovalue, self.isovalues, self.noun)
 
     def chain(self, number: int) -> frozenset[int]:
-        """Numbers of all isovalues needed to decode one of them, in any frame."""
+        """Numbers of all isovalues needed to decode one, in any frame."""
         if self.turned:
             return frozenset(range(len(self.isovalues)))
         out = {number}

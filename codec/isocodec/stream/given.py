@@ -236,7 +236,7 @@ def in_cells(
     precision: Precision, placement: Placement | None, notes: Mapping[str, str], own: Mapping[str, str],
     shape: tuple[int, ...], gone: NDArray[np.bool_] | None = None,
 ) -> Precision:
-    """A precision with distances in cells; coordinates that go into the file take a share of them.
+    """A precision with distances in cells; coordinates that go into the file take their share.
 
     Parameters
     ----------

@@ -114,7 +114,7 @@ class GridContents:
         self._strands.holes = None
 
     def _begin(self, event: Event) -> None:
-        """Begin what an event announces: a further isovalue, a series or a further frame."""
+        """Begin what an event announces: another isovalue, a series or another frame."""
         if isinstance(event, IsovalueRead):
             self._strands.begin(event.lean)
         elif isinstance(event, SeriesRead):
@@ -159,7 +159,7 @@ class GridContents:
 
     @property
     def predictions(self) -> tuple[int, int]:
-        """Number of signs that were predicted so far, and how many of them correctly."""
+        """Number of signs predicted so far, and how many correctly."""
         made, right = self._reader.tally()[-2:]
         return int(made), int(right)
 
@@ -354,7 +354,7 @@ class GridContents:
 
     @property
     def placement(self) -> Placement | None:
-        """Placement of samples, as far as it is known; errors as for `mapped`."""
+        """Placement of samples, if known; errors as for `mapped`."""
         return self._coordinates.placement(self.outline.coordinates, self._header.shape, self.outline.metadata)
 
     def mapped(self) -> Mapped | None:

@@ -1,6 +1,6 @@
 """Encoders of fields on grids: samples in, bytes out layer by layer (spec clauses 3.5.7, 5.11, 8.1).
 
-A frame is encoded in one of three orders: one isovalue after the other, all of them level by level, or one after the
+A frame is encoded in one of three orders: one isovalue after the other, all level by level, or one after the
 other until no two curves cross.
 """
 
@@ -45,9 +45,9 @@ from .turns import bases, coarse, coarsely, finer
 LEVELS_WORTH = 0.95
 """A frame begins with the leaves of the one before if that takes less than this fraction of the bytes of levels."""
 MOST_IN_TURN = 256
-"""Isovalues whose layers come in turn at most: decoders hold the states of all of them at once."""
+"""Most isovalues whose layers come in turn: decoders hold the states of all at once."""
 MOST_SIGNS = 1 << 29
-"""They do by default where the encoder holds at most so many signs of samples."""
+"""They do by default if the encoder holds at most this number of signs of samples."""
 INDEX_SHARE = 100
 """A layer index is written if it takes at most this fraction of the data."""
 
@@ -239,7 +239,7 @@ class GridFrame:
             self.file.report(self._done, self._total())
 
     def _total(self) -> int:
-        """Layers of the frame, as far as they are known; isovalues to come have as many as the first."""
+        """Layers of the frame that are known; isovalues to come have as many as the first."""
         waiting = len(self.file.series.isovalues) - len(self.strands)
         return self._announced + self.strands[-1].planned + waiting * self.strands[0].planned
 
@@ -312,7 +312,7 @@ class _ByLevels(GridFrame):
 
 
 class _Uncrossed(GridFrame):
-    """Encodes curves that are near one another anew until no two of them cross.
+    """Encodes curves that are near one another anew until no two cross.
 
     Those that cross nevertheless are coded on the full grid, all to the same parts of edges, half-way if that will do:
     they can touch there, but not cross.
@@ -458,7 +458,7 @@ class GridEncoder(ContainerEncoder):
 
 
 class GridFrames:
-    """Encodes the frames of a series as they come; at most two of them are in memory.
+    """Encodes the frames of a series as they come; at most two are in memory.
 
     Parameters
     ----------

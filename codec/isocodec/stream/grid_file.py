@@ -67,7 +67,7 @@ class GridFile:
     full_level : int
         Level of the full grid.
     geometry : sequence of lists of entries, or None
-        Layers behind the full grid, for each isovalue, whatever the options are.
+        Layers after the full grid, for each isovalue, whatever the options are.
     report : callable or None
     """
 

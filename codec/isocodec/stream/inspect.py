@@ -107,7 +107,7 @@ class _Survey:
         self.chunks.append(ChunkInfo(name, at, behind - at, outline.frame, outline.number))
 
     def _grid_layers(self, chunk: Envelope, end: int) -> None:
-        """List the layers of a chunk as far as it has arrived."""
+        """List the layers of the part of a chunk that has arrived."""
         outline, data = self.outline, self._session.data
         plain: list[list[Layer]] = []
         run = chunk.start
@@ -267,7 +267,7 @@ def _decoded(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> lis
 
 
 def _decoded_surface(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> list[LayerInfo]:
-    """Find out where the layers of a surface begin and end, as far as they have arrived."""
+    """Find out where those layers of a surface that have arrived begin and end."""
     from .decoder import Decoder
 
     decoder = Decoder(limits)

@@ -62,7 +62,7 @@ def code_layer(
     strand : MeshIsovalue
     head : MeshLayerHead
     hierarchy, history : callable
-        Make the rounds of collapses of the mesh, and the cells in all of them.
+        Make the rounds of collapses of the mesh, and the cells in all rounds.
     truth, wanted : array, optional
         The encoder's signs or numbers, and nodes of a cut.
     """
@@ -234,7 +234,7 @@ class MeshContents:
 
         That is as the axes do, or on a surface in space as in the given mesh. A file does not keep the latter.
         Triangles then run so that what they enclose has a positive volume, and if they enclose nothing,
-        counter-clockwise for whoever looks against the axis that most of them face.
+        counter-clockwise for a viewer against the axis that most cells face.
         """
         assert self._points is not None
         n = cells.shape[1] - 1
@@ -362,7 +362,7 @@ class MeshContents:
         self._strands.append(MeshIsovalue(self._domain, isovalue, self._header.scale, earlier, then))
 
     def _hold(self, more: int, cuts: int) -> None:
-        """Make room for so many isovalues more, and first layers of cuts."""
+        """Make room for ``more`` isovalues, and first layers of cuts."""
         assert self._domain is not None
         there = [one for one in [*self._before, *self._strands] if one is not None]
         size = (len(there) + more) * MeshIsovalue.bytes_for(self._domain)

@@ -43,7 +43,7 @@ from .promises import PROMISE
 from .series import Series, chain
 
 FINER = 8
-"""Factor by which the number of known vertices grows from one layer of signs to the next, about."""
+"""Growth of the number of known vertices from one layer of signs to the next, about."""
 EDGE_SHARE = 0.05
 """Default tolerance of contour points, as a fraction of the median edge length."""
 MESH_SHARE = 0.05

@@ -116,7 +116,7 @@ def mesh_of_cells(domain: Complex, points: NDArray[np.float64], crossed: Crossed
 def mesh_of_points(
     domain: Complex, points: NDArray[np.float64], crossed: Crossed, whole: bool, off: float, shared: bool
 ) -> StoredMesh:
-    """Store scattered points: all of them if ``whole``, or the vertices of the triangles that a file needs.
+    """Store scattered points: all if ``whole``, or the vertices of the triangles that a file needs.
 
     Their triangulation has the cells that contours cross among the given points, and no others that they cross. If
     the first lattice does not give that, the cells themselves are stored where this takes fewer bytes. If the error is

@@ -101,7 +101,7 @@ def _reduced(
 
 
 def ends_alike(plans: Iterable[object], n: int, full_level: int) -> bool:
-    """Whether the last mesh of each isovalue's plan is the same at both ends of periodic axes, as far as it is stated.
+    """Whether the last mesh of each isovalue's plan, if stated, is the same at both ends of periodic axes.
 
     The full grid is, and a uniform mesh made up of squares or cubes; a mesh by criteria, since it has all crossed edges
     there are at the ends; and the leaves of an earlier isovalue on the full grid.
@@ -128,7 +128,7 @@ def _ends_alike(plan: Sequence[Entry], n: int, full_level: int) -> tuple[bool | 
 
 
 def _uniform_levels(plan: Sequence[Entry], full_level: int, lean_level: int) -> list[int]:
-    """For each entry, the level up to which the mesh is uniform, also for adaptive bases, as far as it is stated."""
+    """For each entry, the level up to which the mesh is uniform, if stated, also for adaptive bases."""
     level = 0
     out = []
     for entry in plan:

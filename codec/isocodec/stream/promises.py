@@ -172,7 +172,7 @@ def promise_of(info: FileInfo) -> str | None:
     strands: dict[tuple[int, int], list[float | None]] = {}
     for layer in info.layers:
         strands.setdefault((layer.frame, layer.isovalue), []).append(layer.within)
-    # behind a promise that is not the last layer's the curve may be farther away
+    # after a promise that is not the last layer's the curve may be farther away
     steps = {tuple(filter(None, own)) if samples or own[-1] is not None else () for own in strands.values()}
     if len(steps) != 1:
         return "differs between isovalues or frames: see the layers" if steps else None

@@ -12,7 +12,7 @@ from .container import opening
 
 
 class Series:
-    """The isovalues and frames of a file as an encoder goes through them, and what each of them is predicted from.
+    """The isovalues and frames of a file as an encoder goes through them, and what each is predicted from.
 
     A file with one frame is a series without an interval.
 

@@ -79,7 +79,7 @@ class Session:
     budget : Budget
         Memory held by decoding.
     data : bytearray
-        The file as far as it has arrived.
+        The part of the file that has arrived.
     at : int
         Byte offset of the current chunk.
     header : Header or None
@@ -222,7 +222,7 @@ class Session:
                 return None
             if not chunk.ancillary:
                 self.outline.expect(chunk, self.at)
-                # further layers of a frame that was marked as ended
+                # more layers of a frame that was marked as ended
                 self.outline.ended &= chunk.type == ChunkType.FRAME
             self._chunk = chunk
         if not chunk.ancillary:

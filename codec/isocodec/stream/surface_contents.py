@@ -73,7 +73,7 @@ class SurfaceContents:
         self._parts = None
 
     def received(self) -> tuple[TinHead, SurfaceLayers]:
-        """Head of the surface, and its points with their numbers as far as they have arrived.
+        """Head of the surface, and those points that have arrived, with their numbers.
 
         Raises
         ------

@@ -245,14 +245,14 @@ class Tubes:
         self._at = number
 
     def _forget(self) -> None:
-        """Count nothing: a further frame begins."""
+        """Count nothing: another frame begins."""
         self._at = None
         self._known.clear()
         self._layered.clear()
         self._sum[:] = 0
 
     def settle(self) -> None:
-        """Let the isovalues rest to which no further layers come."""
+        """Let the isovalues rest that get no more layers."""
         for number in self._layered:
             tube = self.all[number]
             if tube is not None:

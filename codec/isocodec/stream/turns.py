@@ -70,7 +70,7 @@ def coarsely(begins: Sequence[int], late: int) -> Iterator[tuple[range, int]]:
 
 
 def finer(begins: Sequence[int], late: int, full: int) -> Iterator[tuple[range, int]]:
-    """List the turns behind those of `coarsely`, up to the level of the full grid."""
+    """List the turns after those of `coarsely`, up to the level of the full grid."""
     targets = sorted({level for level in begins if level > late})
     for before, level in zip([late, *targets], [*targets, full], strict=True):
         yield from ((turn, level) for turn in _runs({i for i, begun in enumerate(begins) if begun <= before < level}))

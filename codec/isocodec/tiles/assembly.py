@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .head import write_head
 from .layout import Index, TileGrid
-from .leaf import checksums_of, sizes_of, strand_of, write_leaf
+from .leaf import sizes_of, strand_of, write_leaf
 from .structure import MOST_IN_BLOCK, Head, Kind, Leaf
 from .tile_encoder import Tiling
 
@@ -20,24 +20,11 @@ BLOCK = {2: 5, 3: 3}
 
 
 class Tiles:
-    """Everything about the tiles of a file except their bytes.
+    """Everything about the tiles of a file except their bytes, as arrays over the tiles.
 
-    Parameters
-    ----------
-    tiling : Tiling
-
-    Attributes
-    ----------
-    kinds : (1 + isovalues, counts ..) uint8
-        Kinds of all tiles, for the mask first.
-    lengths : (1 + stages * isovalues, counts ..) uint32
-        Sizes of segments, in bytes, by area.
-    faces : (n, 2, counts ..) uint32
-        Checksums of samples on faces.
-    counts : (3 + isovalues, counts ..) float64
-        As of `TileSegments`.
-    place : (counts ..) int64
-        Offset of the stored bytes of each tile, -1 if it has not been encoded.
+    `kinds` has the mask first, then the isovalues. `lengths` are sizes of segments in bytes, by area, `faces` checksums
+    of the samples on faces, `counts` those of `TileSegments`, and `place` is the offset of the stored bytes of each
+    tile, -1 if it has not been encoded.
     """
 
     def __init__(self, tiling: Tiling) -> None:
@@ -57,15 +44,13 @@ class Tiles:
     def check_faces(self) -> None:
         """Check that neighbouring tiles had the same samples where they meet.
 
-        Raises
-        ------
-        InputError
-            If two tiles, which are named, had different samples: the field changed while it was being read.
+        Raises `InputError` if two tiles, which are named, had different samples: the field changed while it was being
+        read.
         """
         for axis in range(self.tiling.grid.n):
             low, high = (self.faces[axis, side] for side in (0, 1))
-            behind = np.delete(low, 0, axis) != np.delete(high, -1, axis)
-            differ = np.argwhere(behind)
+            faces = np.delete(low, 0, axis) != np.delete(high, -1, axis)
+            differ = np.argwhere(faces)
             if len(differ):
                 here = tuple(differ[0].tolist())
                 there = self.tiling.grid.neighbour(here, axis)
@@ -77,20 +62,10 @@ class Tiles:
 
 
 def merged(tiles: Tiles, read: Callable[[int, int], bytes]) -> Iterator[bytes]:
-    """Yield the bytes of a file, piece by piece.
+    """Yield the bytes of a file, piece by piece, when all tiles have been encoded.
 
-    Parameters
-    ----------
-    tiles : Tiles
-        All of them.
-    read : callable
-        Returns a number of bytes from an offset; a tile's bytes are the segment of the mask, then the stages of each
-        isovalue.
-
-    Raises
-    ------
-    InputError
-        If tiles are missing, or do not agree where they meet.
+    ``read`` returns a number of bytes from an offset; a tile's bytes are the segment of the mask, then the stages of
+    each isovalue. Raises `InputError` if tiles are missing, or do not agree where they meet.
     """
     if tiles.missing():
         raise InputError(f"{tiles.missing():,} tiles have not been encoded", code="tiles")
@@ -130,9 +105,8 @@ def _leaf(head: Head, tiles: Tiles, block: Index, read: Callable[[int, int], byt
     members = tuple(head.grid.members(block).T)
     kinds = tiles.kinds[(slice(None), *members)][not head.masked :]
     lengths = np.stack([tiles.lengths[(a, *members)] for a in _held(head)], axis=1).astype(np.int64)
-    checksums = [checksums_of(_segments(head, tiles, block, area, read)) for area in range(head.areas)]
     return [
-        strand_of(kinds[number], lengths[:, areas], [checksums[area] for area in areas])
+        strand_of(kinds[number], lengths[:, areas], (_segments(head, tiles, block, area, read) for area in areas))
         for number in range(head.strands) if (areas := head.areas_of(number))
     ]
 

@@ -82,15 +82,9 @@ class Square:
 
 
 class Closing:
-    """Make the segments or triangles that close all gaps.
+    """The segments or triangles that close all gaps between tiles.
 
-    Parameters
-    ----------
-    parts : sequence of TilePart
-    numbers : sequence of (P,) int64
-        For each part, the indices of its points among all points.
-    points : (P, n) float64
-        All points.
+    ``points`` are those of all parts, and ``numbers`` the indices of the points of each part among them.
     """
 
     def __init__(
@@ -104,7 +98,7 @@ class Closing:
         self._line_of: dict[int, tuple[Line, int]] = {}
 
     def cells(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return further points, (Q, n), and segments or triangles, (M, n)."""
+        """Return additional points, (Q, n), and segments or triangles, (M, n)."""
         squares = list(self._squares())
         if self._n == 2:
             segments = [edge for square in squares for edge, _ in square.border]
@@ -135,7 +129,7 @@ class Closing:
                     yield Square(axis, edges, border)
 
     def _apart(self, squares: Sequence[Square]) -> NDArray[np.float64]:
-        """Middles of parts of borders for which all four faces around an edge of tiles are filled, (Q, 3).
+        """Middles, (Q, 3), of parts of borders that have all four faces around an edge of tiles filled.
 
         The faces are then joined in pairs, around the tiles in front and those behind; the latter pair gets the middle.
         """
@@ -212,7 +206,7 @@ class Closing:
                 points = cells[there[cells]]
                 lows = ends[points].min(axis=1) // cube * cube
                 edges = np.full((len(points), 2), -1)
-                # rows of points with which lines begin, and with which they end
+                # rows of points that lines begin with, and end with
                 edges[np.arange(len(points)), np.nonzero(there[cells])[1]] = numbers[points]
             else:
                 turned = np.concatenate([cells[:, [1, 0]], cells[:, [2, 1]], cells[:, [0, 2]]])

@@ -22,26 +22,10 @@ from .tiled import TiledFile, file_of, group_chunks, plain
 class Extract:
     """A box (window) of samples of a tiled file.
 
-    Parameters
-    ----------
-    file : TiledFile
-    box : n pairs of numbers, or None for everything
-        It is enlarged to whole samples, and its start is rounded down to even indices, so that the full grid has the
-        same diagonals.
-
-    Attributes
-    ----------
-    low, size : tuple of int
-        The first sample, and the number of samples along each axis.
-    notes : dict of str to str
-        Notes of the file, with the placement shifted so that all samples keep their positions.
-
-    Raises
-    ------
-    OptionError
-        If the box is not valid.
-    LimitError
-        If it has more samples than the limits allow.
+    It is enlarged to whole samples, and its start is rounded down to even indices, so that the full grid has the same
+    diagonals. `low` and `size` are the first sample and the number of samples along each axis; `notes` those of the
+    file, with the placement shifted so that all samples keep their positions. Raises `OptionError` if the box is not
+    valid, and `LimitError` if it has too many samples.
     """
 
     def __init__(self, file: TiledFile, box: Sequence[Sequence[float]] | None) -> None:
@@ -77,11 +61,7 @@ class Extract:
     def sources(self, numbers: Sequence[int]) -> list[Source]:
         """Recover the sources of isovalues, by number, from the tiles, as from an ordinary file.
 
-        Raises
-        ------
-        OptionError
-            If the meshes of the tiles are not the full grid.
-        FormatError, LimitError
+        Raises `OptionError` if the meshes of the tiles are not the full grid, and `FormatError` or `LimitError`.
         """
         head = self._file.head
         last = head.stages[-1]
@@ -103,7 +83,7 @@ class Extract:
     def _told(self, number: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Decoded]:
         """Signs of an isovalue, samples that its tiles mark as missing, and the decoded state that the tiles hold."""
         head, told = self._file.head, []
-        # the tile along each axis to which a sample belongs, or one of the two
+        # the tile along each axis that a sample belongs to, or one of the two
         tile = np.ix_(*(
             np.minimum(np.arange(low, low + size) >> head.grid.exponent, one.stop - 1) - one.start
             for low, size, one in zip(self.low, self.size, self._ranges, strict=True)

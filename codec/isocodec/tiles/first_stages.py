@@ -19,14 +19,8 @@ _PIECE = 1 << 22
 def first_stages(file: TiledFile, count: int) -> Iterator[bytes]:
     """Yield the bytes of a tiled file with the first ``count`` stages of another, or all stages if it has fewer.
 
-    Raises
-    ------
-    OptionError
-        If ``count`` is less than 1.
-    FormatError
-        If the directories are damaged; damaged segments keep their checksums, which do not match.
-    TruncatedError
-        If the file ends before these stages.
+    Damaged segments keep their checksums, which do not match. Raises `OptionError` if ``count`` is less than 1,
+    `FormatError` if the directories are damaged, and `TruncatedError` if the file ends before these stages.
     """
     if count < 1:
         raise OptionError(f"layers is {count}; it must be at least 1", code="layers")

@@ -44,10 +44,7 @@ MOST_BYTES = 1 << 62
 def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> bytes:
     """Write the head and the root directory; for each leaf, its bytes and the sizes of its segments by area.
 
-    Raises
-    ------
-    InputError
-        If they are longer than ``HEAD_BYTES``.
+    Raises `InputError` if they are longer than ``HEAD_BYTES``.
     """
     grid = head.grid
     scaled = b"" if head.scale is None else Double.build(head.scale)
@@ -79,9 +76,7 @@ def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> byt
 def _head_length(data: bytes) -> int:
     """Number of bytes of head and root directory, which must have been received.
 
-    Raises
-    ------
-    FormatError, TruncatedError
+    Raises `FormatError` or `TruncatedError`.
     """
     if data[:4] != SIGNATURE[: len(data)]:
         raise wrong("not a tiled .iso file: the signature is missing", "signature", 0, "12.3")
@@ -96,12 +91,7 @@ def _head_length(data: bytes) -> int:
 
 
 def read_head(data: bytes) -> tuple[Head, Root]:
-    """Read the head and the root directory, with which ``data`` begins.
-
-    Raises
-    ------
-    FormatError, TruncatedError
-    """
+    """Read the head and the root directory at the beginning of ``data``; raises `FormatError` or `TruncatedError`."""
     end = _head_length(data)
     if Checksum.parse(data[end - 4 : end]) != zlib.crc32(data[: end - 4]):
         raise wrong("the head's checksum is wrong", "checksum", end - 4, "12.3")

@@ -19,16 +19,7 @@ COARSEST = 4
 
 
 def morton(index: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Compute Morton codes: the bits of the indices interleaved, with the last axis in the lowest bit.
-
-    Parameters
-    ----------
-    index : (K, n) int64, below 2**20
-
-    Returns
-    -------
-    (K,) int64
-    """
+    """Compute Morton codes of indices below 2**20: their bits interleaved, with the last axis in the lowest bit."""
     n = index.shape[1]
     code = np.zeros(len(index), np.int64)
     for bit in range(int(index.max(initial=0)).bit_length()):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -32,15 +32,19 @@ def write_leaf(head: Head, leaf: Leaf) -> bytes:
     return b"".join([*out, *sums])
 
 
-def strand_of(kinds: NDArray[np.uint8], lengths: NDArray[np.int64], checksums: list[NDArray[np.int64]]) -> TileStrand:
-    """Make a strand of the kinds of all tiles of a block, (K,), and the lengths of their segments, (K, S)."""
+def strand_of(kinds: NDArray[np.uint8], lengths: NDArray[np.int64], areas: Iterable[Sequence[bytes]]) -> TileStrand:
+    """Make a strand of a block from kinds of its tiles (K,), lengths of their segments (K, S), and these by area."""
+    checksums = []
+    for segments in areas:
+        bounds = groups_of(np.array([len(segment) for segment in segments], np.int64)).tolist()
+        checksums.append(np.array([zlib.crc32(b"".join(segments[a:b])) for a, b in pairwise(bounds)], np.int64))
     ends = np.append(np.flatnonzero(np.diff(kinds)) + 1, len(kinds))
     coded = np.flatnonzero(kinds == Kind.CODED)
     return TileStrand(ends, kinds[ends - 1].astype(np.int64), coded, lengths[coded], checksums)
 
 
 class _Varints:
-    """Varints of a leaf directory, read all at once as far as its bytes are any.
+    """Varints of a leaf directory, all read at once.
 
     Attributes
     ----------
@@ -58,7 +62,7 @@ class _Varints:
         for byte in range(min(int(sizes.max(initial=0)), MAX_VARINT)):
             there = np.flatnonzero(sizes > byte)
             self.values[there] = self.values[there] << 7 | view[starts[there] + byte] & 0x7F
-        # of what follows the varints nothing is asked
+        # bytes after the varints may be anything
         self._wrong = np.flatnonzero((sizes > MAX_VARINT) | ((sizes > 1) & (view[starts] == 0x80)))
         self._at, self._length, self.next = at, len(data), 0
 
@@ -68,7 +72,7 @@ class _Varints:
         return int(self.ends[self.next - 1]) if self.next else 0
 
     def take(self, count: int) -> NDArray[np.int64]:
-        """Read so many numbers; raises `FormatError` if one of them is none."""
+        """Read the next numbers; raises `FormatError` if one is malformed."""
         first, self.next = self.next, self.next + count
         wrong_ = np.searchsorted(self._wrong, first)
         if wrong_ < len(self._wrong) and self._wrong[wrong_] < self.next:
@@ -81,9 +85,7 @@ class _Varints:
 def read_leaf(head: Head, data: bytes, tiles: int, at: int) -> Leaf:
     """Inverse of ``write_leaf`` for a given number of tiles; the leaf begins at ``at`` in the file.
 
-    Raises
-    ------
-    FormatError
+    Raises `FormatError`.
     """
     numbers = _Varints(data, at)
     leaf = [_read_strand(numbers, tiles, len(head.areas_of(strand)), at) for strand in range(head.strands)]
@@ -130,9 +132,3 @@ def sizes_of(head: Head, leaf: Leaf) -> list[int]:
         for area, size in zip(head.areas_of(number), strand.lengths.sum(axis=0).tolist(), strict=True):
             sizes[area] = size
     return sizes
-
-
-def checksums_of(segments: Sequence[bytes]) -> NDArray[np.int64]:
-    """Compute the checksums of the groups of a leaf's segments in an area."""
-    bounds = groups_of(np.array([len(s) for s in segments], np.int64)).tolist()
-    return np.array([zlib.crc32(b"".join(segments[a:b])) for a, b in pairwise(bounds)], np.int64)

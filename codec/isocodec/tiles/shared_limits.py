@@ -13,14 +13,7 @@ from ..stream.grid_contents import GridContents
 class Shared:
     """Limits that several files share, less what these have taken so far.
 
-    Parameters
-    ----------
-    limits : Limits
-
-    Attributes
-    ----------
-    budget : Budget
-        Memory held by directories and drawings.
+    `budget` is the memory held by directories and drawings.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -29,17 +22,12 @@ class Shared:
         self._kept = 0
 
     def keep(self, size: int) -> None:
-        """Count so many more bytes that are held until the end of the call."""
+        """Count bytes that are held until the end of the call."""
         self._kept += size
         self.budget.hold(self, self._kept)
 
     def decoded(self, data: bytes) -> GridContents:
-        """Decode the file of a grid within what is left of the limits.
-
-        Raises
-        ------
-        FormatError, LimitError
-        """
+        """Decode the file of a grid within what is left of the limits; raises `FormatError` or `LimitError`."""
         limits = self._left
         decoder = Decoder(replace(limits, memory=max(limits.memory - self.budget.held, 0)))
         try:

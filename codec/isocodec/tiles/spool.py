@@ -27,34 +27,19 @@ _BYTES, _JOURNAL = "segments", "journal"
 
 
 class Spool:
-    """A folder with those tiles of a file that have been encoded.
+    """A folder, made if need be, with those tiles of a file that have been encoded.
 
     ``segments`` has the bytes of tiles one after the other. ``journal`` has a line of JSON that describes the field and
     the options, and a record of fixed size for each tile, written after the tile's bytes. Bytes after the last complete
-    record are overwritten.
-
-    Parameters
-    ----------
-    folder : path
-        Created if it does not exist.
-    tiling : Tiling
-
-    Attributes
-    ----------
-    tiles : Tiles
-
-    Raises
-    ------
-    OptionError
-        If the folder has tiles of a different field or with different options, or another process uses it.
-    OSError
+    record are overwritten. Raises `OptionError` if the folder has tiles of a different field or with different options,
+    or another process uses it.
     """
 
     def __init__(self, folder: str | os.PathLike[str], tiling: Tiling) -> None:
         self.folder = Path(folder)
         self.tiles = Tiles(tiling)
         self._record = _record_of(self.tiles)
-        self._about = _line(tiling)
+        self._about = about(tiling)
         self.folder.mkdir(exist_ok=True)
         self._journal = _open(self.folder / _JOURNAL)
         self._bytes = _open(self.folder / _BYTES)
@@ -127,13 +112,7 @@ class Spool:
             getattr(self.tiles, name)[(..., *at)] = record[name]
 
     def add(self, tile: TileSegments) -> None:
-        """Store a tile.
-
-        Raises
-        ------
-        OSError
-            If the disk is full; tiles stored before are kept.
-        """
+        """Store a tile; raises `OSError` if the disk is full, and tiles stored before are kept."""
         segments = [tile.mask_segment, *(segment for stages in tile.segments for segment in stages)]
         data = b"".join(segments)
         place = self._bytes.tell()
@@ -195,27 +174,22 @@ def _record_of(tiles: Tiles) -> np.dtype[Any]:
     )
 
 
-def description(tiling: Tiling) -> dict[str, object]:
-    """Properties shared by all tiles of a file: the shape and type of the field, and all options."""
-    return {
+def about(tiling: Tiling) -> bytes:
+    """The first line of a journal: the shape and type of the field, and all options."""
+    return json.dumps({
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
         **asdict(tiling.options), "dtype": tiling.dtype, "cubes": tiling.cubes, "fill": tiling.fill, "version": 2,
-    }
-
-
-def _line(tiling: Tiling) -> bytes:
-    """The first line of a journal."""
-    return json.dumps(description(tiling), sort_keys=True).encode() + b"\n"
+    }, sort_keys=True).encode() + b"\n"
 
 
 def begun(folder: str | os.PathLike[str], tried: Sequence[Tiling]) -> int:
-    """Find for which of some tilings a folder has tiles; 0 if for none."""
+    """Number of the tiling, of several, that a folder has tiles for; 0 for none."""
     journal = Path(folder) / _JOURNAL
     if not journal.is_file():
         return 0
     with journal.open("rb") as file:
         first = file.readline()
-    lines = [_line(each) for each in tried]
+    lines = [about(each) for each in tried]
     return lines.index(first) if first in lines else 0
 
 

@@ -43,7 +43,7 @@ class Stage:
     Attributes
     ----------
     edge : int
-        Exponent of the edge, in samples, of the cubes of the uniform mesh to which the stage leads.
+        Exponent of the edge, in samples, of the cubes of the uniform mesh that the stage leads to.
     geometry : bool
         Whether the stage stores where edges are crossed.
     adaptive : bool
@@ -84,7 +84,7 @@ class Head:
     together: int = 1
 
     def group_of(self, number: int) -> range:
-        """Numbers of the isovalues in the group of one of them."""
+        """Numbers of the isovalues in the group that contains this one."""
         first = number - number % self.together
         return range(first, min(first + self.together, len(self.isovalues)))
 
@@ -169,7 +169,7 @@ class TileStrand:
 
     @cached_property
     def groups(self) -> list[NDArray[np.int64]]:
-        """The coded tiles with which groups begin, by stage, followed by the number of coded tiles."""
+        """The first coded tiles of groups, by stage, followed by the number of coded tiles."""
         return [groups_of(lengths) for lengths in self.lengths.T]
 
     @cached_property

@@ -35,10 +35,9 @@ from .layout import COARSEST, Index, TileGrid
 from .structure import Head, Kind, Stage
 
 EDGES = (COARSEST, 2, 0)
-"""Exponents of the edges of the cubes to which stages lead."""
-DEFAULT_EXPONENT = 10
+"""Exponents of the edges of the cubes that stages lead to."""
 TOGETHER = 8
-"""Isovalues in a group: who reads one of them reads all."""
+"""Isovalues in a group, which is read as a whole."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class Tiling:
     dtype : str
         Type of the samples.
     cubes : int
-        In 3-D, exponent of the edge of the cubes with which meshes for a tolerance begin; 0 for the full grid.
+        In 3-D, exponent of the edge of the cubes that meshes for a tolerance begin with; 0 for the full grid.
     fill : int or float, optional
         Value that takes the place of missing samples.
     """
@@ -91,7 +90,7 @@ class Tiling:
 
     @property
     def searched(self) -> float | None:
-        """The tolerance for which meshes are searched, or None if there is no search."""
+        """The tolerance that meshes are searched for; None if there is no search."""
         if self.grid.n == 3 and not self.cubes:
             return None
         return self.options.searched
@@ -159,25 +158,10 @@ class TileSegments:
 
 
 def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments:
-    """Encode a tile.
+    """Encode a tile from its samples, ``field[tiling.grid.window(index)]``; NaN and masked samples are missing.
 
-    Parameters
-    ----------
-    window : array_like or masked array
-        The samples of the tile, ``field[tiling.grid.window(index)]``; NaN and masked samples are missing.
-    index : tuple of int
-        Index of the tile along each axis.
-    tiling : Tiling
-
-    Returns
-    -------
-    TileSegments
-        Segments, which depend only on the samples, not on where or in which order tiles are encoded.
-
-    Raises
-    ------
-    InputError
-        If the samples cannot be encoded, or do not have the tile's shape.
+    The segments depend only on the samples, not on where or in which order tiles are encoded. Raises `InputError` if
+    the samples cannot be encoded, or do not have the tile's shape.
     """
     size = tiling.grid.size(index)
     if np.shape(window) != size:
@@ -221,10 +205,8 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
 def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
     """Find the vertices and edges that belong to the mesh in shared faces, in 3-D.
 
-    Raises
-    ------
-    NotKeptError
-        If samples are missing, since the values that fill them would have to be the same on both sides.
+    Raises `NotKeptError` if samples are missing, since the values that fill them would have to be the same on both
+    sides.
     """
     tolerance = tiling.searched
     if tolerance is None or field.signs.ndim == 2:
@@ -273,7 +255,7 @@ def _kind(signs: NDArray[np.bool_]) -> Kind:
 
 
 def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int, axis: int) -> int:
-    """Compute a checksum of the samples of a face, and of which are missing."""
+    """Compute a checksum of the samples of a face and their mask."""
     known = 0
     if gone is not None and (missing := gone.take(at, axis)).any():
         face = np.where(missing, face.dtype.type(0), face)

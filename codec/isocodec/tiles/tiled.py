@@ -31,7 +31,7 @@ from .shared_limits import Shared
 from .structure import Head, Kind, Leaf, TileStrand
 
 KEPT = 1 << 24
-"""Number of bytes of the file, and of what its directories take, that are kept for further windows."""
+"""Number of bytes of the file, and of memory of its directories, that are kept for later windows."""
 LEAF_PEAK, LEAF_KEPT = 64, 24
 """Memory that a leaf directory takes while it is read, and afterwards, for each of its bytes."""
 DRAWN = 3
@@ -64,7 +64,7 @@ class TilesWanted:
 
 @dataclass(frozen=True)
 class GroupSegments:
-    """Segments of a tile at the isovalues of a group, as far as they have been fetched.
+    """Fetched segments of a tile at the isovalues of a group.
 
     Attributes
     ----------
@@ -91,32 +91,12 @@ class GroupSegments:
 
 
 class TiledFile:
-    """A tiled file, of which only the necessary parts are fetched.
+    """A tiled file, whose parts are fetched when they are needed.
 
-    Parameters
-    ----------
-    fetch : callable
-        Reads ranges of the file.
-    limits : Limits, optional
-        Limits of a call, for all its tiles together; ``bytes`` limits what it fetches.
-    first : bytes, optional
-        The first ``HEAD_BYTES`` of the file, if already read.
-
-    Attributes
-    ----------
-    head : Head
-    root : Root
-    requests, received : int
-        Number of ranges and of bytes fetched.
-
-    Raises
-    ------
-    FormatError
-        If it is not a tiled file, or is damaged.
-    TruncatedError
-        If it ends too early.
-    LimitError
-        If it has more isovalues than the limits allow.
+    ``fetch`` reads ranges of the file, and ``first`` is its first ``HEAD_BYTES``, if already read. The limits are those
+    of a call, for all its tiles together; ``bytes`` limits what it fetches. `requests` and `received` count ranges and
+    bytes fetched. Raises `FormatError` if it is not a tiled file or is damaged, `TruncatedError` if it ends too early,
+    and `LimitError` if it has too many isovalues.
     """
 
     def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
@@ -160,10 +140,7 @@ class TiledFile:
     def stage_of(self, within: float | None = None, stage: int | None = None) -> int:
         """Number of the first stage whose cubes are no wider than ``within`` samples, or of the last stage.
 
-        Raises
-        ------
-        OptionError
-            If both are given, or the stage does not exist.
+        Raises `OptionError` if both are given, or the stage does not exist.
         """
         stages = self.head.stages
         if within is not None and stage is not None:
@@ -192,28 +169,9 @@ class TiledFile:
     ) -> Iterator[Contour]:
         """Draw the curves or surfaces of isovalues in a box, one after the other; all is fetched before the first.
 
-        Parameters
-        ----------
-        numbers : sequence of int, optional
-            Numbers of the isovalues; all if not given.
-        box, within, partial
-            As for `IsoFile.contour`.
-        layer : int, optional
-            Number of the last stage, from 0.
-
-        Yields
-        ------
-        Contour
-            Contour in index coordinates of the whole field; tiles meet without seams. It is not complete if a needed
-            layer of a tile is missing.
-
-        Raises
-        ------
-        OptionError
-        FormatError, TruncatedError
-            If the file is damaged.
-        LimitError
-            If all isovalues together need more than the limits allow.
+        All isovalues are drawn if no numbers are given; ``box``, ``within`` and ``partial`` are those of
+        `IsoFile.contour`, and ``layer`` is the number of the last stage, from 0. Contours are in index coordinates of
+        the whole field, and tiles meet without seams. A contour is not complete if a needed layer of a tile is missing.
         """
         grid, call = self.head.grid, Shared(self.limits)
         low, high = bounds_of(self.shape, box)
@@ -231,7 +189,7 @@ class TiledFile:
                 for tile in self._segments(found[group], leaves):
                     own = [each for each in tile.numbers if each in parts_of]
                     incomplete |= {each for each in own if len(tile.of(each)) - 1 < tile.last}
-                    for each, part in self._drawn(tile, [each for each in own if any(tile.of(each))], call):
+                    for each, part in self.drawn(tile, [each for each in own if any(tile.of(each))], call):
                         parts_of[each].append(part)
                         call.budget.hold(part, DRAWN * part.nbytes)
             parts, complete = parts_of.pop(number), number not in incomplete
@@ -253,12 +211,7 @@ class TiledFile:
         (tile,) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, tile, number)
 
-    def drawn(self, tile: GroupSegments, number: int) -> TilePart:
-        """Draw segments of a tile at an isovalue."""
-        ((_, part),) = self._drawn(tile, [number], Shared(self.limits))
-        return part
-
-    def _drawn(self, tile: GroupSegments, numbers: Sequence[int], call: Shared) -> Iterator[tuple[int, TilePart]]:
+    def drawn(self, tile: GroupSegments, numbers: Sequence[int], call: Shared) -> Iterator[tuple[int, TilePart]]:
         """Draw segments of a tile at some isovalues; yields their numbers and the drawings."""
         if not numbers:
             return
@@ -419,8 +372,8 @@ class TiledFile:
         for area, stage, strand, tiles in self._parts(wanted, leaf):
             start = int(self.root.segments[wanted.block, area])
             for group in np.unique(strand.group_of(stage, tiles[tiles >= 0])).tolist():
-                first, behind = strand.starts[strand.groups[stage][group : group + 2], stage].tolist()
-                yield (start + first, start + behind), int(strand.checksums[stage][group])
+                first, after = strand.starts[strand.groups[stage][group : group + 2], stage].tolist()
+                yield (start + first, start + after), int(strand.checksums[stage][group])
 
     def _get(self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf], partial: bool) -> None:
         """Fetch the groups with segments of tiles, and verify them."""
@@ -433,7 +386,7 @@ class TiledFile:
     def _segments(
         self, wanted: Sequence[TilesWanted], leaves: Mapping[int, Leaf]
     ) -> Iterator[GroupSegments]:
-        """Give the segments of tiles, as far as they have been fetched."""
+        """Give those segments of tiles that have been fetched."""
         masked = self.head.masked
         for each in wanted:
             leaf = leaves[each.block]
@@ -448,21 +401,15 @@ class TiledFile:
                 segments = []
                 for start, stage, strand, tiles in own_parts:
                     tile = int(tiles[i])
-                    first, behind = (start + strand.starts[tile : tile + 2, stage]).tolist() if tile >= 0 else (0, 0)
-                    if not self._pieces.has(first, behind):
+                    first, after = (start + strand.starts[tile : tile + 2, stage]).tolist() if tile >= 0 else (0, 0)
+                    if not self._pieces.has(first, after):
                         break
-                    segments.append(self._pieces.get(first, behind))
+                    segments.append(self._pieces.get(first, after))
                 mask = segments.pop(0) if masked and segments else b""
                 yield GroupSegments(index, numbers, mask, segments, each.stage)
 
     def number_of(self, isovalue: float | None) -> int:
-        """Number of an isovalue; 0 for None.
-
-        Raises
-        ------
-        OptionError
-            If the file has no such isovalue.
-        """
+        """Number of an isovalue, 0 for None; raises `OptionError` if the file has no such isovalue."""
         return number_of(isovalue, self.isovalues)
 
 
@@ -473,7 +420,7 @@ def plain(head: Head, tile: GroupSegments, number: int) -> bytes:
 
 
 def group_chunks(head: Head, tile: GroupSegments, first: int = 0) -> Iterator[bytes]:
-    """Yield the chunks of a tile at the isovalues of a group; the first of them has number ``first`` in its file.
+    """Yield the chunks of a tile at the isovalues of a group; the first isovalue has number ``first`` in its file.
 
     It begins with the file's header if that is 0, else with a chunk here.
     """

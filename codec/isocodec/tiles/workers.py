@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import InputError
+from ..verbs import Progress
 from .layout import Index, in_order
 from .spool import Spool
 from .tile_encoder import TileSegments, Tiling, encode_tile
@@ -48,29 +49,15 @@ def end_with_parent() -> None:
 
 def run(
     field: Any, tiling: Tiling, spool: Spool, engine: Engine | None = None, workers: int = 1,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> None:
     """Encode the tiles that a spool lacks.
 
-    Parameters
-    ----------
-    field : array
-        Anything with ``shape``, ``dtype`` and slices: an array of numpy, Dask, xarray, Zarr or h5py, or the windows of
-        a file. Other processes read slices themselves if the object can be sent in few bytes (Zarr, windows of a file,
-        Dask on a cluster); otherwise slices are read here.
-    tiling : Tiling
-    spool : Spool
-    engine : Engine, optional
-        If None, this thread encodes.
-    workers : int
-        Number of workers of the engine.
-    progress : callable, optional
-        Called with the number of tiles done and the total.
+    The field is anything with ``shape``, ``dtype`` and slices: an array of numpy, Dask, xarray, Zarr or h5py, or the
+    windows of a file. Other processes read slices themselves if the object can be sent in few bytes (Zarr, windows of a
+    file, Dask on a cluster); otherwise slices are read here. Without an engine this thread encodes.
 
-    Raises
-    ------
-    InputError
-        As for `encode_tile`, naming the tile; or if workers died. Tiles that have been encoded are kept.
+    Raises `InputError` as `encode_tile` does, naming the tile, or if workers died; finished tiles are kept.
     """
     total = tiling.grid.total
     waiting = (index for index in map(tuple, in_order(tiling.grid.counts).tolist()) if not spool.done(index))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +20,7 @@ from ..storage.atomic import check_target, writing
 from ..stream.given import in_cells
 from ..stream.options import Isovalues, Options, Precision
 from ..stream.promises import PROMISE
+from ..verbs import Progress
 from .assembly import Tiles, grid_of, merged
 from .layout import Index, TileGrid, in_order
 from .spool import Spool, begun
@@ -57,7 +57,7 @@ class SampleCounts:
 def encode_tiles(
     path: str | os.PathLike[str], field: Any, tiling: Tiling, *, engine: Engine | None = None,
     workers: int | None = None, spool: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int], object] | None = None, resumed: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None, resumed: Progress | None = None,
 ) -> SampleCounts:
     """Encode a field tile by tile into one file.
 
@@ -102,24 +102,13 @@ def _counts_of(tiles: Tiles) -> SampleCounts:
 
 def tiling_of(
     field: Any, isovalue: Isovalues | None, tile: int | None, options: Options,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> Tiling:
     """Check the input, and make the tiling; no sample is read unless isovalues need the range of the data.
 
-    Parameters
-    ----------
-    field : Field, or array with ``shape``, ``dtype`` and slices
-    isovalue : number, sequence of numbers, or str
-    tile : int or None
-        Samples along each axis of a tile; if None, 1024 in 2-D and 128 in 3-D.
-    options : Options
-    progress : callable, optional
-        Called with the number of tiles done and the total while the range of the data is determined.
-
-    Raises
-    ------
-    OptionError, InputError
-        As for `encode_tiles`, except for errors in the samples.
+    A tile has 1024 samples along each axis in 2-D, 128 in 3-D, unless ``tile`` is given. ``progress`` is called with
+    the number of tiles done and the total while the range is determined. Raises the errors of `encode_tiles`, except
+    for those in samples.
     """
     samples = field.values if isinstance(field, Field) else field
     shape, dtype = _shape_of(samples)
@@ -145,19 +134,9 @@ def tiling_of(
 
 
 def sample_range(
-    field: Any, grid: TileGrid, progress: Callable[[int, int], object] | None = None
+    field: Any, grid: TileGrid, progress: Progress | None = None
 ) -> tuple[float, float] | None:
-    """Find the least and the largest of the samples that are not missing; None if all are missing.
-
-    Parameters
-    ----------
-    field : array
-        Anything with slices that `encode_tiles` accepts; at most one tile is in memory.
-    grid : TileGrid
-        The tiles to read.
-    progress : callable, optional
-        Called with the number of tiles done and the total.
-    """
+    """Find the least and the largest valid sample, reading one tile at a time; None if all are missing."""
     found: list[tuple[Any, Any]] = []
     for done, index in enumerate(map(tuple, in_order(grid.counts).tolist()), 1):
         window = field[grid.window(index)]
@@ -203,7 +182,7 @@ def slices_of(field: Any) -> Any:
 
 
 class _Masked:
-    """Samples, and which of them are missing, slice by slice."""
+    """Samples and their mask of missing ones, slice by slice."""
 
     def __init__(self, values: NDArray[Any], mask: NDArray[np.bool_]) -> None:
         self._values, self._mask = values, mask

@@ -1,4 +1,4 @@
-"""Points and values in a run, in layers that add points to those before (spec clause 10.9)."""
+"""Coding of points and values, in layers that each add points (spec clause 10.9)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ..entropy.range_coder import UNLIMITED
 from ..entropy.run import Account, Run, WritingRun, whole_run
 from ..errors import FormatError
 from ..kernel import DONE, NEED
-from .delaunay import build_hull, hull_of, insert_all, insertion_order
+from .delaunay import hull_alone, insert_all, insertion_order
 from .models import new_coder
 from .point_tree import code_positions
 from .point_values import SEEN, Values, code_corners, code_inner
 from .rank import by_rank
-from .triangulation import Triangulation, empty
+from .triangulation import Triangulation
 
 _ROUND, _FACTOR = 64, 4
-"""Points of lowest rank that come first, and how many times as many have come after each later round."""
+"""Points of lowest rank in the first round, and the growth of their number in each later round."""
 STEPS = 16
-"""Triangles that are looked at for a unit of work."""
+"""Triangles visited per unit of work."""
 _ROOM = 32
-"""Symbols of a run for each point at most, and some more."""
+"""Most symbols of a run per point."""
 _REASONS = {0: ("a value out of range", "10.9.4")}
 
 
@@ -38,11 +38,11 @@ class SurfaceLayers:
         Distinct positions from 0 on.
     numbers : (N,) int64
     ends : tuple of int
-        How many points there are after each layer; the last one may not be whole.
+        Number of points after each layer; the last layer may be partial.
     complete : bool
-        Whether all layers of the run are there.
+        Whether all layers of the run have been decoded.
     places : tuple of int
-        Bytes of the run after which each whole layer is there, if it was decoded.
+        Bytes of the run after which each layer is complete, if it was decoded.
     """
 
     points: NDArray[np.int64]
@@ -52,7 +52,7 @@ class SurfaceLayers:
     places: tuple[int, ...] = ()
 
     def first(self, layers: int | None) -> SurfaceLayers:
-        """The first layers, as far as they are there; all if no number is given."""
+        """Take the first ``layers`` layers, or all if there are fewer or no number is given."""
         if layers is None or layers >= len(self.ends):
             return self
         end = self.ends[layers - 1]
@@ -60,7 +60,7 @@ class SurfaceLayers:
 
 
 def rounds(count: int) -> NDArray[np.int64]:
-    """The round in which each of so many points comes, by rank."""
+    """Round of each of ``count`` points, by rank."""
     out = np.zeros(count, np.int64)
     end, number = _ROUND, 0
     while end < count:
@@ -71,7 +71,7 @@ def rounds(count: int) -> NDArray[np.int64]:
 
 
 class _Surface:
-    """Points and numbers of the layers so far, in either direction."""
+    """Points and numbers of the layers so far, of an encoder or decoder."""
 
     def __init__(self, run: Run, extent: tuple[int, int], most: int) -> None:
         self.run, self.extent, self.most = run, extent, most
@@ -83,7 +83,7 @@ class _Surface:
     def layer(
         self, count: int, largest: int, points: NDArray[np.int64] | None, numbers: NDArray[np.int64] | None
     ) -> int:
-        """Code the next layer; a status."""
+        """Code the next layer; returns a status."""
         coder = self.run.coder
         status, found = code_positions(self.run, self.extent, count, points, self.most)
         if status != DONE:
@@ -130,16 +130,13 @@ class _Surface:
     def _triangulation(
         self, x: NDArray[np.int64], y: NDArray[np.int64], known: NDArray[np.int64]
     ) -> tuple[Triangulation, NDArray[np.int32]]:
-        """The triangulation of the points known before, or of the hull; its corners from the lowest rank on."""
-        tri = empty(x, y)
-        hull = np.zeros(2 * len(x) + 2, np.int32)
-        count = hull_of(tri, np.lexsort((y, x)), hull) if len(x) > 2 else 0
-        if count < 3:
+        """Triangulate the known points, or only the hull; also returns its corners, from the lowest rank on."""
+        tri, hull = hull_alone(x, y)
+        if len(hull) < 3:
             raise FormatError("all points lie on a line", code="points", clause="10.9.3")
-        hull = np.roll(hull[:count], -int(hull[:count].argmin()))
+        hull = np.roll(hull, -int(hull.argmin()))
         if len(known) and not np.isin(hull, known).all():
             raise FormatError("points outside of those of the first layer", code="points", clause="10.9.3")
-        build_hull(tri, hull, np.sort(hull), np.zeros(len(x), np.int32), np.zeros(len(x), np.int32))
         if len(known):
             early = np.sort(known)
             insert_all(tri, early[insertion_order(x[early], y[early])].astype(np.int32), UNLIMITED)
@@ -147,15 +144,7 @@ class _Surface:
 
 
 def encoded(layers: SurfaceLayers, extent: tuple[int, int], largest: int) -> bytes:
-    """The run of layers.
-
-    Parameters
-    ----------
-    layers : SurfaceLayers
-    extent : (int, int)
-        Positions are below these.
-    largest : int
-        Numbers are from 0 to this.
+    """Encode layers of points from 0 to below ``extent``, and numbers from 0 to ``largest``, to a run.
     """
     run = WritingRun(new_coder())
     run.room(_ROOM * len(layers.points) + 2048)
@@ -171,31 +160,11 @@ def decoded(
     data: bytes, counts: Sequence[int], extent: tuple[int, int], largest: int, most: int, account: Account,
     at: int = 0, whole: bool = True,
 ) -> SurfaceLayers:
-    """Inverse of ``encoded``.
+    """Decode a run, which lies at ``at`` in the file; inverse of ``encoded``.
 
-    Parameters
-    ----------
-    data : bytes
-        The run.
-    counts : sequence of int
-        About how many points each layer has.
-    extent, largest
-        As of ``encoded``.
-    most : int
-        Points at most.
-    account : Account
-        The file's.
-    at : int
-        Where the run lies in the file.
-    whole : bool
-        Whether these are all bytes of the run; if not, what they hold is decoded.
-
-    Raises
-    ------
-    FormatError
-        If the run is not one of points and values.
-    LimitError
-        If it takes more than the account allows.
+    ``counts`` are the approximate numbers of points of the layers. Unless ``whole``, the run is truncated, and what it
+    holds is decoded. Raises `FormatError` if the run is malformed, `LimitError` if it has more than ``most`` points or
+    takes more than the account allows.
     """
     run = whole_run(new_coder(), data, account, at, last=whole)
     surface = _Surface(run, extent, most)

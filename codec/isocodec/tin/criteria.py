@@ -1,4 +1,4 @@
-"""Criteria of adaptive thinning: how much the surface would lose without a vertex.
+"""Criteria of adaptive thinning: how much the surface loses if a vertex is removed.
 
 L. Demaret, N. Dyn, M. Floater and A. Iske: *Adaptive thinning for terrain modelling and image compression* (2005), with
 the names given there; NAT is the thinning of scattered points by M. Floater and A. Iske (1998), which ignores values.
@@ -19,9 +19,9 @@ NAMES = {"NAT": NAT, "AT1": AT1, "AT2": AT2, "AT3": AT3, "inf": LARGEST, "l2": S
 
 @inner
 def by_ears(s, q, near):
-    """The value at a point of the gathered polygon, by the first ear that holds it, and this ear.
+    """Interpolate at a point of the gathered polygon, in the first ear that contains it; also returns that ear.
 
-    It is ``near``, that of a point beside it, if the point lies within: then no other ear holds it.
+    ``near``, the ear of a nearby point, is tried first: if the point lies inside, no other ear contains it.
     """
     ear, ring = s.tri.ear, s.tri.ring
     a, b, c = np.int64(ring[ear[near, 0]]), np.int64(ring[ear[near, 1]]), np.int64(ring[ear[near, 2]])
@@ -39,9 +39,9 @@ def by_ears(s, q, near):
 
 @inner
 def largest_without(s, v, most):
-    """The largest error in the star of a vertex, without it: in the gathered and filled polygon.
+    """Largest error in the star of a vertex without it, in the gathered and filled polygon.
 
-    Once it exceeds ``most``, an error that does.
+    Stops at the first error that exceeds ``most``.
     """
     found, near = by_ears(s, v, np.int64(0))
     out = abs(found - s.target[v]) * s.weight[v]
@@ -74,7 +74,7 @@ def _more_squared(s, v):
 
 @inner
 def _directional(s, v):
-    """The largest error at a vertex by triangles that hold it: one at each neighbour, the far side opposite to it."""
+    """Largest error at a vertex in triangles that contain it, one from each neighbour to the opposite side."""
     tri = s.tri
     ring, count = tri.ring, tri.reg.ring
     out = 0.0
@@ -91,7 +91,7 @@ def _directional(s, v):
 
 @inner
 def _along_hull(s, v):
-    """The error at a vertex on the hull by those next to it there."""
+    """Error at a vertex on the hull, interpolated from its neighbours there."""
     tri = s.tri
     a, b = np.int64(tri.ring[0]), np.int64(tri.ring[tri.reg.ring - 1])
     x, y = tri.x, tri.y
@@ -105,14 +105,14 @@ def _along_hull(s, v):
 
 @inlined
 def apart(tri, a, b):
-    """The squared distance of two points."""
+    """Squared distance of two points."""
     dx, dy = tri.x[a] - tri.x[b], tri.y[a] - tri.y[b]
     return np.float64(dx * dx + dy * dy)
 
 
 @inner
 def _nearest_two(s, v):
-    """Squared distances from a vertex to the two neighbours next to it."""
+    """Squared distances from a vertex to its two nearest neighbours."""
     one = two = np.inf
     for i in range(s.tri.reg.ring):
         d = apart(s.tri, v, np.int64(s.tri.ring[i]))
@@ -125,11 +125,9 @@ def _nearest_two(s, v):
 
 @inner
 def keys(s, criterion, v, most):
-    """The anticipated error of a vertex and what decides between equal ones; infinite for those that stay.
+    """Anticipated error of a vertex and a tie breaker; infinite for vertices that stay.
 
-    These are corners of the hull, and vertices with a weight below 0.
-
-    By AT1, of an error greater than ``most`` only that it is.
+    These are corners of the hull and vertices of negative weight. For AT1, errors above ``most`` are lower bounds.
     """
     if s.weight[v] < 0:
         return np.inf, 0.0
@@ -150,7 +148,7 @@ def keys(s, criterion, v, most):
 
 @inner
 def largest_outside(s, v, stack):
-    """The largest error in triangles that are not in the star of a vertex."""
+    """Largest error in triangles outside the star of a vertex."""
     gather(s.tri, v)
     for i in range(s.tri.reg.cavity):
         s.tri.mark[s.tri.cavity[i]] = 1

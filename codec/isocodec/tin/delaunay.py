@@ -1,6 +1,6 @@
-"""The exact Delaunay triangulation of points with integer coordinates: insertion and removal (spec clause 10.5).
+"""Exact Delaunay triangulation of points with integer coordinates: insertion and removal (spec clause 10.5).
 
-The same for every order of the points and on every machine: of points on a common circle, ranks decide.
+It does not depend on the order of the points or the machine: among points on a common circle, ranks decide.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from .triangulation import (
 )
 
 _HILBERT = 14
-"""Bits of each coordinate that the order of insertion goes by."""
+"""Bits of each coordinate that determine the order of insertion."""
 _FIRST = 64
 """Points of the first round of insertion; each later one takes four times as many."""
 _ROUND = 4
@@ -38,7 +38,7 @@ _ROUND = 4
 
 @inner
 def locate(tri, p):
-    """A triangle that holds a point within the hull, its border included."""
+    """Find a triangle that contains a point of the hull, its border included."""
     h = 3 * np.int64(tri.reg.last)
     if tri.origin[h] < 0:
         h = np.int64(0)
@@ -61,10 +61,10 @@ def locate(tri, p):
 
 @inner
 def _carve(tri, p, skipped, depth):
-    """Take out the triangles on the stack and all next to them whose circle holds ``p``; list the cavity's edges.
+    """Collect the triangles on the stack and all adjacent ones whose circle contains ``p``; list the cavity's edges.
 
-    The stack is ``cavity``, with ``depth`` triangles at first, all marked. ``skipped`` is a
-    half-edge on the hull that is not an edge of the cavity, nor is one on a line with ``p``.
+    The stack is ``cavity``, initially with ``depth`` marked triangles. Half-edges on the hull are not edges of the
+    cavity if they are ``skipped`` or collinear with ``p``.
     """
     reg = tri.reg
     count, done = reg.ring, 0
@@ -100,7 +100,7 @@ def _carve(tri, p, skipped, depth):
 
 @inner
 def fan(tri, p):
-    """Put a triangle with the apex ``p`` on each edge of the cavity; ``cavity`` lists them then."""
+    """Build a triangle with the apex ``p`` on each edge of the cavity, and list them in ``cavity``."""
     reg = tri.reg
     for i in range(reg.cavity):
         t = np.int64(tri.cavity[i])
@@ -136,7 +136,7 @@ def _mark(tri, t):
 
 @inner
 def carve_at(tri, p, t):
-    """Gather the cavity of a point that triangle ``t`` holds."""
+    """Collect the cavity of a point inside triangle ``t``."""
     tri.reg.ring = 0
     tri.reg.open = 0
     _mark(tri, t)
@@ -152,7 +152,7 @@ def insert_inside(tri, p):
 
 @inner
 def _insert_outside(tri, p, h):
-    """Add a point from which just one edge of the hull is seen, half-edge ``h``."""
+    """Add a point that sees a single edge of the hull, half-edge ``h``."""
     reg = tri.reg
     reg.ring = 0
     reg.open = 1
@@ -171,7 +171,7 @@ def _insert_outside(tri, p, h):
 
 @kernel
 def hull_of(tri: Triangulation, order: IntVector, hull: Int32Vector) -> int:
-    """List the corners of the convex hull, anticlockwise; how many. ``order`` goes by x, then y."""
+    """List the corners of the convex hull, anticlockwise; returns their number. ``order`` goes by x, then y."""
     count = 0
     for turn in range(2):
         start = count
@@ -189,9 +189,9 @@ def hull_of(tri: Triangulation, order: IntVector, hull: Int32Vector) -> int:
 def build_hull(
     tri: Triangulation, hull: Int32Vector, order: Int32Vector, before: Int32Vector, after: Int32Vector
 ) -> None:
-    """Triangulate the corners of the hull: one by one, each seen from beyond the edge between those next to it.
+    """Triangulate the corners of the hull, one by one, each from beyond the edge between its neighbours.
 
-    ``hull`` lists them anticlockwise, ``order`` by rank. ``before`` and ``after`` are room for a number per point.
+    ``hull`` lists them anticlockwise, ``order`` by rank. ``before`` and ``after`` are scratch space.
     """
     count = len(hull)
     for i in range(count):
@@ -217,9 +217,9 @@ def build_hull(
 
 @kernel
 def insert_all(tri: Triangulation, order: Int32Vector, most: int) -> int:
-    """Add the points of a list that are not in yet, all within the hull; how many were looked at.
+    """Add those points of a list that are missing, all inside the hull; returns how many were visited.
 
-    It stops early when ``most`` triangles have been looked at.
+    Stops early once ``most`` triangles have been visited.
     """
     for i in range(len(order)):
         if tri.leaving[order[i]] < 0:
@@ -231,7 +231,7 @@ def insert_all(tri: Triangulation, order: Int32Vector, most: int) -> int:
 
 @kernel
 def remove(tri: Triangulation, v: int) -> bool:
-    """Take out a vertex, unless it is a corner of the hull."""
+    """Remove a vertex, unless it is a corner of the hull."""
     gather(tri, v)
     if tri.reg.open and not straight(tri, v):
         return False
@@ -244,12 +244,12 @@ def remove(tri: Triangulation, v: int) -> bool:
 
 @inner
 def straight(tri, v):
-    """Whether a vertex whose open star has been gathered lies on a line with those next to it on the hull."""
+    """Whether a vertex whose open star has been gathered is collinear with its neighbours on the hull."""
     return orientation(tri, v, np.int64(tri.ring[0]), np.int64(tri.ring[tri.reg.ring - 1])) == 0
 
 
 def _along_curve(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Places of points on Hilbert's curve."""
+    """Positions of points along Hilbert's curve."""
     shift = max(int(max(x.max(initial=0), y.max(initial=0))).bit_length() - _HILBERT, 0)
     u, v = x >> shift, y >> shift
     out = np.zeros(len(x), np.int64)
@@ -264,7 +264,7 @@ def _along_curve(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64
 
 
 def insertion_order(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Points of rising rank in rounds, each along Hilbert's curve: near to the last one, and no file can choose it."""
+    """Order points in rounds of rising rank, each along Hilbert's curve: near to the last, and not chosen by a file."""
     place = _along_curve(x, y)
     ends = [0]
     while ends[-1] < len(x):
@@ -273,43 +273,29 @@ def insertion_order(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.in
     return np.concatenate(rounds).astype(np.int32) if rounds else np.zeros(0, np.int32)
 
 
+def hull_alone(x: NDArray[np.int64], y: NDArray[np.int64]) -> tuple[Triangulation, NDArray[np.int32]]:
+    """Triangulate the corners of the hull of distinct points, and list them anticlockwise: fewer than 3 on a line."""
+    tri, room = empty(x, y), np.zeros(2 * len(x) + 2, np.int32)
+    hull = room[: hull_of(tri, np.lexsort((y, x)), room) if len(x) > 2 else 0].copy()
+    if len(hull) > 2:
+        build_hull(tri, hull, np.sort(hull), np.zeros(len(x), np.int32), np.zeros(len(x), np.int32))
+    return tri, hull
+
+
 def delaunay(x: NDArray[np.int64], y: NDArray[np.int64], most: int = 1 << 62) -> tuple[Triangulation, int]:
-    """The Delaunay triangulation of distinct points.
+    """Triangulate distinct points with coordinates from 0 to below ``2**28``, in the order of `rank.by_rank`.
 
-    Parameters
-    ----------
-    x, y : (N,) int64
-        From 0 to below ``2**28``, in the order of `rank.by_rank`.
-    most : int
-        Triangles to look at, at most; further points are left out.
-
-    Returns
-    -------
-    Triangulation
-    int
-        How many points were inserted.
-
-    Raises
-    ------
-    InputError
-        If all points lie on a line.
+    Stops once ``most`` triangles have been visited, and returns the number of points inserted, too. Raises `InputError`
+    if all points lie on a line.
     """
-    tri = empty(x, y)
-    hull = np.zeros(2 * len(x) + 2, np.int32)
-    count = hull_of(tri, np.lexsort((y, x)), hull) if len(x) > 2 else 0
-    if count < 3:
+    tri, hull = hull_alone(x, y)
+    if len(hull) < 3:
         raise InputError("all points lie on a line", code="collinear", remedy="give three that do not")
-    hull = hull[:count].copy()
-    build_hull(tri, hull, np.sort(hull), np.zeros(len(x), np.int32), np.zeros(len(x), np.int32))
     return tri, insert_all(tri, insertion_order(x, y), most)
 
 
 def triangles(tri: Triangulation) -> NDArray[np.int32]:
-    """All triangles, anticlockwise, the vertex of lowest rank first, in lexicographic order.
-
-    Returns
-    -------
-    (T, 3) int32
+    """List all triangles (T, 3) anticlockwise, the vertex of lowest rank first, in lexicographic order.
     """
     found = tri.origin.reshape(-1, 3)
     found = found[found[:, 0] >= 0]
@@ -319,22 +305,10 @@ def triangles(tri: Triangulation) -> NDArray[np.int32]:
 
 
 def triangulate(points: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The Delaunay triangles of distinct points with integer coordinates.
+    """List the Delaunay triangles (T, 3) of distinct points (N, 2) with coordinates from 0 to below ``2**28``.
 
-    Parameters
-    ----------
-    points : (N, 2) int64
-        From 0 to below ``2**28``.
-
-    Returns
-    -------
-    (T, 3) int64
-        Numbers of points, anticlockwise (from axis 0 to axis 1), in an order that the positions alone decide.
-
-    Raises
-    ------
-    InputError
-        If coordinates are out of range, points coincide, or all lie on a line.
+    They are anticlockwise (from axis 0 to axis 1), in an order that depends on the positions alone. Raises `InputError`
+    if coordinates are out of range, points coincide, or all lie on a line.
     """
     if len(points) and not (points.min() >= 0 and points.max() < 1 << BITS):
         raise InputError(f"coordinates outside of 0 to 2**{BITS} - 1", code="range")

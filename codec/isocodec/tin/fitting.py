@@ -1,11 +1,10 @@
-"""Values at the vertices of a triangulation that come nearest to what all points should have, by least squares."""
+"""Least-squares fit of the values at the vertices of a triangulation to the values of all points."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..kernel import kernel, record
 from ..kernel.types import FloatVector, IntVector
@@ -24,7 +23,7 @@ class Shares(NamedTuple):
 
 @kernel
 def count_shares(s: Surface, first: IntVector) -> None:
-    """Count the points that each vertex has a share of, itself among them, in the entry after its own."""
+    """Count the points that each vertex has a share in, including itself, in the entry after its own."""
     o = s.tri.origin
     for v in range(len(s.value)):
         if s.tri.leaving[v] >= 0:
@@ -40,7 +39,7 @@ def count_shares(s: Surface, first: IntVector) -> None:
 
 @kernel
 def list_shares(s: Surface, shares: Shares, at: IntVector) -> None:
-    """List them; ``at`` begins as a copy of ``first``."""
+    """List the shares; ``at`` starts as a copy of ``first``."""
     tri = s.tri
     o = tri.origin
     for own in range(len(s.value)):
@@ -63,9 +62,9 @@ def list_shares(s: Surface, shares: Shares, at: IntVector) -> None:
 
 @kernel
 def sweep(s: Surface, shares: Shares, step: float, low: float, high: float) -> float:
-    """Give each vertex in turn the value that makes the sum of squared errors least, all others as they are.
+    """Give each vertex in turn the value that minimises the sum of squared errors while the others are fixed.
 
-    With a ``step`` other than 0 it is ``low`` and a whole number of steps. Returns how far a value moved at most.
+    With a ``step``, values are ``low`` plus a whole number of steps. Returns the largest change of a value.
     """
     moved = 0.0
     for v in range(len(s.value)):
@@ -90,7 +89,7 @@ def sweep(s: Surface, shares: Shares, step: float, low: float, high: float) -> f
 
 
 def shares_of(s: Surface) -> Shares:
-    """The shares of all vertices in the values of all points."""
+    """Compute the shares of all vertices in the values of all points."""
     first = np.zeros(len(s.value) + 1, np.int64)
     count_shares(s, first)
     first = np.cumsum(first)
@@ -100,24 +99,13 @@ def shares_of(s: Surface) -> Shares:
 
 
 def fit(s: Surface, low: float, high: float, step: float = 0.0, sweeps: int = 12) -> None:
-    """Fit the values of all vertices; ``error`` follows, the largest errors of triangles do not.
+    """Fit the values of all vertices, from ``low`` to ``high``, in at most ``sweeps`` sweeps.
 
-    Parameters
-    ----------
-    low, high : float
-        Least and greatest value.
-    step : float
-        Values are ``low`` and whole numbers of steps; any, if 0.
-    sweeps : int
-        At most.
+    With a ``step``, values are ``low`` plus a whole number of steps. Updates ``error``, but not the largest errors of
+    triangles.
     """
     shares = shares_of(s)
     enough = 0.02 * step if step else 1e-4 * (high - low)
     for _ in range(sweeps):
         if sweep(s, shares, float(step), float(low), float(high)) <= enough:
             break
-
-
-def squared_error(s: Surface) -> NDArray[np.float64]:
-    """Mean of squared errors over all points."""
-    return np.asarray((s.error**2).mean())

@@ -1,4 +1,4 @@
-"""A binary heap of numbered items whose keys change: the least one first, of equal keys the lower number."""
+"""Binary heap of numbered items with changing keys: the least key first, the lower number of equal ones."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Heap(NamedTuple):
 
 
 def new_heap(count: int) -> Heap:
-    """A heap with room for ``count`` items, and none in it."""
+    """Make an empty heap with room for ``count`` items."""
     return Heap(
         np.zeros(count), np.zeros(count), np.zeros(count, np.int32), np.full(count, ABSENT, np.int32),
         np.zeros(1, np.int64),
@@ -44,7 +44,7 @@ def precedes(heap, a, b):
 
 @inner
 def _settle(heap, at):
-    """Move the item at a place up or down to where it belongs."""
+    """Move an item up or down to its place."""
     item = np.int64(heap.item[at])
     while at > 0:
         above = (at - 1) >> 1
@@ -73,7 +73,7 @@ def _settle(heap, at):
 
 @inner
 def set_key(heap, item, key, next_key):
-    """Give an item its key; one that is not in the heap yet comes in."""
+    """Set the key of an item, adding it to the heap if necessary."""
     heap.key[item] = key
     heap.next_key[item] = next_key
     at = np.int64(heap.place[item])

@@ -1,4 +1,4 @@
-"""Fewer points within an error: thinned beyond it, put back where the surface misses most, thinned again."""
+"""Reduce points within an error: thin beyond it, reinsert points where the error is largest, thin again."""
 
 from __future__ import annotations
 
@@ -7,28 +7,17 @@ from numpy.typing import NDArray
 
 from .removed_points import farthest
 from .swapping import put_back
-from .thinning import Thinning, refresh, thin_to
+from .thinning import Thinning, lessened
 
 _SHARE = 0.3
-"""Points that a round takes out beyond the error, of all vertices."""
-_PIECE = 1 << 20
+"""Share of the vertices that a round removes beyond the error."""
 
 
 def fewest(state: Thinning, value: NDArray[np.float64], error: float, rounds: int) -> NDArray[np.int64]:
-    """Vertices of a surface that misses no point by more than an error: as few as some rounds find.
+    """Search some rounds for the fewest vertices, (K,), of a surface within an error of all points.
 
-    Parameters
-    ----------
-    state : Thinning
-        Thinned within the error.
-    value : (N,) float64
-        What points have as vertices; errors are held against the surface's ``target``.
-    error : float
-    rounds : int
-
-    Returns
-    -------
-    (K,) int64
+    ``state`` is thinned within the error. ``value`` (N,) are the values that points have as vertices, while errors are
+    measured against the surface's ``target``.
     """
     s = state.surface
     best = np.flatnonzero(s.tri.leaving >= 0)
@@ -43,7 +32,7 @@ def fewest(state: Thinning, value: NDArray[np.float64], error: float, rounds: in
 
 
 def inserted(state: Thinning, value: NDArray[np.float64], error: float) -> None:
-    """Put points back, those that the surface misses most first, until it misses none by more than an error."""
+    """Reinsert points, those with the largest errors first, until no error exceeds a bound."""
     s = state.surface
     triangles = len(s.first)
     point, size = np.zeros(triangles, np.int32), np.zeros(triangles)
@@ -55,15 +44,7 @@ def inserted(state: Thinning, value: NDArray[np.float64], error: float) -> None:
         if len(some) == 0:
             return
         order = some[np.lexsort((some, -size[some]))].astype(np.int32)
-        # an inserted point has its value, not the one that errors are measured against
+        # an inserted point takes its value, not the target that errors are measured against
         s.error[:] -= apart
         put_back(inserting, order, point, len(order), np.zeros(triangles, np.uint8))
         s.error[:] += apart
-
-
-def lessened(state: Thinning, count: int, error: float) -> None:
-    """Take out points down to a count, as long as the surface misses none by more than an error."""
-    refresh(state, error)
-    state.reg.removed = 0
-    while not thin_to(state, count, error, _PIECE):
-        pass

@@ -6,15 +6,15 @@ from ..entropy.context_layout import Layout, opinion_coder
 from ..entropy.range_coder import Coder
 
 AREAS = 16
-"""Classes of the size of a cell: binary digits of the positions in it."""
+"""Classes of the size of a cell: bits of the positions in it."""
 NEAR = 9
-"""Classes of how many of the eight cells around have points."""
+"""Classes of the number of the eight surrounding cells that have points."""
 OPEN = 4
-"""Classes of how many of them may have points, counted up to 3."""
+"""Classes of the number of those that may have points, up to 3."""
 STATES = 81
-"""States of the four cells beside: each empty, not empty, or not known."""
+"""States of the four adjacent cells, each empty, not empty or unknown."""
 WIDE = 25
-"""Classes of how many of the 24 cells around the cell that was halved have points."""
+"""Classes of the number of the 24 cells around the halved cell that have points."""
 SPREADS = 12
 """Classes of the differences of values."""
 MISSES = 9
@@ -49,9 +49,9 @@ MIX_SIGN = MIX_ZERO + 3
 MIX_SIZE = MIX_SIGN + 1
 MIXES = MIX_SIZE + EXPONENTS
 WEIGHT = 24000
-"""Mixing weight that every opinion starts with, of 2**16."""
+"""Initial mixing weight of every opinion, out of 2**16."""
 
 
 def new_coder() -> Coder:
-    """A coder of points and values."""
+    """Make a coder of points and values."""
     return opinion_coder(CONTEXT, MIXES, WEIGHT)

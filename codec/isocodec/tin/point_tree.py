@@ -1,4 +1,4 @@
-"""Coded positions: a box halved again and again, and which halves have points (spec clause 10.9.3)."""
+"""Coding of positions: a box is halved repeatedly, and it is coded which halves have points (clause 10.9.3)."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from .models import AREAS, CONTEXT, MIX_CELL, NEAR, OPEN, STATES, WIDE
 
 _NEAR, _SIDES, _WIDE, _PAST = CONTEXT.firsts("NEAR", "SIDES", "WIDE", "PAST")
 _FIRST = np.array([1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2047, 2047, 2047, 2047, 2047, 2047])
-"""Logits of: the first half has points, by the logarithm of how many it has in the mean, from 2**-8 on."""
+"""Logits that the first half has points, by the logarithm of its expected number, from 2**-8 on."""
 _SECOND = np.array(
     [-1419, -1241, -1063, -883, -702, -516, -322, -111, 139, 475, 1019, 2047, 2047, 2047, 2047, 2047, 2047]
 )
-"""Logits of: the second half has points, too."""
+"""Logits that the second half has points, too."""
 _WORK = 24
-"""Units of work that halving a cell counts as, its memory included."""
+"""Units of work for halving a cell, memory included."""
 _EMPTY, _FULL, _OPEN = 0, 1, 2
 _FREE = -1
 
@@ -33,10 +33,10 @@ _FREE = -1
 class Level(NamedTuple):
     """Cells with points before and after a halving.
 
-    ``cell`` (C, 2) are those before, in order, ``half`` those after; ``table`` and ``halves`` are hash tables of them:
-    a key and a number in each row. ``size`` has the sizes of halves as powers of two, the axis that is halved, the
-    extents of the box, about how many points there are, how many halves have been listed, whether the last three second
-    halves had points, and the sizes of the box as powers of two.
+    ``cell`` (C, 2) are the cells before, in order, ``half`` those after; ``table`` and ``halves`` are their hash
+    tables, with a key and a number in each row. ``size`` holds the sizes of halves as exponents, the axis, the extents
+    of the box, the approximate number of points, the number of halves listed, whether the last three second halves had
+    points, and the sizes of the box as exponents.
     """
 
     cell: IntMatrix
@@ -62,7 +62,7 @@ def _key(x, y):
 
 @inner
 def _find(table, x, y):
-    """The number of a cell, -1 if it has no points."""
+    """Number of a cell; -1 if it has no points."""
     if x < 0 or y < 0:
         return np.int64(_FREE)
     key = _key(x, y)
@@ -86,7 +86,7 @@ def _enter(table, x, y, number):
 
 @inner
 def _state(lv, x, y, at):
-    """Knowledge of a half while the cell numbered ``at`` is being halved."""
+    """State of a half while cell ``at`` is being halved."""
     parent = _find(lv.table, x >> 1, y) if lv.size[_AXIS] == 0 else _find(lv.table, x, y >> 1)
     if parent < 0:
         return _EMPTY
@@ -108,7 +108,7 @@ def _around(lv, x, y):
 
 @inner
 def _class(count, area, whole):
-    """Class of how many of all points a cell has in the mean."""
+    """Class of the expected number of points of a cell."""
     # whole and area are sums of logarithms
     out = np.int64(8 - (whole - area))
     while count > 1:
@@ -163,7 +163,7 @@ def _list(lv, x, y):
 
 @kernel
 def halve(cd: Coder, lv: Level, truth: IntVector) -> int:
-    """Halve all cells; the encoder's ``truth`` is 1 if the first half has points, plus 2 if the second has."""
+    """Halve all cells; an encoder's ``truth`` is 1 if the first half has points, plus 2 if the second has."""
     size = lv.size
     for at in range(len(lv.cell)):
         x, y = lv.cell[at, 0], lv.cell[at, 1]
@@ -194,10 +194,6 @@ def halve(cd: Coder, lv: Level, truth: IntVector) -> int:
     return DONE
 
 
-def _log(side: int) -> int:
-    return max(side - 1, 0).bit_length()
-
-
 def _table(count: int) -> NDArray[np.int64]:
     return np.full((_rows(count), 2), _FREE, np.int64)
 
@@ -221,35 +217,13 @@ def code_positions(
     run: Run, extent: tuple[int, int], count: int, points: NDArray[np.int64] | None, most: int,
     hold: Callable[[int, int], None] | None = None,
 ) -> tuple[int, NDArray[np.int64]]:
-    """Code positions in a box.
+    """Code about ``count`` positions from 0 to below ``extent``: the distinct ``points`` (N, 2) of an encoder, or None.
 
-    Parameters
-    ----------
-    run : Run
-    extent : (int, int)
-        Positions are below these.
-    count : int
-        How many points there are about.
-    points : (N, 2) int64 or None
-        Distinct ones, of an encoder.
-    most : int
-        Points at most.
-    hold : callable, optional
-        Called before each halving with the bytes that it takes, and those more that are let go of at its end.
-
-    Returns
-    -------
-    int
-        DONE, or why the coder stopped.
-    (N, 2) int64
-        All positions, in the order of the tree.
-
-    Raises
-    ------
-    LimitError
-        If there are too many points, or it takes more work than the run may, or more memory than ``hold`` allows.
+    ``hold`` is called before each halving with the bytes that it keeps, and those that it needs in addition. Returns
+    DONE, or why the coder stopped, and all positions in the order of the tree. Raises `LimitError` if there are more
+    than ``most`` points, or this takes more work than the run allows or more memory than ``hold`` does.
     """
-    sx, sy = map(_log, extent)
+    sx, sy = (max(side - 1, 0).bit_length() for side in extent)
     cell = np.zeros((1, 2), np.int64)
     owner = None if points is None else np.zeros(len(points), np.int64)
     size = np.array([sx, sy, 0, *extent, count, 0, 0, sx, sy], np.int64)
@@ -279,6 +253,6 @@ def code_positions(
             raise LimitError(f"more than {most:,} points", code="limit-vertices", clause="11.2")
         if owner is not None:
             # halves of each cell lie one after the other
-            behind = np.concatenate([[0], np.cumsum((truth & 1) + (truth >> 1))])
-            owner = behind[owner] + (side & truth[owner] & 1)
+            before = np.concatenate([[0], np.cumsum((truth & 1) + (truth >> 1))])
+            owner = before[owner] + (side & truth[owner] & 1)
     return DONE, cell

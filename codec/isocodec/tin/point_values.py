@@ -1,4 +1,4 @@
-"""Coded values at points: predicted by the triangulation of those that are known (spec clause 10.9.4)."""
+"""Coding of values at points, predicted from the triangulation of the known ones (spec clause 10.9.4)."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from .triangulation import Triangulation, orientation
 )
 _FINE = 8
 _MOST_WEIGHT = 24
-"""Bits of the weights that a prediction is made with."""
+"""Bits of the weights of a prediction."""
 
 
 @record
 class Values(NamedTuple):
-    """``number`` of each vertex, ``miss`` by how much its prediction missed it, in eighths, as far as it is known.
+    """Numbers of vertices (``number``), and the errors of their predictions in eighths (``miss``), where known.
 
-    ``seen`` has what is seen of a point: the prediction in parts of ``2**8``, the class of the spread of values, that
-    of misses, that of the triangle's size, how many vertices count, the value of the nearest one, the sum of signs of
-    their misses; ``most`` the largest number.
+    ``seen`` describes a point: the prediction times ``2**8``, the classes of the spread of values, of misses and of the
+    triangle's size, the number of vertices used, the value of the nearest one, the sum of signs of their misses.
+    ``most`` is the largest number.
     """
 
     number: IntVector
@@ -55,7 +55,7 @@ def _bits(x):
 
 @inner
 def _see(v, a, b, c, wa, wb, wc, reach):
-    """Note the predictions of the vertices around a point, by their weights; those without one do not count."""
+    """Describe a point by the surrounding vertices and their weights; vertices below 0 are absent."""
     while wa + wb + wc >= 1 << _MOST_WEIGHT:
         wa, wb, wc = wa >> 1, wb >> 1, wc >> 1
     n = v.number
@@ -87,7 +87,7 @@ def _see(v, a, b, c, wa, wb, wc, reach):
 
 @inner
 def _see_in(tri, v, p):
-    """Note the predictions of the triangle that holds a point; on a side, of the two ends of that."""
+    """Describe a point by the triangle that contains it; on a side, by the two ends of that side."""
     o = 3 * locate(tri, p)
     a, b, c = np.int64(tri.origin[o]), np.int64(tri.origin[o + 1]), np.int64(tri.origin[o + 2])
     wa, wb, wc = orientation(tri, b, c, p), orientation(tri, c, a, p), orientation(tri, a, b, p)
@@ -117,7 +117,7 @@ def _relation(number, guess):
 
 @inner
 def _code_size(cd, v, size):
-    """Code how large a miss is, from 1 on: its number of binary digits, then these."""
+    """Code the size of a miss, 1 or more: the number of its bits, then the bits."""
     s = v.seen
     digits = np.int64(0)
     told = _bits(size)
@@ -143,7 +143,7 @@ def _code_size(cd, v, size):
 
 @inner
 def _code_number(cd, v, p):
-    """Code the number of a point by what is seen of it; negative if the coder stops, or BAD."""
+    """Code the number of a point in the context of ``seen``; negative if the coder stops, or BAD."""
     s = v.seen
     most = v.most[0]
     guess = (s[_GUESS] + (1 << _FINE >> 1)) >> _FINE
@@ -215,9 +215,9 @@ def code_corners(cd: Coder, v: Values, hull: Int32Vector) -> int:
 
 @kernel
 def code_inner(cd: Coder, tri: Triangulation, v: Values, order: Int32Vector, most: int) -> tuple[int, int]:
-    """Code the numbers of points in their order, each put into the triangulation then; a status, and how many came.
+    """Code the numbers of points in order, and insert each into the triangulation; returns a status and their count.
 
-    Stops as if bytes were lacking when ``most`` triangles have been looked at.
+    Stops as if bytes were missing once ``most`` triangles have been visited.
     """
     for i in range(len(order)):
         p = np.int64(order[i])

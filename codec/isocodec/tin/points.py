@@ -1,4 +1,4 @@
-"""Scattered points as the triangulation takes them: distinct, with integer coordinates, in the order of ranks."""
+"""Scattered points prepared for triangulation: distinct, with integer coordinates, in the order of ranks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..errors import InputError
 from .rank import BITS, by_rank
 
 _FINE = 24
-"""Bits of the longer side of floating-point coordinates that no coarser grid holds exactly."""
+"""Bits of the longer side to which floating-point coordinates are rounded if no grid holds them exactly."""
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,14 @@ class Points:
     x, y : (N,) int64
         From 0 to below ``2**28``: position ``origin + unit * (x, y)``.
     value : (N,) float64
-        Of points that coincide, the mean.
+        The mean of points that coincide.
     source : (N,) int64
-        Number of the point that was given, the first one of several that coincide.
+        Number of the given point, the first of several that coincide.
     origin : (2,) float64
     unit : float
         A power of two.
     merged : int
-        Points that were given and have gone into others.
+        Given points that were merged into others.
     """
 
     x: NDArray[np.int64]
@@ -44,24 +44,15 @@ class Points:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(N, 2) float64: where the points lie, on the grid of integers."""
+        """Positions of the points on the grid, (N, 2) float64."""
         return self.origin + self.unit * np.stack([self.x, self.y], axis=1)
 
 
 def points_of(points: ArrayLike, values: ArrayLike | None = None) -> Points:
-    """Points of a table, or the samples of a picture or terrain.
+    """Prepare points (M, 2) with values (M,), or, without values, samples (s0, s1) that lie at their indices.
 
-    Parameters
-    ----------
-    points : (M, 2) array_like, or (s0, s1) array_like without ``values``
-        Positions, or samples on a grid, which lie at their indices. Positions keep every bit if a grid of ``2**28``
-        steps along the longer side holds them; other ones are rounded to ``2**24`` steps.
-    values : (M,) array_like, optional
-
-    Raises
-    ------
-    InputError
-        If there are fewer than three distinct points, or numbers that are not finite.
+    Positions are exact if a grid of ``2**28`` steps along the longer side holds them; others are rounded to ``2**24``
+    steps. Raises `InputError` if there are fewer than three distinct points, or numbers that are not finite.
     """
     if values is None:
         field = np.asarray(points)
@@ -90,7 +81,7 @@ def points_of(points: ArrayLike, values: ArrayLike | None = None) -> Points:
 
 
 def _whole(given: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
-    """Integer coordinates, where they begin, and their unit."""
+    """Convert to integer coordinates; also returns their origin and unit."""
     low, high = given.min(axis=0), given.max(axis=0)
     span = max(float(b) - float(a) for a, b in zip(low.tolist(), high.tolist(), strict=True))
     if not math.isfinite(span):
@@ -118,7 +109,7 @@ def _whole(given: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.fl
 def _distinct(
     x: NDArray[np.int64], y: NDArray[np.int64], value: NDArray[np.float64], origin: NDArray[np.float64], unit: float
 ) -> Points:
-    """Points that coincide become one, with the mean of the values; all in the order of ranks."""
+    """Merge points that coincide, with the mean of their values, and order all by rank."""
     order = by_rank(x, y)
     first = np.ones(len(x), np.bool_)
     first[1:] = (x[order[1:]] != x[order[:-1]]) | (y[order[1:]] != y[order[:-1]])

@@ -1,7 +1,7 @@
 """Points of the plane in the order of their ranks (spec clause 10.5.2).
 
-Wherever a rule needs a choice that geometry does not make, it goes by rank: a hash of the position, so that nothing
-depends on the order of the points in a file, and rows of a grid are no pattern.
+Where geometry leaves a choice open, rank decides: a hash of the position, so that nothing depends on the order of the
+points in a file, and rows of a grid form no pattern.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _X, _Y, _MIX = 0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D
 
 
 def ranks(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The hash of positions, 32 bits each."""
+    """Hash positions to 32 bits each."""
     h = (x * _X & _MASK) ^ (y * _Y & _MASK)
     for shift in (15, 13):
         h = (h ^ h >> shift) * _MIX & _MASK
@@ -24,5 +24,5 @@ def ranks(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def by_rank(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers of points in the order of their ranks; where two hashes are equal, smaller x, then smaller y first."""
+    """Order points by rank; of equal hashes, smaller x, then smaller y comes first."""
     return np.lexsort((y, x, ranks(x, y)))

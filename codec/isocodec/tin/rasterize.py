@@ -12,14 +12,14 @@ from .triangulation import Triangulation, following
 
 @inlined
 def _left_of(tri, h, x, y):
-    """Twice the area of a half-edge and a place."""
+    """Twice the area of the triangle of a half-edge and a place."""
     a, b = np.int64(tri.origin[h]), np.int64(tri.origin[following(h)])
     return (tri.x[b] - tri.x[a]) * (y - tri.y[a]) - (tri.y[b] - tri.y[a]) * (x - tri.x[a])
 
 
 @kernel
 def draw(tri: Triangulation, value: FloatVector, out: FloatMatrix) -> None:
-    """Interpolate at each sample; what lies outside of all triangles stays as it is."""
+    """Interpolate at each sample; samples outside of all triangles are left unchanged."""
     h = 3 * np.int64(tri.reg.last)
     for x in range(out.shape[0]):
         for turn in range(out.shape[1]):
@@ -43,11 +43,7 @@ def draw(tri: Triangulation, value: FloatVector, out: FloatMatrix) -> None:
 
 
 def raster(tri: Triangulation, value: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.float64]:
-    """The surface at all samples; NaN outside of it.
-
-    Returns
-    -------
-    (s0, s1) float64
+    """Interpolate the surface at all samples; NaN outside of it.
     """
     out = np.full(shape, np.nan)
     draw(tri, value, out)

@@ -1,4 +1,4 @@
-"""Points that are not in a triangulation: in which triangle each lies, and how far it misses the point's value."""
+"""Points that are not vertices of a triangulation: the triangle that contains each, and its error there."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .triangulation import NONE, Triangulation, orientation
 
 @record
 class Surface(NamedTuple):
-    """A triangulation that interpolates the values of its vertices, the points beside, and what all should have.
+    """A triangulation that interpolates the values of its vertices, with the other points and the targets of all.
 
-    ``target`` is what the surface is to have at each point, vertex or not, ``error`` by how much it lies above that,
-    and ``weight`` what a point's error counts by where largest ones are looked for: with 0, a point never becomes a
-    vertex for its error, and below 0, a vertex never goes.
-    ``first`` has a point of each triangle, ``next`` the one after each point, -1 at the end; ``worst`` is a heap of
-    triangles by their largest error, negated. ``loose`` has the first point of a list that is to be put into triangles.
+    ``target`` is the wanted value at each point, vertex or not, ``error`` the surface minus that, and ``weight`` the
+    factor of a point's error where the largest is sought: with 0, a point never becomes a vertex for its error; with
+    less, a vertex is never removed. ``first`` holds a point of each triangle, ``next`` the one after each point, -1 at
+    the end; ``worst`` is a heap of triangles by negated largest error. ``loose`` holds the first of a list of points
+    that are to be assigned to triangles.
     """
 
     tri: Triangulation
@@ -39,7 +39,7 @@ def surface(
     tri: Triangulation, value: NDArray[np.float64], target: NDArray[np.float64] | None = None,
     weight: NDArray[np.float64] | None = None,
 ) -> Surface:
-    """A surface over a triangulation; points that are no vertices are in no triangle yet."""
+    """Make a surface over a triangulation; points other than vertices are not assigned to triangles yet."""
     target = value if target is None else target
     weight = np.ones(len(value)) if weight is None else weight
     count, triangles = len(value), len(tri.origin) // 3
@@ -51,13 +51,13 @@ def surface(
 
 @inlined
 def counted(s, p):
-    """Weight of a point's error."""
+    """Weighted size of a point's error."""
     return abs(s.error[p]) * s.weight[p]
 
 
 @inlined
 def interpolated(s, a, b, c, q):
-    """The value at a point by the triangle (a, b, c); not a number where it does not hold the point."""
+    """Interpolate at a point in the triangle (a, b, c); NaN outside of it."""
     tri = s.tri
     u = orientation(tri, b, c, q)
     v = orientation(tri, c, a, q)
@@ -69,14 +69,14 @@ def interpolated(s, a, b, c, q):
 
 @inner
 def at_triangle(s, t, q):
-    """The value at a point by a triangle that may hold it."""
+    """Interpolate at a point in a triangle that may contain it."""
     o = s.tri.origin
     return interpolated(s, np.int64(o[3 * t]), np.int64(o[3 * t + 1]), np.int64(o[3 * t + 2]), q)
 
 
 @inner
 def loosen(s):
-    """Take all points out of the gathered triangles, onto the loose list; the triangles leave the heap."""
+    """Move all points of the gathered triangles to the loose list, and remove the triangles from the heap."""
     for i in range(s.tri.reg.cavity):
         t = np.int64(s.tri.cavity[i])
         p = np.int64(s.first[t])
@@ -84,7 +84,7 @@ def loosen(s):
         take_out(s.worst, t)
         while p >= 0:
             after = np.int64(s.next[p])
-            # one of them may be a vertex from now on
+            # one may have become a vertex
             if s.tri.leaving[p] < 0:
                 s.next[p] = s.loose[0]
                 s.loose[0] = p
@@ -93,7 +93,7 @@ def loosen(s):
 
 @inner
 def settle(s):
-    """Put the loose points into the triangles of ``cavity``, with their errors."""
+    """Assign the loose points to the triangles of ``cavity``, and compute their errors."""
     tri = s.tri
     for i in range(tri.reg.cavity):
         t = np.int64(tri.cavity[i])
@@ -126,7 +126,7 @@ def settle(s):
 
 @inner
 def farthest_in(s, t):
-    """The point of a triangle with the largest error, -1 without one, and this error."""
+    """Find the point of a triangle with the largest error, or -1, and this error."""
     point, size = np.int64(NONE), 0.0
     p = np.int64(s.first[t])
     while p >= 0:
@@ -138,7 +138,7 @@ def farthest_in(s, t):
 
 @kernel
 def farthest(s: Surface, point: Int32Vector, size: FloatVector) -> None:
-    """Find for each triangle the point with the largest error, -1 without one, and this error."""
+    """Find for each triangle the point with the largest error, or -1, and this error."""
     for t in range(len(point)):
         point[t] = NONE
         size[t] = 0.0
@@ -148,5 +148,5 @@ def farthest(s: Surface, point: Int32Vector, size: FloatVector) -> None:
 
 @inlined
 def largest_error(s):
-    """Largest distance of the surface from a point."""
+    """Largest weighted error of the surface."""
     return -s.worst.key[s.worst.item[0]]

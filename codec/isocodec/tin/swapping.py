@@ -1,4 +1,4 @@
-"""Points put back into a thinned triangulation where they gain most, and others taken out for them."""
+"""Exchange vertices of a thinned triangulation: reinsert points with the largest gain, and remove others."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from ..kernel.types import FloatVector, Int32Vector, UInt8Vector
 from .delaunay import carve_at, fan
 from .fitting import fit
 from .removed_points import Surface, farthest_in, interpolated, loosen, settle
-from .thinning import Thinning, refresh, thin_to
+from .thinning import Thinning, lessened
 
 _SHARES = (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.08, 0.06)
-"""Points that are exchanged in each round, of all vertices at most."""
+"""Largest share of the vertices exchanged in each round."""
 ROUNDS = len(_SHARES)
-_PIECE = 1 << 20
 
 
 @inner
 def _fanned(s, p, q):
-    """The value at a point of the cavity with the apex ``p``; not a number outside of it."""
+    """Interpolate at a point of the cavity fanned from ``p``; NaN outside of it."""
     for i in range(s.tri.reg.ring):
         found = interpolated(s, np.int64(s.tri.ring[i]), np.int64(s.tri.far[i]), p, q)
         if not np.isnan(found):
@@ -29,7 +28,7 @@ def _fanned(s, p, q):
 
 @inner
 def _gain(s, p, t):
-    """Fall of the sum of squared errors if a point of triangle ``t`` becomes a vertex."""
+    """Decrease of the sum of squared errors if a point of triangle ``t`` becomes a vertex."""
     tri = s.tri
     carve_at(tri, p, t)
     s.value[p] = s.target[p]
@@ -48,7 +47,7 @@ def _gain(s, p, t):
 
 @kernel
 def gains(s: Surface, point: Int32Vector, gain: FloatVector) -> None:
-    """Find for each triangle the point with the largest error, -1 without one, and what it gains as a vertex."""
+    """Find for each triangle the point with the largest error, or -1, and its gain as a vertex."""
     for t in range(len(point)):
         point[t] = -1
         gain[t] = 0.0
@@ -61,12 +60,12 @@ def gains(s: Surface, point: Int32Vector, gain: FloatVector) -> None:
 
 @inner
 def put_in(s, p, t):
-    """Make a point of triangle ``t`` a vertex that has what it should."""
+    """Make a point of triangle ``t`` a vertex with its target value."""
     tri = s.tri
     carve_at(tri, p, t)
     s.value[p] = s.target[p]
     s.error[p] = 0.0
-    # no longer one beside the vertices
+    # it is a vertex now
     tri.leaving[p] = 3 * t
     loosen(s)
     fan(tri, p)
@@ -75,9 +74,9 @@ def put_in(s, p, t):
 
 @kernel
 def put_back(th: Thinning, order: Int32Vector, point: Int32Vector, most: int, touched: UInt8Vector) -> int:
-    """Make points of triangles vertices, in an order of triangles, none where another one has changed the triangles.
+    """Insert one point each of triangles in a given order, except where an earlier one changed the triangle.
 
-    Returns how many; the keys of the queue are out of date then.
+    Returns their number; the keys of the queue are then out of date.
     """
     s = th.surface
     done = 0
@@ -90,7 +89,7 @@ def put_back(th: Thinning, order: Int32Vector, point: Int32Vector, most: int, to
         put_in(s, np.int64(point[t]), t)
         for k in range(s.tri.reg.cavity):
             touched[s.tri.cavity[k]] = 1
-        # those that went are numbers of new triangles, but for none: a cavity grows by two
+        # numbers of removed triangles are reused, since a cavity grows by two
         touched[t] = 1
         done += 1
     th.reg.count += done
@@ -100,18 +99,9 @@ def put_back(th: Thinning, order: Int32Vector, point: Int32Vector, most: int, to
 def exchange(
     th: Thinning, count: int, low: float, high: float, rounds: int, fitted: bool
 ) -> None:
-    """Bring a thinning by squared errors to ``count`` vertices with fitted values, and exchange points for better ones.
+    """Thin by squared errors to ``count`` vertices, and exchange points for better ones in at most ``rounds`` rounds.
 
-    Parameters
-    ----------
-    th : Thinning
-        With more vertices than ``count``, or as many.
-    low, high : float
-        Least and greatest value.
-    rounds : int
-        Rounds of exchange at most.
-    fitted : bool
-        Whether values are fitted; vertices have what was given otherwise.
+    If ``fitted``, values are fitted between ``low`` and ``high``; otherwise vertices keep the given ones.
     """
     _down(th, count, low, high, fitted)
     triangles = len(th.surface.first)
@@ -128,10 +118,7 @@ def exchange(
 
 
 def _down(th: Thinning, count: int, low: float, high: float, fitted: bool) -> None:
-    """Thin to so many vertices and, if asked for, fit the values of those."""
-    refresh(th, np.inf)
-    th.reg.removed = 0
-    while not thin_to(th, count, np.inf, _PIECE):
-        pass
+    """Thin to ``count`` vertices and, if ``fitted``, fit their values."""
+    lessened(th, count, np.inf)
     if fitted:
         fit(th.surface, low, high)

@@ -1,4 +1,4 @@
-"""Thinning: vertices of a triangulation taken out one by one, the least significant first."""
+"""Thinning: vertices of a triangulation are removed one by one, the least significant first."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ from .heap import Heap, new_heap, set_key, take_out
 from .removed_points import Surface, counted, largest_error, loosen, settle, surface
 from .triangulation import NONE, fill, gather, replace
 
+_PIECE = 1 << 20
+"""Removals between two looks at interrupts."""
+
 
 class ThinningCounters(Registers):
     """Progress of a thinning.
@@ -23,9 +26,9 @@ class ThinningCounters(Registers):
     ----------
     criterion : int
     count : int
-        Vertices that are left.
+        Remaining vertices.
     removed : int
-        Points taken out, listed in ``Thinning.order``.
+        Removed points, listed in ``Thinning.order``.
     """
 
     criterion: int
@@ -35,10 +38,10 @@ class ThinningCounters(Registers):
 
 @record
 class Thinning(NamedTuple):
-    """A surface, a heap of its vertices by anticipated error, and what was taken out.
+    """A surface, a heap of its vertices by anticipated error, and the removed points.
 
-    ``order``, ``anticipated`` and ``largest`` have an entry per removal: which point, its anticipated error, and the
-    largest error of the surface after it. ``around`` is room for the vertices of a star.
+    ``order``, ``anticipated`` and ``largest`` have an entry per removal: the point, its anticipated error, and the
+    largest error of the surface after it. ``around`` is scratch space for the vertices of a star.
     """
 
     surface: Surface
@@ -58,19 +61,10 @@ def thinning(
     target: NDArray[np.float64] | None = None,
     weight: NDArray[np.float64] | None = None,
 ) -> Thinning:
-    """A thinning that has not begun: all points are vertices.
+    """Begin a thinning of points, as `delaunay.delaunay` takes them, by one of `criteria`: all points are vertices.
 
-    Parameters
-    ----------
-    x, y : (N,) int64
-        As `delaunay.delaunay` takes them.
-    value : (N,) float64
-    criterion : int
-        One of `criteria`.
-    target : (N,) float64, optional
-        What errors are measured against, if not the values.
-    weight : (N,) float64, optional
-        What the error of each point counts by, of the criterion ``AT1``; 1 if not given.
+    ``target`` (N,) is what errors are measured against, by default the values; ``weight`` (N,) is the factor of the
+    error of each point for the criterion ``AT1``, by default 1.
     """
     reg = ThinningCounters()
     reg.criterion, reg.count = criterion, len(x)
@@ -85,7 +79,7 @@ def thinning(
 
 @kernel
 def refresh(th: Thinning, most: float) -> None:
-    """Bring all triangles and vertices up to date in their heaps; by AT1, vertices with larger errors leave theirs."""
+    """Update all triangles and vertices in their heaps; for AT1, vertices with errors above ``most`` are dropped."""
     s = th.surface
     for t in range(len(s.tri.origin) // 3):
         if s.tri.origin[3 * t] < 0:
@@ -105,9 +99,9 @@ def refresh(th: Thinning, most: float) -> None:
 
 @inner
 def _appraise(th, v, most):
-    """Bring a vertex's place in the queue up to date; corners of the hull stay out of it.
+    """Update a vertex in the queue, which corners of the hull are not part of.
 
-    By AT1 so do vertices that cannot go without an error greater than ``most``: they come back if their star changes.
+    For AT1, neither are vertices whose removal causes an error above ``most``: they return if their star changes.
     """
     key, next_key = keys(th.surface, th.reg.criterion, v, most)
     if key < np.inf and (key <= most or th.reg.criterion != AT1):
@@ -118,7 +112,7 @@ def _appraise(th, v, most):
 
 @inner
 def _least(th):
-    """The vertex to take out next, and its anticipated error; -1 if only corners of the hull are left."""
+    """Find the vertex to remove next, and its anticipated error; -1 if only corners of the hull are left."""
     if th.queue.size[0] == 0:
         return np.int64(NONE), np.inf
     v = np.int64(th.queue.item[0])
@@ -145,7 +139,7 @@ def _least(th):
 
 @inner
 def _take(th, v, most):
-    """Take a vertex out of the gathered and filled polygon; the keys of those around it change."""
+    """Remove the vertex of the gathered and filled polygon, and update the keys of its neighbours."""
     s = th.surface
     tri = s.tri
     count = tri.reg.ring
@@ -166,9 +160,7 @@ def _take(th, v, most):
 
 @kernel
 def thin_to(th: Thinning, least: int, error: float, most: int) -> bool:
-    """Take out vertices until ``least`` are left or no other one can go; at most ``most``. Whether it is over.
-
-    The surface never misses a point by more than ``error``.
+    """Remove up to ``most`` vertices until ``least`` are left or no other can go within ``error``; whether it is done.
     """
     s, reg = th.surface, th.reg
     for _ in range(most):
@@ -181,7 +173,7 @@ def thin_to(th: Thinning, least: int, error: float, most: int) -> bool:
         fill(s.tri)
         # by AT1, the key is the largest error without the vertex
         if key > error if reg.criterion == AT1 else error < np.inf and largest_without(s, v, np.inf) > error:
-            # it comes back if its star changes
+            # it returns if its star changes
             take_out(th.queue, v)
             continue
         _take(th, v, error)
@@ -190,3 +182,11 @@ def thin_to(th: Thinning, least: int, error: float, most: int) -> bool:
         th.largest[reg.removed] = largest_error(s)
         reg.removed += 1
     return False
+
+
+def lessened(th: Thinning, count: int, error: float) -> None:
+    """Update the keys, and remove vertices down to a count while no error exceeds a bound."""
+    refresh(th, error)
+    th.reg.removed = 0
+    while not thin_to(th, count, error, _PIECE):
+        pass

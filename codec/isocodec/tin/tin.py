@@ -1,4 +1,4 @@
-"""A triangulated irregular network: points, values, and the Delaunay triangles between them."""
+"""Triangulated irregular networks: points, values, and their Delaunay triangles."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Removals:
     points : Points
         All points.
     kept : (K,) int64
-        Numbers of the points that are left, rising: rows of what was given (samples of a field row by row).
+        Numbers of the remaining points, rising: rows of what was given (samples of a field row by row).
     order : (R,) int64
         Numbers of the points that were taken out, in the order in which they went.
     anticipated : (R,) float64
@@ -44,7 +44,7 @@ class Removals:
     errors: NDArray[np.float64]
 
     def ranks(self) -> NDArray[np.int64]:
-        """Places among all points in the order of significance, the most significant first."""
+        """Order all points by significance, the most significant first."""
         number = np.full(int(self.points.source.max()) + 1, -1)
         number[self.points.source] = np.arange(len(self.points.source))
         return number[np.concatenate([self.kept, self.order[::-1]])]
@@ -110,7 +110,7 @@ class Tin:
 
     @property
     def merged(self) -> int:
-        """Points that coincided with others: only the first of them is in `kept` or `order`, with their mean value."""
+        """Points that coincided with others: only the first is in `kept` or `order`, with their mean value."""
         return self._removed.points.merged
 
     @property
@@ -162,7 +162,7 @@ def tin_of(
     points: Points, some: NDArray[np.int64], shape: tuple[int, int] | None, metadata: Mapping[str, str],
     removals: Removals | None = None,
 ) -> Tin:
-    """The surface over some of many points (K,), ascending by rank."""
+    """Make the surface over some points (K,), ascending by rank."""
     found = triangles(delaunay(points.x[some], points.y[some])[0])
     return Tin(points.positions[some], points.value[some], found.astype(np.int64), shape, metadata=metadata,
                removals=removals)

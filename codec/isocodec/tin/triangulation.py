@@ -1,7 +1,7 @@
 """A triangulation as half-edges, and the exact tests on its points (spec clause 10.5).
 
 Half-edge ``3 * t + i`` of triangle ``t`` goes from the triangle's corner ``i`` to the next one, anticlockwise. Vertices
-are numbered by rank (`domain.rank`), so comparing numbers compares ranks.
+are numbered by rank, so comparing numbers compares ranks.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..kernel.types import Int32Matrix, Int32Vector, Integer, IntVector, Registe
 
 NONE = -1
 _ONE_WORD = 1 << 14
-"""Coordinates below this: the in-circle test stays below 2**63."""
+"""Bound of coordinates up to which the in-circle test stays below 2**63."""
 _HALF = 29
 _LOW = (1 << _HALF) - 1
 
@@ -27,19 +27,19 @@ class TriangulationCounters(Registers):
     Attributes
     ----------
     free : int
-        Triangles on the stack of those that are free.
+        Triangles on the stack of free ones.
     ring, ears : int
-        Vertices of the polygon that was looked at last, and triangles that fill it.
+        Vertices of the last polygon, and triangles that fill it.
     open : int
         Whether that polygon was closed along the hull.
     cavity : int
-        Triangles taken out last.
+        Triangles removed last.
     wide : int
-        Whether coordinates take the in-circle test of two words.
+        Whether coordinates need the in-circle test of two words.
     last : int
         Triangle at which the next walk begins.
     work : int
-        Triangles looked at in all.
+        Triangles visited.
     """
 
     free: int
@@ -54,14 +54,14 @@ class TriangulationCounters(Registers):
 
 @record
 class Triangulation(NamedTuple):
-    """Points, half-edges, and room for what is being changed.
+    """Points, half-edges, and scratch space for changes.
 
-    ``origin`` and ``twin`` have an entry per half-edge: the vertex that it comes from, -1 in free triangles, and the
-    half-edge the other way, -1 on the hull. ``leaving`` has one half-edge out of each vertex, -1 if the point is not
-    in. ``free`` is the stack of free triangles. ``ring`` holds the vertices of a star's polygon, ``outer`` the
-    half-edges beyond its edges, ``far`` the second vertex of each edge, ``cavity`` triangles, ``mark`` which these
-    are while they are being found, ``ear`` the triangles that fill it: three places in the ring, and the ear's side
-    that its base continues.
+    ``origin`` and ``twin`` have an entry per half-edge: its vertex of origin, -1 in free triangles, and the opposite
+    half-edge, -1 on the hull. ``leaving`` is a half-edge out of each vertex, -1 for points that are not vertices.
+    ``free`` is the stack of free triangles. ``ring`` holds the vertices of a star's polygon, ``outer`` the half-edges
+    across its edges, ``far`` the second vertex of each edge, ``cavity`` its triangles, ``mark`` flags them during the
+    search, ``ear`` the triangles that fill it: three places in the ring, and the side of the ear that the base
+    continues.
     """
 
     x: IntVector
@@ -80,7 +80,7 @@ class Triangulation(NamedTuple):
 
 
 def empty(x: NDArray[np.int64], y: NDArray[np.int64]) -> Triangulation:
-    """A triangulation with no point in it, with room for all of them; x and y in the order of ranks."""
+    """Make an empty triangulation with room for all points; x and y in the order of ranks."""
     count = len(x)
     triangles = 2 * count + 2
     reg = TriangulationCounters()
@@ -132,8 +132,8 @@ def _two_words(l0, c0, l1, c1, l2, c2):
 def in_circle(tri, a, b, c, d):
     """Whether ``d`` lies within the circle through the anticlockwise ``a``, ``b``, ``c`` (spec clause 10.5.3).
 
-    On the circle, the paraboloid's height of the point of lowest rank counts as raised by something very small, unless
-    the other three lie on a line: then that of the next one.
+    On the circle, the lifted point of lowest rank counts as raised by an infinitesimal amount, unless the other three
+    are collinear: then the next one.
     """
     x, y = tri.x, tri.y
     ax, ay, bx, by, cx, cy = x[a] - x[d], y[a] - y[d], x[b] - x[d], y[b] - y[d], x[c] - x[d], y[c] - y[d]
@@ -158,19 +158,19 @@ def in_circle(tri, a, b, c, d):
 
 @inlined
 def following(h):
-    """The next half-edge of its triangle."""
+    """Next half-edge of the same triangle."""
     return h - 2 if h % 3 == 2 else h + 1
 
 
 @inlined
 def preceding(h):
-    """The half-edge before it in its triangle."""
+    """Previous half-edge of the same triangle."""
     return h + 2 if h % 3 == 0 else h - 1
 
 
 @inlined
 def join(tri, g, h):
-    """Make two half-edges, or one and the outside, each other's twins."""
+    """Link two half-edges, or one and the outside, as twins."""
     if g >= 0:
         tri.twin[g] = h
     if h >= 0:
@@ -179,7 +179,7 @@ def join(tri, g, h):
 
 @inlined
 def allot(tri, a, b, c):
-    """A free triangle, now with these vertices; the caller sets its twins."""
+    """Give these vertices to a free triangle; the caller sets its twins."""
     reg = tri.reg
     reg.free -= 1
     t = np.int64(tri.free[reg.free])
@@ -191,7 +191,7 @@ def allot(tri, a, b, c):
 
 @inlined
 def release(tri, t):
-    """Give a triangle back."""
+    """Free a triangle."""
     reg = tri.reg
     for i in range(3):
         tri.origin[3 * t + i] = NONE
@@ -202,9 +202,9 @@ def release(tri, t):
 
 @inner
 def gather(tri, v):
-    """List the polygon around a vertex: its vertices, what lies beyond its edges, and the star's triangles.
+    """List the polygon around a vertex, anticlockwise: its vertices, the half-edges across, and the star's triangles.
 
-    Anticlockwise. Around a vertex on the hull the polygon is open: its last vertex begins no edge.
+    Around a vertex on the hull the polygon is open: its last vertex begins no edge.
     """
     reg = tri.reg
     first = np.int64(tri.leaving[v])
@@ -240,10 +240,10 @@ def gather(tri, v):
 
 @inner
 def fill(tri):
-    """The Delaunay triangles of the polygon that was gathered, as ears (spec clause 10.5.1).
+    """Fill the gathered polygon with Delaunay triangles, as ears (spec clause 10.5.1).
 
-    From the base edge, which ends where the polygon begins, each ear's apex is the vertex whose circle through the base
-    holds no other; beyond the ear's other sides it goes on.
+    Starting from the base edge, which ends where the polygon begins, the apex of each ear is the vertex whose circle
+    through the base contains no other; the ear's other sides are bases in turn.
     """
     reg, ear, ring = tri.reg, tri.ear, tri.ring
     # a row that waits is an ear without its apex
@@ -271,13 +271,13 @@ def fill(tri):
 
 @inlined
 def beyond_base(tri):
-    """The half-edge beyond the polygon's base edge: the hull, if it is open."""
+    """Half-edge across the polygon's base edge: the hull, if it is open."""
     return np.int64(NONE) if tri.reg.open else np.int64(tri.outer[tri.reg.ring - 1])
 
 
 @inner
 def replace(tri):
-    """Put the ears where the gathered triangles are; ``cavity`` lists the new triangles then, ear by ear."""
+    """Replace the gathered triangles by the ears; ``cavity`` then lists the new triangles, ear by ear."""
     reg, ear, ring = tri.reg, tri.ear, tri.ring
     base = beyond_base(tri)
     for old in range(reg.cavity):
