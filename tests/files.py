@@ -92,7 +92,7 @@ def chunk(kind, payload, *, ancillary=False, checked=False, last=False):
     return out + zlib.crc32(out).to_bytes(4, "big") if checked else out
 
 
-HEADER = bytes.fromhex("8949534f 00 00 05 04 02".replace(" ", ""))
+HEADER = bytes.fromhex("8949534f 11 00 05 04 02".replace(" ", ""))
 """5 x 4 samples, isovalue 1/2: root cube of edge 4, so the full grid is level 4."""
 
 

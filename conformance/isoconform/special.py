@@ -138,8 +138,8 @@ def chunks() -> Iterator[Draft]:
     yield Draft("plane_promises_odd", bytes(several.with_chunks(*odd, *several.chunks)), 2, ("promises to ignore",))
     empty = several.with_chunks(Chunk(UNKNOWN, b"", ancillary=True))
     yield Draft("plane_no_layers", bytes(empty), 2, ("no layers at all",))
-    newer = several.with_header(4, 0x30)
-    yield Draft("plane_newer_writer", bytes(newer), 2, ("a newer writer, an old read version",))
+    newer = several.with_header(4, 0x31)
+    yield Draft("plane_newer_writer", bytes(newer), 2, ("a newer writer, this read version",))
 
 
 def cuts() -> Iterator[Draft]:

@@ -163,7 +163,7 @@ def others() -> Iterator[Draft]:
     plain = bytes(file)
     for name, about, data in (
         ("metadata", "metadata that is no JSON", replace(file, metadata=b"none")),
-        ("writer", "a later writer version", replace(file, version=0x30)),
+        ("writer", "a later writer version", replace(file, version=0x31)),
         ("stage_bits", "stages that layers do not lead to", replace(file, stages=bytes([0xCF, 0x80]))),
         ("behind", "bytes behind the last segment", plain + b"more"),
         ("groups", "segments that fill a group, and empty ones behind", bytes(grouped())),
@@ -218,7 +218,8 @@ def wrong() -> Iterator[tuple[str, str, str, bytes]]:
     yield "head_long", "12.3", "a head of 32767 bytes, which the file has not", plain[:6] + b"\x7f\xff" + plain[8:]
     yield "leaf_checksum", "12.4", "a leaf directory has a wrong checksum", _harmed(leaf, plain)
     yield "group_checksum", "12.5", "a group of segments has a wrong checksum", _harmed(segment, plain)
-    yield "version", "3.3.1", "a later read version", bytes(replace(file, version=1))
+    yield "version", "3.3.1", "a later read version", bytes(replace(file, version=2))
+    yield "draft", "3.3.1", "the read version of drafts", bytes(replace(file, version=0x10))
     yield "flag", "12.3", "an unknown flag", bytes(replace(file, flags=8))
     yield "profile", "12.3", "an unknown profile", bytes(replace(file, flags=2))
     yield "stage", "12.3", "an unknown bit of a stage", bytes(replace(file, stages=bytes([0x12, 0])))
@@ -363,7 +364,7 @@ def drafts() -> Iterator[Draft]:
     far = write_varint(2**45) + root[len(write_varint(len(file.blocks[0].leaf()))) :]
     data = file.head(far) + plain[len(file.head(root)) :]
     yield Draft("tiled_cut_far", data, 2, ("file in tiles", "tiles: a leaf directory of 2**45 bytes, as the root says"))
-    later = bytes(replace(file, version=1))[:20]
+    later = bytes(replace(file, version=2))[:20]
     yield Draft("tiled_cut_version", later, 2, ("file in tiles", "tiles: a later version that ends within its head"))
     for name, size in (("head", 20), ("leaf", len(plain) // 2), ("segment", len(plain) - 1)):
         yield Draft(f"tiled_cut_{name}", plain[:size], 2, ("file in tiles", f"tiles: ends within a {name}"))

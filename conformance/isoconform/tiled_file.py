@@ -95,7 +95,7 @@ class TiledFile:
     flags: int = 0
     scale: float | None = None
     metadata: bytes = b""
-    version: int = 0
+    version: int = 0x11
     together: int = 1
 
     def head(self, root: bytes) -> bytes:

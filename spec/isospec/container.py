@@ -13,8 +13,8 @@ from construct import BitsInteger, BitStruct, Bytes, Flag, Float32b, Float64b, I
 SIGNATURE = b"\x89ISO"
 TILED_SIGNATURE = b"\x89IST"
 """Of a file in tiles (clause 12)."""
-WRITER_VERSION = 0
-READ_VERSION = 0
+WRITER_VERSION = 1
+READ_VERSION = 1
 
 MAX_SIDE = {2: 1 << 24, 3: 1 << 20}
 """Most samples along an axis, by dimension (spec clause 11.1)."""

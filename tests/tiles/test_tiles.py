@@ -209,7 +209,7 @@ def test_small_and_empty_fields(tmp_path: Path) -> None:
 def test_literal_head(tmp_path: Path) -> None:
     """The bytes of clause 12.3, read by hand."""
     data = encoded(tmp_path, np.zeros((40, 50), np.uint8), 0.5, metadata={"a": "b"})
-    assert data[:4] == b"\x89IST" and data[4] == 0 and data[5] == 1
+    assert data[:4] == b"\x89IST" and data[4] == 0x11 and data[5] == 1
     length = int.from_bytes(data[6:8], "big")
     assert length == len(data) - 1  # a leaf of one run
     assert data[8:13] == bytes([40, 50, 5, 5, 4])

@@ -106,6 +106,17 @@ def _write_scale(scale: float) -> bytes:
     return bytes([_EXPONENT_ESCAPE]) + Double.build(scale)
 
 
+def check_version(read: int) -> None:
+    """Refuse the read version of a file in another version of the format (spec clause 3.3.1)."""
+    if read != spec.READ_VERSION:
+        raise FormatError(
+            f"the file has version {read} of the format, but this decoder reads version {spec.READ_VERSION}",
+            code="version", offset=4, clause="3.3.1",
+            remedy="update isocodec" if read > spec.READ_VERSION else "encode the field again: a draft wrote it",
+        )
+
+
+
 def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     """Read the header at the start of ``data``, and its length; None if it has not arrived completely.
 
@@ -125,12 +136,7 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     if len(data) < PREFIX_BYTES:
         return None
     prefix = Prefix.parse(bytes(data[:PREFIX_BYTES]))
-    if prefix.version.read > spec.WRITER_VERSION:
-        raise FormatError(
-            f"the file needs version {prefix.version.read} of the format, but this decoder reads only up to "
-            f"{spec.WRITER_VERSION}",
-            code="version", offset=4, clause="3.3.1", remedy="update isocodec",
-        )
+    check_version(prefix.version.read)
     flags = prefix.flags
     if flags.profile not in Profile.__members__.values():
         raise FormatError(f"unknown profile {flags.profile}", code="profile", offset=5, clause="3.3.2")

@@ -19,9 +19,9 @@ from isospec.container import (
 )
 from isospec.container import TILED_SIGNATURE as SIGNATURE
 
-from ..errors import FormatError, InputError, TruncatedError
+from ..errors import InputError, TruncatedError
 from ..format.chunks import write_metadata
-from ..format.header import HEAD_BYTES, write_isovalue
+from ..format.header import HEAD_BYTES, check_version, write_isovalue
 from .layout import TileGrid
 from .numbers import Reader, wrong
 from .structure import (
@@ -95,11 +95,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
     end = _head_length(data)
     if Checksum.parse(data[end - 4 : end]) != zlib.crc32(data[: end - 4]):
         raise wrong("the head's checksum is wrong", "checksum", end - 4, "12.3")
-    if data[4] & 15 > WRITER_VERSION:
-        raise FormatError(
-            f"the file needs version {data[4] & 15} of the format, but this decoder reads only up to {WRITER_VERSION}",
-            code="version", offset=4, clause="3.3.1", remedy="update isocodec",
-        )
+    check_version(data[4] & 15)
     reader = Reader(data, FIXED_BYTES, end - 4)
     flags = data[5]
     if flags & 0x1B & ~Profile.MAIN:

@@ -8,7 +8,7 @@ export function* readHeader(r: Reader): Steps<Header> {
   }
   yield* r.need(2);
   const version = yield* r.byte("3.3.1"), flags = yield* r.byte("3.3.2");
-  if ((version & 15) > 0) throw r.error("3.3.1", "a later version of the format");
+  if ((version & 15) !== 1) throw r.error("3.3.1", "another version of the format");
   if ((flags & 3) > 1) throw r.error("3.3.2", "an unknown profile");
   const kind = (flags >> 3) & 3, n = 2 + ((flags >> 2) & 1), explicit = (flags & 128) !== 0;
   if (explicit && (flags & 67) !== 1) throw r.error("3.3.2", "flags that exclude one another");

@@ -158,7 +158,7 @@ test("a mesh that is not the file's is an error of the caller", () => {
 
 /** A file of chunks, each a head and a payload. */
 function fileOf(flags, chunks) {
-  const bytes = [0x89, 0x49, 0x53, 0x4f, 0, flags, 0];
+  const bytes = [0x89, 0x49, 0x53, 0x4f, 0x11, flags, 0];
   chunks.forEach(([type, payload], i) => {
     bytes.push(type | (i === chunks.length - 1 ? 32 : 0), ...varint(payload.length));
     for (const byte of payload) bytes.push(byte);

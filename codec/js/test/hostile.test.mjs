@@ -12,7 +12,7 @@ const main = new MainProfile(readFileSync(new URL("../dist/main.bin", import.met
 const LAYERS = 1, ISOVALUE = 5, FRAME = 9, DOMAIN = 10, SERIES = 13, METADATA = 0x83;
 const chunk = (head, payload) => ({ head, payload });
 const times = (count, make) => Array.from({ length: count }, (_, i) => make(i));
-const signature = [0x89, 0x49, 0x53, 0x4f, 0];
+const signature = [0x89, 0x49, 0x53, 0x4f, 0x11];
 /** Headers of a field of 17 x 17 samples and of meshes, isovalue 0. */
 const HEADERS = { baseline: [...signature, 0x40, 17, 0], main: [...signature, 0x41, 17, 0], mesh: [...signature, 0x81, 0], space: [...signature, 0x85, 0] };
 /** A domain of triangles or tetrahedra whose run is `run`. */

@@ -44,7 +44,7 @@ export function readHead(bytes: Uint8Array, order: (extent: number[]) => Uint32A
   verify(bytes.subarray(0, length), new Cursor(bytes.subarray(length), length, "12.3.1").word(), length, "12.3.1", "the head");
   const c = new Cursor(bytes.subarray(0, length), 0, "12.3.1");
   c.at = 4;
-  if (c.byte() & 15) throw c.error("a later version of the format", "3.3.1");
+  if ((c.byte() & 15) !== 1) throw c.error("another version of the format", "3.3.1");
   const flags = c.byte();
   if (flags & 0x18 || (flags & 3) > 1) throw c.error("an unknown flag or profile");
   c.at = 8;
