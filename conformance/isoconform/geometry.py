@@ -19,24 +19,24 @@ SHAPES: tuple[Point, ...] = ((13, 11), (5, 7, 6))
 def offsets_uniform() -> Iterator[Draft]:
     """Offsets on uniform meshes short of the full grid."""
     for space, field, isovalue, level in (("plane", HILLS, 100.5, 5), ("space", DUNES, 600.5, 7)):
-        for radix, unit in ((1, 0), (3, 0), (5, 1), (27, 3), (63, 0)):
+        for radix, unit in ((2, 0), (3, 0), (4, 1), (5, 1), (27, 3), (63, 0)):
             yield encoded(
                 f"{space}_offsets_coarse_{radix}_unit_{unit}", field, isovalue, "offsets on a coarse mesh",
                 f"{radix} parts in {2**unit} samples", "smooth", layers=[("base", level), ("offsets", radix, unit)],
             )
         plan: list[Steps] = [
             ("base", level),
-            ("offsets", 1, 3),
+            ("offsets", 2, 3),
             ("offsets", 3, 1),
-            ("offsets", 7, 0),
+            ("offsets", 8, 0),
             ("offsets", 3, 0),
         ]
         yield encoded(
             f"{space}_offsets_coarse_repeated", field, isovalue, "offsets on a coarse mesh, told finer and finer",
             "an edge that is fine enough takes no digit", layers=plan, states=True,
         )
-        plan = [("base", level), ("offsets", 3, 1), ("refine", 1), ("offsets", 3, 0), ("refine", None),
-                ("offsets", 3, 0), ("offsets", 5, 0)]
+        plan = [("base", level), ("offsets", 2, 1), ("refine", 1), ("offsets", 3, 0), ("refine", None),
+                ("offsets", 4, 0), ("offsets", 5, 0)]
         yield encoded(
             f"{space}_offsets_between_rounds", field, isovalue, "offsets on a coarse mesh, then on the full grid",
             "edges that stay keep their offsets", layers=plan, states=True,
@@ -71,8 +71,8 @@ def offsets_adaptive() -> Iterator[Draft]:
                     layers=[base_on(field, fine), ("offsets", radix, unit)],
                 )
             plan: list[Steps] = [
-                base_on(field, coarse), ("offsets", 3, 1), ("offsets", 5, 1), adapt_to(field, fine), ("offsets", 5, 1),
-                ("offsets", 27, 0), ("refine", None), ("offsets", 3), ("offsets", 5),
+                base_on(field, coarse), ("offsets", 2, 1), ("offsets", 5, 1), adapt_to(field, fine), ("offsets", 5, 1),
+                ("offsets", 28, 0), ("refine", None), ("offsets", 3), ("offsets", 4),
             ]
             yield encoded(
                 f"{space}_offsets_before_and_after_{kind}", field, isovalue, "offsets on an adaptive mesh", kind,

@@ -140,7 +140,7 @@ def programs() -> Iterator[Draft]:
     """Layer programs that are wrong."""
     plane, space = split(_plane()), split(_space())
     full, bits = (BASE, ALL), b"\x77"
-    finest: list[Step] = [(OFFSETS, ESCAPE), b"\x1f"]
+    finest: list[Step] = [(OFFSETS, ESCAPE), b"\x3e"]
     wrong: list[tuple[str, str, tuple[Step, ...]]] = [
         ("second_base", "a second base", ((BASE, 2), (BASE, 2))),
         ("base_too_fine", "a base past the full grid", ((BASE, FULL + 1),)),
@@ -154,7 +154,8 @@ def programs() -> Iterator[Draft]:
         ("offsets_unit_255", "offsets in too large a unit", ((ADAPTIVE, 2), (OFFSETS, 1), b"\xff")),
         ("offsets_first", "offsets before the base", ((OFFSETS, 1), full)),
         ("offsets_after_values_coarse", "offsets after values", ((BASE, 2), (VALUES, 1), bits, (OFFSETS, 1), b"\0")),
-        ("offsets_radix_65", "offsets of a radix over 63", (full, (OFFSETS, ESCAPE), b"\x20")),
+        ("offsets_radix_1_coarse", "offsets that divide nothing", ((BASE, 2), (OFFSETS, 0), b"\0")),
+        ("offsets_radix_64", "offsets of a radix over 63", (full, (OFFSETS, ESCAPE), b"\x3f")),
         ("offsets_all", "offsets without a radix", (full, (OFFSETS, ALL))),
         ("offsets_too_fine", "more than 2**24 parts", (full, *finest * 5)),
         ("offsets_after_values", "offsets after values", (full, (VALUES, 1), bits, (OFFSETS, 1))),
@@ -183,6 +184,9 @@ def programs() -> Iterator[Draft]:
     for name, stated in (("bits_53", b"\x0f\x35"), ("bits_by_escape", b"\xf0\x0e")):
         program = steps_of(full, (VALUES, 1), stated)
         yield _refused(name, bytes(plane.with_chunks(layers(program, b""))), "3.6.4", "too many or too few value bits")
+    signs = b"".join(encoder_of(noise((9, 8), 31, 8), 128.5, layers=[("base", None)], profile="baseline"))
+    nothing = layers(steps_of(full, (OFFSETS, 0)), split(signs).chunks[0].payload[program_length(signs) :])
+    yield _refused("offsets_radix_1", bytes(plane.with_chunks(nothing)), "3.6", "offsets that divide nothing")
     over = layers(steps_of((BASE, ALL), (REFINE, 1)), b"")
     yield _refused("space_past_full_grid", bytes(space.with_chunks(over)), "3.6", "refinement past the full grid")
 

@@ -43,13 +43,13 @@ def grids() -> Iterator[Draft]:
             ("offsets", smooth, {}),
             (
                 "offsets_fine", smooth,
-                {"layers": [("base", n), ("refine", None)] + [("offsets", r) for r in (5, 63, 9)]}
+                {"layers": [("base", n), ("refine", None)] + [("offsets", r) for r in (4, 63, 9)]}
             ),
             (
                 "offsets_between", rough,
                 {
                     "layers": [
-                        ("base", 1), ("refine", n), ("offsets", 7), ("refine", None), ("offsets", 3), ("offsets", 1),
+                        ("base", 1), ("refine", n), ("offsets", 7), ("refine", None), ("offsets", 2), ("offsets", 3),
                     ]
                 },
             ),
@@ -103,8 +103,8 @@ def meshes() -> Iterator[Draft]:
         coarse = random_mesh(shape, 41, 100)
         fine = random_mesh(shape, 42, 200, coarse)
         plan = [
-            ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 7, 1), ("adapt", 1, chosen(shape, fine)),
-            ("offsets", 9, 0), ("offsets", 31, 0), ("refine", None), ("offsets", 3, 0),
+            ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 6, 1), ("adapt", 1, chosen(shape, fine)),
+            ("offsets", 9, 0), ("offsets", 41, 0), ("refine", None), ("offsets", 3, 0),
         ]
         yield encoded(f"{space}_main_meshes", field, 100.5, "main profile", states=True, profile="main", layers=plan)
         leaves = {

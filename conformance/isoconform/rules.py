@@ -85,7 +85,7 @@ def meshes() -> Iterator[Draft]:
     )
     about = "crossed edges of the full grid that are edges of no leaf"
     for shape, seed in (((4, 5), 32), ((3, 3, 3), 218)):
-        yield _random("offsets_beside_leaves", about, shape, ((BASE, ALL), (OFFSETS, 1)), seed, 16)
+        yield _random("offsets_beside_leaves", about, shape, ((BASE, ALL), (OFFSETS, 2)), seed, 16)
         yield _random("values_beside_leaves", about, shape, ((BASE, ALL), (VALUES, 2), b"\x22"), seed, 16)
     yield _random(
         "assumed_twice", "a corner that one diamond makes known, and another one assumes with the other sign", (17, 17),
@@ -93,7 +93,7 @@ def meshes() -> Iterator[Draft]:
     )
     yield _random(
         "first_mixed_member", "middles known before the round: only the first mixed member bisects the others",
-        (6, 3, 6), ((BASE, 1), (REFINE, 1), (OFFSETS, 2), b"\0", (REFINE, 1), (OFFSETS, 2), b"\0", (REFINE, ALL)),
+        (6, 3, 6), ((BASE, 1), (REFINE, 1), (OFFSETS, 4), b"\0", (REFINE, 1), (OFFSETS, 4), b"\0", (REFINE, ALL)),
         185, 40,
     )
 
@@ -132,7 +132,7 @@ def isovalues() -> Iterator[Draft]:
         "values_below_zero", "values taken over by an isovalue below 0", (9, 9), {0.5: exact, -3.5: exact}, 8, 60
     )
     for isovalue, side, seed in ((1.5, "above", 45), (-1.0, "below", 1)):
-        programs = {0.5: ((BASE, ALL), (OFFSETS, 1)), isovalue: ((BASE, ALL), (OFFSETS, 4))}
+        programs = {0.5: ((BASE, ALL), (OFFSETS, 2)), isovalue: ((BASE, ALL), (OFFSETS, 8))}
         yield _leaning(
             f"offsets_on_fewer_parts_{side}", f"offsets {side} those of an earlier isovalue in fewer parts", (9, 9),
             programs, seed, 60,
@@ -168,7 +168,7 @@ def bounds() -> Iterator[Draft]:
     """Where numbers are limited."""
     yield _random(
         "offsets_most_parts", "offsets on an edge of 2**24 samples: 2**24 parts are enough", (WIDE, 2),
-        ((BASE, 0), (OFFSETS, ESCAPE), b"\x1f\0"), 2, 60,
+        ((BASE, 0), (OFFSETS, ESCAPE), b"\x3e\0"), 2, 60,
     )
     yield _random(
         "arguments_by_escape", "arguments below 14 that follow as numbers", (9, 9),
@@ -224,16 +224,16 @@ def main_profile() -> Iterator[Draft]:
     )
     yield _random(
         "main_near_crossings", "main profile: crossings next to one another that are not extended", (9, 9),
-        ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 57, 40, profile=MAIN,
+        ((BASE, ALL), (OFFSETS, ESCAPE), b"\x3c"), 57, 40, profile=MAIN,
     )
     yield _random(
         "main_sides_at_the_border", "main profile: leaves beside an edge that reach beyond the box", (6, 6),
-        ((ADAPTIVE, 0), (OFFSETS, 4), b"\0", (OFFSETS, ESCAPE), b"\x1f\0"), 158, 40, profile=MAIN,
+        ((ADAPTIVE, 0), (OFFSETS, 8), b"\0", (OFFSETS, ESCAPE), b"\x3e\0"), 158, 40, profile=MAIN,
     )
     # a curve around one corner: of the last edge's ends both have another crossing that falls together with them
     start = File(write_header(Header((65, 65), 0.5, profile=MAIN)), ())
     nearest = said(
-        start, steps_of((BASE, 1), (OFFSETS, ESCAPE), b"\x1f\0"), ("origin", "0"), ("component", "1"),
+        start, steps_of((BASE, 1), (OFFSETS, ESCAPE), b"\x3e\0"), ("origin", "0"), ("component", "1"),
         ("location", "01"), ("base_sign", "1011"), ("component", "0"),
         ("offset_bit", 13 * "1" + 27 * "0" + "10110100101"),
     )

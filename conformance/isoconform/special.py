@@ -79,9 +79,11 @@ def orders() -> Iterator[Draft]:
         (*about, "the full grid brings no vertices: its values are those of grid edges all the same"), layers=True,
     )
     for name, radices, about_offsets in (
-        ("3", (3,) * 15, "offsets in the most layers"),
+        ("2", (2,) * 24, "offsets in the most layers"),
+        ("3", (3,) * 15, "offsets in many layers"),
+        ("10", (10,), "offsets in an even number of parts"),
         ("63", (63,) * 4, "offsets of the largest radix, stated by escape"),
-        ("mixed", (13, 3, 27, 29, 5), "offsets of several radices"),
+        ("mixed", (13, 2, 28, 29, 5), "offsets of several radices"),
     ):
         plan = [Layer("base", 6), *_offsets(6, *radices)]
         file = _in_order(noise((5, 6), 24, 8), 128.5, plan)

@@ -106,7 +106,7 @@ def plans(draw: st.DrawFn, full: int) -> list[tuple[Any, ...]]:
     for _ in range(draw(st.integers(0, 4))):
         rounds = draw(st.integers(0, full - level))
         level += rounds
-        offsets = ("offsets", draw(st.sampled_from((1, 3, 9, 63))))
+        offsets = ("offsets", draw(st.sampled_from((2, 3, 10, 63))))
         plan += [("refine", rounds)] * (rounds > 0)
         plan += [offsets if level == full else (*offsets, draw(st.integers(0, 2)))] * draw(st.integers(0, 1))
     return plan

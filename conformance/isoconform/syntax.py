@@ -215,7 +215,7 @@ def _argument(random: Random, operation: int, progress: Progress) -> tuple[int, 
     if operation == Operation.VALUES:
         return random.choice((0, 1, 1, 2, 3)), random.randrange(4) == 0
     if operation == Operation.OFFSETS:
-        return random.choice((0, 1, 1, 2, 3, 4, 13, 31, random.randint(0, 31))), False
+        return random.choice((1, 1, 2, 3, 4, 9, 13, 62, random.randint(0, 63))), False
     return random.choice((0, 1, 1)), False
 
 

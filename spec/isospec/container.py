@@ -25,7 +25,7 @@ CHECKED_CHUNK = 1 << 14
 LAYER_LIMIT = 1 << 17
 """Most layers of a file, of a series of a frame (clause 11.1)."""
 MAX_RADIX = 63
-"""Most parts that a digit of offsets divides a part into; an odd number (clause 3.6.5)."""
+"""Most parts that a digit of offsets divides a part into (clause 3.6.5)."""
 STEP_RADIX = 27
 """Radix of the first digits of an edge that needs more parts than that (clause 5.7.3)."""
 MAX_UNIT = 24

@@ -189,19 +189,20 @@ BASE_2, REFINE_3, REFINE_4 = ("base", 2, 0), ("refine", 3, 0), ("refine", 4, 0)
         ("82 11", [BASE_2, REFINE_3]),  # more; operation 1, one round
         ("82 1f", [BASE_2, REFINE_3, REFINE_4]),
         ("42", [BASE_2, REFINE_3, REFINE_4]),  # operation 4: base and all rounds
-        ("8f 32", [("base", 4, 0), ("offsets", 4, 5)]),  # 2 * 2 + 1 parts
-        ("8f 3e 10", [("base", 4, 0), ("offsets", 4, 33)]),
-        ("8f b1 32", [("base", 4, 0), ("offsets", 4, 3), ("offsets", 4, 15)]),
+        ("8f 34", [("base", 4, 0), ("offsets", 4, 5)]),  # 4 + 1 parts
+        ("8f 31", [("base", 4, 0), ("offsets", 4, 2)]),
+        ("8f 3e 20", [("base", 4, 0), ("offsets", 4, 33)]),
+        ("8f 3e 3e", [("base", 4, 0), ("offsets", 4, 63)]),
+        ("8f b2 33", [("base", 4, 0), ("offsets", 4, 3), ("offsets", 4, 12)]),
         ("8f 2f 12", [("base", 4, 0), ("values", 4, 1), ("values", 4, 0)]),  # 1 bit above, 2 below
         ("8f 21 12", [("base", 4, 0), ("values", 4, 1)]),
         ("82 a1 03 91 21", [BASE_2, ("values", 2, 2), REFINE_3, ("values", 3, 1)]),  # bits are stated once
         ("8f 21 f2 10", [("base", 4, 0), ("values", 4, 15)]),  # 16 bits above: an escape and a number
         ("51", [("adaptive_base", 1, 0)]),
         ("d1 e0 61", [("adaptive_base", 1, 0), ("adapt", 1, 0), ("adapt", 1, 0)]),
-        ("8f b1 21 11", [("base", 4, 0), ("offsets", 4, 3), ("values", 4, 0)]),
-        ("82 31 02", [BASE_2, ("offsets", 2, 3)]),  # parts of 2**2 samples
-        ("82 b1 02 9f 30", [BASE_2, ("offsets", 2, 3), REFINE_3, REFINE_4, ("offsets", 4, 1)]),
-        ("8f 30", [("base", 4, 0), ("offsets", 4, 1)]),  # in one part: nothing to be told
+        ("8f b2 21 11", [("base", 4, 0), ("offsets", 4, 3), ("values", 4, 0)]),
+        ("82 32 02", [BASE_2, ("offsets", 2, 3)]),  # parts of 2**2 samples
+        ("82 b2 02 9f 33", [BASE_2, ("offsets", 2, 3), REFINE_3, REFINE_4, ("offsets", 4, 4)]),
         ("8f 2f 00", [("base", 4, 0), ("values", 4, 0)]),  # no bits: values are exact at once
     ],
 )
@@ -225,8 +226,10 @@ def test_program(encoding, layers):
         ("82 9f 11", 2),  # one more than there are
         ("82 31 19", 1),  # offsets in parts of 2**25 samples
         ("8f 3f", 1),
-        ("8f 3e 20", 1),  # in 65 parts
-        ("8f be 1f be 1f be 1f be 1f 31", 9),  # in 63**4 = 15,752,961 parts, and each of those in 3: more than 2**24
+        ("8f 30", 1),  # in one part
+        ("82 30 02", 1),
+        ("8f 3e 3f", 1),  # in 64 parts
+        ("8f be 3e be 3e be 3e be 3e 31", 9),  # in 63**4 = 15,752,961 parts, and each of those in 2: more than 2**24
         ("8f b1 11", 2),  # refinement beyond the full grid
         ("8f a1 11 31", 3),  # offsets after values
         ("8f 23 12", 1),  # three planes of two
@@ -275,7 +278,7 @@ def layer_lists_(draw):
             plane -= 1
             layers.append(Layer("values", layers[-1].level, plane))
     if not use_values and layers[-1].level == full:
-        for radix in draw(st.lists(st.integers(1, 31).map(lambda half: 2 * half + 1), max_size=4)):
+        for radix in draw(st.lists(st.integers(2, 63), max_size=4)):
             layers.append(Layer("offsets", full, 0, max(layers[-1].parts, 1) * radix))
     return full, bits, layers
 

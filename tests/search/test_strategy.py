@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +16,7 @@ from isocodec.grid.layers.plan import PROMISE
 from isocodec.search.promise import Promise
 from isocodec.search.steps import stepwise
 from isocodec.search.strategy import EDGE, Plan, even_mesh, exponent_of, grid_plan, mesh_of, slanted, smallest
-from isocodec.search.tolerance import grid_offsets
+from isocodec.search.tolerance import grid_offsets, radices
 from isocodec.stream.options import WORTH_SEARCHING
 from tables import looped
 
@@ -55,6 +56,17 @@ def test_edges_of_even_meshes() -> None:
 def test_noise_takes_the_full_grid() -> None:
     promise = Promise(check_field(np.random.default_rng(0).normal(size=(40, 40)), 0.0))
     assert smallest(promise, WORTH_SEARCHING, False) == grid_of(promise)
+
+
+def test_as_few_parts_as_a_tolerance_needs() -> None:
+    some = {0.5: [], 0.49: [2], 0.25: [2], 0.2499: [3], 0.1: [5], 1 / 16: [8], 0.05: [10], 0.03: [17], 0.01: [5, 10]}
+    assert {tolerance: radices(tolerance) for tolerance in some} == some
+    where = np.linspace(0, 1, 10007, endpoint=False)
+    for tolerance in (*some, *np.geomspace(0.0005, 0.5, 40)):
+        parts = math.prod(radices(tolerance))
+        middle = (np.floor(where * parts) + 0.5) / parts
+        assert np.abs(middle - where).max() <= tolerance * (1 + 1e-6)
+        assert parts == 1 or parts < 0.5 / tolerance * 1.1 + 1.1
 
 
 @pytest.mark.parametrize("n", [2, 3])

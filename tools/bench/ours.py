@@ -32,16 +32,15 @@ PLANES = 16
 
 def parts_list() -> list[int]:
     """Numbers of parts that edges can be divided into by one layer of offsets or two, rising."""
-    one = range(1, LARGEST_RADIX + 1, 2)
-    two = [a * b for a in (3, 5, 7, 9, 11) for b in range(41, LARGEST_RADIX + 1, 2)]
-    return sorted({*one, *two, *(a * b for a in one for b in one if a * b > max(two))})
+    one = range(1, LARGEST_RADIX + 1)
+    return sorted({a * b for a in one for b in one})
 
 
 def radices(parts: int) -> list[int]:
     """Layers of offsets that come to a number of parts."""
     if parts <= LARGEST_RADIX:
         return [parts] if parts > 1 else []
-    return next([parts // b, b] for b in range(LARGEST_RADIX, 0, -2) if parts % b == 0 and parts // b <= LARGEST_RADIX)
+    return next([parts // b, b] for b in range(LARGEST_RADIX, 0, -1) if parts % b == 0 and parts // b <= LARGEST_RADIX)
 
 
 @dataclass(frozen=True)

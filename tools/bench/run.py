@@ -20,7 +20,7 @@ from .ours import Ours
 from .record import Recorder, half_way, on_grid
 from .rows import Row
 
-PROGRESSIVE = 11
+PROGRESSIVE = 10
 """Parts of an edge whose files progressive and single-rate ones are compared on: within 0.05 cells."""
 RATES = (1, 3, 7, 15, 31)
 """Parts of an edge whose files make up our curve of rate over distortion."""

@@ -24,7 +24,7 @@ Point = tuple[str, int, float]
 CURVES = (("terrain/esterel_257", 300.5), ("medical/mni152_axial_100", 120.5), ("image/car_plate_de", 127.5))
 SURFACES = (("sdf/horse_65", 0.5), ("sdf/eight_65", 0.5))
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.1)
-RADICES = (1, 3, 5, 9, 21, 63)
+DIVISIONS = (1, 3, 5, 9, 21, 63)
 DISTORTIONS = (4, 2, 1, 0.5, 0.25)
 QUANTISED = (3, 5, 9, 21)
 """Parts of crossings on meshes of one threshold: the mesh of each keeps it with what is lost by rounding."""
@@ -43,24 +43,29 @@ SEARCHED: dict[str, dict[str, Any]] = {
 Plan = list[tuple[Any, ...]]
 
 
-def _on(geometry: tuple[Any, ...], **criteria: Any) -> Plan:
+def in_parts(parts: int, unit: int = 0) -> Plan:
+    """Crossings in so many parts; nothing for one."""
+    return [("offsets", parts, unit)] if parts > 1 else []
+
+
+def _on(geometry: Plan, **criteria: Any) -> Plan:
     """Geometry on a mesh by criteria."""
-    return [("adaptive_base", 0, Criteria(**criteria)), geometry]
+    return [("adaptive_base", 0, Criteria(**criteria)), *geometry]
 
 
 FAMILIES: dict[str, list[Plan]] = {
-    "single rate, offsets in 1 to 63 parts": [[("base", None), ("offsets", radix)] for radix in RADICES],
+    "single rate, offsets in 1 to 63 parts": [[("base", None), *in_parts(parts)] for parts in DIVISIONS],
     "single rate, values of 1 bit and more": [[("base", None), ("values", bits)] for bits in (1, 2, 3, 4, 5, 6)],
-    "crossing, 1 to 63 parts": [_on(("offsets", radix), crossing=True) for radix in RADICES],
-    "topology, 1 to 63 parts": [_on(("offsets", radix, 2), topology=True) for radix in RADICES],
-    "curvature 1 to 0.1": [_on(("offsets", 5), curvature=k) for k in (1, 0.7, 0.5, 0.3, 0.2, 0.1)],
-    "distortion 4 to 0.25, 5 parts": [_on(("offsets", 5, 1), distortion=d) for d in DISTORTIONS],
+    "crossing, 1 to 63 parts": [_on(in_parts(parts), crossing=True) for parts in DIVISIONS],
+    "topology, 1 to 63 parts": [_on(in_parts(parts, 2), topology=True) for parts in DIVISIONS],
+    "curvature 1 to 0.1": [_on(in_parts(5), curvature=k) for k in (1, 0.7, 0.5, 0.3, 0.2, 0.1)],
+    "distortion 4 to 0.25, 5 parts": [_on(in_parts(5, 1), distortion=d) for d in DISTORTIONS],
     "distortion and topology, 5 parts": [
-        _on(("offsets", 5, 1), topology=True, distortion=d) for d in DISTORTIONS
+        _on(in_parts(5, 1), topology=True, distortion=d) for d in DISTORTIONS
     ],
     **{
         f"distortion {d}, 3 to 21 parts": [
-            _on(("offsets", radix, 1), distortion=d) for radix in QUANTISED
+            _on(in_parts(parts, 1), distortion=d) for parts in QUANTISED
         ]
         for d in (4, 1, 0.5)
     },

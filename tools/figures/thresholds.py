@@ -12,13 +12,12 @@ import isocodec
 from figures.apart import curves_apart
 from figures.corpus import load, original_of
 from figures.planes import save
+from figures.rates import DIVISIONS, in_parts
 from isocodec.errors import OptionError
 from isocodec.grid.layers.plan import Criteria
 
 CURVE = "terrain/esterel_257", 300.5
 DISTANCES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
-DIVISIONS = (1, 3, 5, 9, 21, 63)
-"""Parts of crossings, for every two samples of an edge."""
 
 
 def parts_of(parts: int) -> str:
@@ -32,7 +31,7 @@ def thresholds(folder: Path, out: Path) -> None:
     whole = original_of(item).lines
     sizes, far = np.full((2, len(DISTANCES), len(DIVISIONS)), np.nan)
     for (i, distance), (j, parts) in product(enumerate(DISTANCES), enumerate(DIVISIONS)):
-        plan = [("adaptive_base", 0, Criteria(topology=True, distortion=distance)), ("offsets", parts, 1)]
+        plan = [("adaptive_base", 0, Criteria(topology=True, distortion=distance)), *in_parts(parts, 1)]
         asked = f"thresholds, {item.title}: {distance:g} cells asked, {parts_of(parts)}"
         try:
             data = isocodec.encode(item.values, item.isovalue, layers=plan)

@@ -131,7 +131,7 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
             argument = None if layers[j - 1].plane == 0 else argument
         else:
             coarse = progress.level != progress.full_level
-            argument = (layers[i].parts // (1 if coarse else progress.parts) - 1) // 2
+            argument = layers[i].parts // (1 if coarse else progress.parts) - 1
             operation, extra = Operation.OFFSETS, bytes([unit]) if coarse else b""
         if expand(operation, argument or 0, argument is None, progress, unit) != list(layers[i:j]):
             raise ValueError(f"no program gives the layers {list(layers[i:j])}")
@@ -304,10 +304,10 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
     if operation == Operation.OFFSETS:
         if state.bits is not None:
             raise ValueError("offsets after values")
-        radix = 2 * argument + 1
+        radix = argument + 1
         before = state.parts if state.level == full else 1
-        if stated_all or radix > MAX_RADIX or before * radix > MAX_PARTS:
-            raise ValueError(f"offsets divide {before} parts into {radix} each, which is too many")
+        if stated_all or not 1 < radix <= MAX_RADIX or before * radix > MAX_PARTS:
+            raise ValueError(f"offsets cannot divide {before} parts into {radix} each")
         if unit > MAX_UNIT:
             raise ValueError(f"offsets have a unit of 2**{unit} samples, which is too large")
         return [Layer(LayerKind.OFFSETS, state.level, 0, before * radix, unit)]

@@ -32,15 +32,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import MAX_RADIX
-
 from ..errors import OptionError
 from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import Entry
 from .original import mixed_cells
 from .promise import Promise
 from .reduction import Reduction
-from .tolerance import HALF, ROUNDING, Slack, grid_offsets
+from .tolerance import HALF, Slack, grid_offsets, radices
 
 Plan = list[Entry]
 Found = tuple[float, Plan]
@@ -171,19 +169,23 @@ def better(promise: Promise, tolerance: float, plan: Plan, best: Found) -> Found
 
 
 def slanted(promise: Promise, tolerance: float, grid: Plan, best: Found) -> Found:
-    """The best plan, or the full grid with crossings in as few parts as can be, with slack, also at a slant."""
-    # even if in the worst case a crossing on their border is stored a rounding too far away
-    parts = math.ceil(HALF / tolerance * (1 - ROUNDING)) | 1
-    slack = Slack(tolerance, promise.phi, promise.fixed)
-    for _ in range(MOST_TIGHTENED if parts <= MAX_RADIX else 0):
-        plan: Plan = [*grid, ("offsets", parts, 0, None, slack)]
-        size, contour = promise.trial(plan)
-        if size >= best[0]:
-            break
-        places = promise.excess(contour, tolerance)
-        if not len(places):
-            return size, plan
-        slack.tighten(places)
+    """The best plan, or the full grid with crossings in few parts, with slack, also at a slant.
+
+    An odd number of parts has one in the middle of the edge, which suits smooth surfaces; else as few as can be.
+    """
+    fewest = math.prod(radices(tolerance))
+    for parts in sorted({fewest | 1, fewest}, reverse=True):
+        slack = Slack(tolerance, promise.phi, promise.fixed)
+        for _ in range(MOST_TIGHTENED):
+            plan: Plan = [*grid, ("offsets", parts, 0, None, slack)]
+            size, contour = promise.trial(plan)
+            if size >= best[0]:
+                break
+            places = promise.excess(contour, tolerance)
+            if not len(places):
+                best = size, plan
+                break
+            slack.tighten(places)
     return best
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from itertools import product
+from itertools import count, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import MAX_PARTS
+from isospec.container import MAX_PARTS, MAX_RADIX
 
 from ..errors import OptionError
 from ..field.samples import OFFSET_BITS
@@ -23,6 +23,8 @@ NO_OFFSETS = 1, 40
 """Parts and unit of crossings that are not stored: middles of edges, all of them shorter than the unit."""
 MOST_SLACK = 2.0
 """Crossings are stored at most this many tolerances off along their edges."""
+SMALL_RADIX = 13
+"""Greatest radix of layers of offsets, if a number of parts has no greater prime factor."""
 ROUNDING = 1e-6
 """Share of a tolerance that is below its rounding."""
 HALF = 0.5
@@ -117,8 +119,7 @@ def grid_offsets(tolerance: float | None, free: bool, fixed: Edges | None = None
 def radices(tolerance: float | None) -> list[int]:
     """Parts that layers of offsets divide into, so that crossings end up within ``tolerance`` of where they are.
 
-    The middle of the right one of m parts is at most 1 / 2m off. Of the odd numbers that will do, the smallest is
-    taken that is a product of small factors: one layer each, so that crossings get finer step by step.
+    The middle of the right one of m parts is at most 1 / 2m off.
     """
     if tolerance is None:
         return []
@@ -131,13 +132,17 @@ def radices(tolerance: float | None) -> list[int]:
     if tolerance >= HALF:
         return []
     # offsets are rounded to 30 bits before they are coded
-    parts = math.ceil(HALF / (tolerance - 2.0**-OFFSET_BITS)) | 1
-    while True:
-        rest, factors = parts, []
-        for factor in (13, 11, 7, 5, 3):
-            while rest % factor == 0:
-                rest //= factor
-                factors.append(factor)
+    return radices_of(math.ceil(HALF / (tolerance * (1 + ROUNDING) - 2.0**-OFFSET_BITS)))
+
+
+def radices_of(parts: int) -> list[int]:
+    """Radices of layers that make so many parts, or the next number that can be made: small ones, step by step."""
+    for total in count(parts):
+        rest, radices = total, []
+        for radix in (*range(SMALL_RADIX, 1, -1), *range(SMALL_RADIX + 1, MAX_RADIX + 1)):
+            while rest % radix == 0:
+                rest //= radix
+                radices.append(radix)
         if rest == 1:
-            return factors[::-1]
-        parts += 2
+            return sorted(radices)
+    raise AssertionError

@@ -19,6 +19,7 @@ from ..format.kinds import LayerKind
 from ..grid.layers.plan import Entry
 from ..grid.tube.decoded import Decoded
 from ..limits import Limits
+from ..search.tolerance import radices_of
 from .container import closed
 from .decoder import Decoder
 from .grid_encoder import GridFrames
@@ -100,7 +101,7 @@ def source_of(state: Decoded, field: Samples, what: str) -> Source:
     edges, places = keys[order], ((state.edge_number + 0.5) / state.edge_parts)[order]
     values = near_values(signs, isovalue, edges, places)
     field = DecodedSamples(values, isovalue, signs, scale, gone, edges=edges, places=places)
-    return Source(field, [(LayerKind.OFFSETS, radix) for radix in _radices(int(parts[0]))] if len(parts) else [])
+    return Source(field, [(LayerKind.OFFSETS, radix) for radix in radices_of(int(parts[0]))] if len(parts) else [])
 
 
 def _beside(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
@@ -125,17 +126,6 @@ def _beside(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -> NDArray
         crossed = (signs[tuple(low)] != signs[tuple(high)]) & held
         out[tuple(low)] |= crossed
         out[tuple(high)] |= crossed
-    return out
-
-
-def _radices(parts: int) -> list[int]:
-    """Odd factors of a number of parts, increasing, one for each layer."""
-    out, factor = [], 3
-    while parts > 1:
-        while parts % factor == 0:
-            out.append(factor)
-            parts //= factor
-        factor += 2
     return out
 
 

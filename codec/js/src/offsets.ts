@@ -115,7 +115,6 @@ export class Offsets {
       t.meter.step(4);
       for (;;) {
         let R = Math.ceil(wanted / parts[id]!);
-        if (R % 2 === 0) R++;
         if (R > 63) R = 27;
         if (R <= 1) break;
         const rising = t.store.get(e[o + 3]!, e[o + 4]!, e[o + 5]!) & SIGN ? 1 : 0;

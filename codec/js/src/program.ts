@@ -75,12 +75,12 @@ export function* readProgram(bytes: Bytes, p: Progress, before: number): Steps<L
       }
       case 3: {
         let q = 0;
-        const radix = 2 * argument + 1;
+        const radix = argument + 1;
         if (!none && p.uniform < p.full) {
           q = yield* bytes.byte("3.6.5");
           if (q > 24) throw wrong("a unit beyond 24");
         }
-        if (none || p.bits || radix > 63) throw wrong("offsets that cannot be");
+        if (none || p.bits || radix < 2 || radix > 63) throw wrong("offsets that cannot be");
         if (p.uniform === p.full) {
           p.parts *= radix;
           if (p.parts > 2 ** 24) throw wrong("too many parts");

@@ -112,9 +112,9 @@ def operation_of(
     if kind == LayerKind.REFINE and argument == 0:
         raise OptionError("refine in a plan with 0 rounds", code="plan", remedy="give at least 1")
     if kind == LayerKind.OFFSETS:
-        if argument is None or argument % 2 == 0:
-            raise OptionError(f"offsets in a plan with radix {number}; it must be odd", code="plan")
-        argument //= 2
+        if argument is None or argument < 2:
+            raise OptionError(f"offsets in a plan with radix {number}; it must be at least 2", code="plan")
+        argument -= 1
     if kind in ADAPTIVE:
         if not isinstance(more, Chosen):
             raise OptionError(f"{kind} in a plan needs the mesh that it leads to", code="plan")

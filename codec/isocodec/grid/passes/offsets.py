@@ -19,7 +19,7 @@ from ..tube.state import OFFSET_BIT, State
 
 @inlined
 def radix_of(length, parts, target, unit):
-    """Smallest odd number of parts that brings an edge of so many samples to ``target`` parts in ``2**unit`` samples.
+    """Smallest number of parts that brings an edge of so many samples to ``target`` parts in ``2**unit`` samples.
 
     Large ones are reached in steps.
     """
@@ -27,7 +27,7 @@ def radix_of(length, parts, target, unit):
     if wanted <= parts:
         return np.int64(1)
     # most edges have one part: divisions take long
-    radix = wanted | 1 if parts == 1 else (wanted + parts - 1) // parts | 1
+    radix = wanted if parts == 1 else (wanted + parts - 1) // parts
     return radix if radix <= MAX_RADIX else np.int64(STEP_RADIX)
 
 
