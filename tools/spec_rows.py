@@ -47,15 +47,11 @@ def parts(n: int) -> dict[tuple[str, str, str], tuple[int, int]]:
         "5", "7.14", on + rows.OFFSET_ROWS, rows.LEAF_ROWS[n], candidates=52 * slot, **tail, axes=n,
     )
     network(
-        "6", "7.15", rows.VALUE_ROW[n], rows.VALUE_ROWS[n], candidates=52 * rows.VALUE_SLOTS[n], plane=16, bits=8,
-        near=8,
-    )
-    network(
-        "7", "7.16", rows.MESH_ROW[n], rows.MESH_ROWS[n], what=12, level=24, history=8,
+        "6", "7.16", rows.MESH_ROW[n], rows.MESH_ROWS[n], what=12, level=24, history=8,
         around=4 * rows.MESH_AROUND * n,
     )
     network(
-        "8", "7.17", rows.BASE_ROW[n], rows.BASE_ROWS[n], case=16, earlier=2, around=2 * rows.BEHIND[n] * n * (n + 1),
+        "7", "7.17", rows.BASE_ROW[n], rows.BASE_ROWS[n], case=16, earlier=2, around=2 * rows.BEHIND[n] * n * (n + 1),
     )
     assert rows.BASE_ROW[n] + rows.BASE_ROWS[n] == ROWS[n]
     return found

@@ -23,13 +23,14 @@ from generated import blurred, generated
 from isocodec.entropy.range_coder import FLOOR
 from isocodec.field.samples import check_field
 from isocodec.grid.lattice.tables import cube_exponent
+from isocodec.grid.models import contexts as ctx
 from isocodec.grid.models import network_rows as layout
 from isocodec.grid.models import trained as models
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import even_mesh, grid_plan, reduced
 from isocodec.search.tolerance import grid_offsets
 from isocodec.stream.encoder import encoder_of
-from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed, starts, unpacked
+from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, STARTS, Tables, packed, starts, unpacked
 from networks import first_row, gathered, network
 
 MAIN = Path("spec/isospec/main.bin")
@@ -197,9 +198,9 @@ def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray
     """
     told = starts(squash)
     middles = (told[1:] + told[:-1]) / 2
-    prob, seen, blend = models.models(n, squash, tables)
+    prob = models.models(n, squash, tables)[0]
     mean, weight = prob.astype(float), np.zeros(len(prob))
-    mix, mixed = blend.mix.astype(float), np.zeros(KINDS)
+    mix, mixed = tables.mix.astype(float), np.zeros(KINDS)
     for item, options in coded:
         prob, seen = use(n, squash, tables)
         encoder = encoder_of(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
@@ -207,11 +208,14 @@ def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray
             pass
         cd = encoder.frame.strands[-1].tube.coder
         count = np.where((cd.prob != prob) | (cd.seen != seen), np.maximum(cd.seen - seen, 1), 0)
+        # nothing of value bits is trained
+        count[ctx.VALUE : ctx.OFFSET] = count[STARTS:] = 0
         weight = np.minimum(weight + count, REMEMBERED)
         mean += (cd.prob - mean) * count / np.maximum(weight, 1)
-        changed = (cd.blend.mix != tables.mix).any(axis=1)
+        ended = cd.blend.mix[:KINDS, :INPUTS]
+        changed = (ended != tables.mix).any(axis=1)
         mixed = np.minimum(mixed + changed, MOST_FILES)
-        mix += (cd.blend.mix - mix) * (changed / np.maximum(mixed, 1))[:, None]
+        mix += (ended - mix) * (changed / np.maximum(mixed, 1))[:, None]
         used = np.flatnonzero(weight)
         state = np.stack([used, told[np.searchsorted(middles, mean[used])], np.minimum(weight[used], TRUSTED)], 1)
         tables = Tables(tables.weight, tables.out, np.rint(mix).astype(np.int64), state.astype(np.int64))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from math import prod
 from typing import Any
 
-from isocodec.entropy import mixer, range_coder
+from isocodec.entropy import guesses, mixer, range_coder
 from isocodec.errors import IsoError
 from isocodec.format.events import LayerComplete
 from isocodec.format.program import Layer
@@ -50,7 +50,8 @@ class Symbol:
     element, context : str
         As clauses 5.2 and 7.1 name them.
     mixing : str
-        Main profile: network, kind, and the number of rows that the network saw; empty if it is not mixed.
+        Main profile: network, kind, and the number of rows that the network saw, or how many opinions there are; empty
+        if it is not mixed.
     probability : int
         Of a 1, in 2**-16.
     width : int
@@ -163,6 +164,7 @@ class Tracer:
     def _listening(self) -> Iterator[None]:
         """Put ears where a symbol is coded, wherever that is used."""
         emit, code, blended, counted = range_coder.emit, range_coder.code, mixer.blended, mixer.counted
+        decided = guesses.decided
 
         def heard(cd: Any, p: int, bit: int) -> int:
             self._look()
@@ -185,6 +187,14 @@ class Tracer:
                 self._note(int(context), f"network {net}, kind {kind}, {rows} rows" + (", flipped" if flip else ""))
             return bit
 
+        def by_opinions(cd: Any, kind: int, bit: int) -> int:
+            # of a value bit the first opinion is that of the context which baseline files have alone
+            count, context = int(cd.blend.row[0]), int(cd.blend.row[1])
+            bit = decided(cd, kind, bit)
+            if bit >= 0 and mixer.mixing(cd):
+                self._note(context, f"{count} opinions")
+            return bit
+
         def counted_on(cd: Any, context: int, bit: int) -> int:
             bit = counted(cd, context, bit)
             if bit >= 0:
@@ -192,7 +202,7 @@ class Tracer:
             return bit
 
         instead: list[tuple[Callable[..., int], Callable[..., int]]] = [
-            (emit, heard), (code, coded), (blended, mixed), (counted, counted_on),
+            (emit, heard), (code, coded), (blended, mixed), (counted, counted_on), (decided, by_opinions),
         ]
         replaced = []
         for module in [m for name, m in sys.modules.items() if name.startswith("isocodec.")]:

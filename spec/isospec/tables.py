@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 HIDDEN = 48
 """Weights of a row; from the network's number of columns on they are 0."""
-COLUMNS = (48, 48, 48, 48, 32, 24, 48, 16, 24)
+COLUMNS = (48, 48, 48, 48, 32, 24, 16, 24)
 """Weights of each network's rows that are told."""
 BITS = 4
 """Bits of a weight, and..."""
@@ -35,16 +35,16 @@ INPUTS = 4
 """Opinions that are mixed, the bias among them."""
 MOST_LOGIT = 2047
 """Logits are multiples of 1/256, at most this many of them."""
-NETS = 9
-KINDS = 49
+NETS = 8
+KINDS = 46
 NET_ROWS = {
-    2: (296, 296, 0, 310, 720, 514, 500, 236, 594),
-    3: (362, 340, 424, 328, 720, 775, 760, 332, 1506),
+    2: (296, 296, 0, 310, 720, 514, 236, 594),
+    3: (362, 340, 424, 328, 720, 775, 332, 1506),
 }
 """Rows of each network (clause 7.10)."""
 ROWS = {n: sum(rows) for n, rows in NET_ROWS.items()}
-STARTS = 5368
-"""Contexts of the main profile."""
+STARTS = 5272
+"""Contexts of the main profile that may be trained."""
 
 
 @dataclass(frozen=True)

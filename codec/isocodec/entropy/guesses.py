@@ -36,20 +36,22 @@ def clear_opinions(cd):
 @inlined
 def hear(cd, ctx):
     """One more opinion: an adaptive probability."""
-    row = cd.blend.row
-    k = row[0]
-    row[1 + 2 * k] = ctx
-    row[2 + 2 * k] = stretched(cd, ctx)
-    row[0] = k + 1
+    _list(cd, ctx, stretched(cd, ctx))
 
 
 @inlined
 def say(cd, logit):
     """One more opinion: a logit, in units of 1/256."""
+    _list(cd, -1, min(max(logit, -MOST_LOGIT), MOST_LOGIT))
+
+
+@inlined
+def _list(cd, ctx, logit):
+    """Enter an opinion, behind the number of them: its context, -1 without one, and its logit."""
     row = cd.blend.row
     k = row[0]
-    row[1 + 2 * k] = -1
-    row[2 + 2 * k] = min(max(logit, -MOST_LOGIT), MOST_LOGIT)
+    # unsigned: no test whether it counts from the end
+    row[np.uint64(1 + 2 * k)], row[np.uint64(2 + 2 * k)] = ctx, logit
     row[0] = k + 1
 
 
@@ -57,21 +59,22 @@ def say(cd, logit):
 def decided(cd, kind, bit):
     """Code one symbol by the opinions listed, with the mixing weights of ``kind``; as ``range_coder.code``."""
     row = cd.blend.row
-    mix = cd.blend.mix[kind]
-    count = row[0]
+    mix = cd.blend.mix[np.uint64(kind)]
+    count = np.uint64(row[0])
     total = 0
     for k in range(count):
-        total += mix[k] * row[2 + 2 * k]
+        total += mix[k] * row[np.uint64(2) + np.uint64(2) * k]
     total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
-    p = np.int64(cd.blend.squash[total + MOST_LOGIT])
+    p = np.int64(cd.blend.squash[np.uint64(total + MOST_LOGIT)])
     bit = emit(cd, p, bit)
     if bit < 0:
         return bit
     error = ((bit << 16) - p) * LEARNING
     for k in range(count):
-        mix[k] = min(max(mix[k] + ((error * row[2 + 2 * k]) >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
-        if row[1 + 2 * k] >= 0:
-            adapt(cd, row[1 + 2 * k], bit)
+        ctx, logit = row[np.uint64(1) + np.uint64(2) * k], row[np.uint64(2) + np.uint64(2) * k]
+        mix[k] = min(max(mix[k] + ((error * logit) >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
+        if ctx >= 0:
+            adapt(cd, ctx, bit)
     return bit
 
 

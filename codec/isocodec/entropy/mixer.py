@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isospec.tables import HIDDEN, KINDS, MOST_LOGIT
+from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, STARTS
 
 from ..kernel import inlined
 from .network import weighed
@@ -95,8 +95,8 @@ def blended(cd, net, flip, kind, ctx, bit):
     opinion = _opinion(bl, net)
     if flip:
         opinion = -opinion
-    # the adaptive probabilities of classes of opinions are the last ones
-    place = len(cd.prob) + (kind - KINDS) * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
+    # the adaptive probabilities of classes of opinions are the last ones that may be trained
+    place = STARTS + (kind - KINDS) * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
     own = stretched(cd, ctx)
     mapped = stretched(cd, place)
     mix = bl.mix[np.uint64(kind)]

@@ -84,7 +84,7 @@ export class GridFile implements Contents, Engine {
 
   learn(from: Learned | undefined, framed: boolean, panel: boolean): Learned {
     const { main, grid } = this, other = from as Weighed | undefined;
-    this.s.meter.take(65536);
+    this.s.meter.take(main ? 1 << 17 : 1 << 16);
     return main ? main.learn(grid.n, other, framed, panel) : { shared: false, models: new Models(other?.models) } as Weighed;
   }
 

@@ -1,9 +1,10 @@
 /** Models and their beginnings (clauses 6.5, 7.1, 7.10(2)). */
 
-/** First numbers of the contexts of each name (7.10(2)). */
+/** First numbers of the contexts of each name (7.10(2)); those from CLASS on are of the main profile. */
 export const ORIGIN = 0, COMPONENT = 3, ROOT = 4, PATH = 5, FIRST = 7, CURVE = 31, SURFACE = 319, TREE = 895, LEAF = 970,
   SIGN = 1030, VALUE = 2150, OFFSET = 2462, LEVEL = 2606, LEVEL_PATH = 2630, SPLIT = 2694, CONTINUE = 2886, SEED = 2887,
-  OFFSET_LEAN = 2903, CONTRARY = 3031, VALUE_NEAR = 3032, OFFSET_NEAR = 3544, CLASS = 3800, CONTEXTS = 5368;
+  OFFSET_LEAN = 2903, CONTRARY = 3031, VALUE_NEAR = 3032, OFFSET_NEAR = 3544, CLASS = 3800,
+  AROUND = 5272, CONTEXTS = 29848;
 
 /** Probabilities and counters by context. */
 export interface Contexts {
@@ -39,6 +40,7 @@ const BEGINNINGS: readonly (readonly [number, number, number, number])[] = [
   [CONTRARY, 1, 1311, 2],
   // VALUE_NEAR and OFFSET_NEAR: a `p` of 0 stands for that of the context above (7.1(4))
   [VALUE_NEAR, 768, 0, 0],
+  [AROUND, 24576, 32768, 0],
 ];
 
 /** What isovalues learn: models and, in the main profile, mixing weights, those of a panel apart (5.9.2). */
@@ -54,12 +56,11 @@ export class Models implements Contexts {
   p: Uint16Array;
   seen: Uint8Array;
 
-  /** What `other` has begins as a copy (5.9.2); `more` contexts follow on the others, copied if `panel` says so. */
-  constructor(other: Models | undefined, more = 0, panel = false) {
-    this.p = new Uint16Array(CONTEXTS + more).fill(32768);
-    this.seen = new Uint8Array(CONTEXTS + more);
+  /** So many contexts; the first `copied` begin as `other` has them, if there is one (5.9.2), the rest without symbols. */
+  constructor(other: Models | undefined, count = CLASS, copied = count) {
+    this.p = new Uint16Array(count).fill(32768);
+    this.seen = new Uint8Array(count);
     if (other) {
-      const copied = panel ? this.p.length : CONTEXTS;
       this.p.set(other.p.subarray(0, copied));
       this.seen.set(other.seen.subarray(0, copied));
       return;

@@ -1,4 +1,4 @@
-/** Geometry by values (5.6, 5.9.5), its guesses and candidates (7.7, 7.15). */
+/** Geometry by values (5.6, 5.9.5), the values around, and guesses (7.7). */
 import { VALUE, VALUE_NEAR } from "./models.js";
 import { inOrder } from "./order.js";
 import { Ints, KNOWN, SIGN } from "./store.js";
@@ -39,19 +39,10 @@ export class Values {
   private readonly list: Ints;
   private listed = -1;
   wide: boolean;
-  /** Near values around a vertex: what is there, known finely, and its value. */
+  /** Near values around a vertex (7.15(1)): what is there, and its value. */
   readonly there = new Uint8Array(24);
-  readonly fine = new Uint8Array(24);
-  private readonly near = new Float64Array(24);
-  private readonly wideNear: bigint[] = [];
-  /** Candidates by slot: whether they are there, known finely, and their places; the guess of 7.7(3). */
-  readonly slotThere = new Uint8Array(14);
-  readonly slotFine = new Uint8Array(14);
-  readonly slots = new Float64Array(14);
-  readonly wideSlots: bigint[] = [];
-  private guessed = false;
-  private readonly guess = new Float64Array(1);
-  private wideGuess = 0n;
+  readonly near = new Float64Array(24);
+  readonly wideNear: bigint[] = [];
   private per = 0;
   private neighbours = new Int32Array(0);
 
@@ -169,8 +160,8 @@ export class Values {
         }
         if (bit < 0) {
           const context = VALUE + (2 * m + (so !== 0 ? 1 : 0)) * 3 + before;
-          if (full) this.around(i, m);
-          if (t.main) {
+          if (full) this.around(i);
+          if (full && t.main) {
             while ((bit = t.main.value(this, so, m, context)) < 0) yield;
           } else {
             const near = full ? this.class(so, m) : -1;
@@ -187,7 +178,7 @@ export class Values {
 
   /**
    * Samples around each active vertex, as twice their number in `known`, plus 1 if their sign is that of the vertex, or -1:
-   * for each axis back_1, on_1, back_2, on_2, then the four of each pair of axes (7.15(3)).
+   * for each axis back_1, on_1, back_2, on_2, then the four of each pair of axes (7.15(2)).
    */
   private survey(): void {
     const { t, list, ids } = this, { n, store, known } = t, [lastX, lastY, lastZ] = t.grid.last;
@@ -208,117 +199,60 @@ export class Values {
     }
   }
 
-  /** Near values, candidates by slot, and the guess of 7.7(3), for entry `entry` of the list. */
-  private around(entry: number, plane: number): void {
-    const { neighbours, per, there, fine, missing, number, wide, slotThere, slotFine } = this, { n } = this.t;
-    const near: Wide = wide ? this.wideNear : this.near, slots: Wide = wide ? this.wideSlots : this.slots;
-    // only the main profile has candidates
-    const main = this.t.main !== undefined;
+  /** Near values around entry `entry` of the list. */
+  private around(entry: number): void {
+    const { neighbours, per, there, missing, number, wide, near, wideNear } = this;
     for (let i = 0; i < per; i++) {
       const found = neighbours[per * entry + i]!;
-      if (found < 0) {
-        there[i] = 0;
-        continue;
-      }
-      const id = found >> 1, m = missing[id]!, same = (found & 1) === 1;
-      there[i] = 1;
-      fine[i] = m <= plane ? 1 : 0;
+      there[i] = found < 0 ? 0 : 1;
+      if (found < 0) continue;
+      const id = found >> 1, same = (found & 1) === 1;
       if (wide) {
-        const value = (2n * BigInt(number[id]!) + 1n) << BigInt(m);
-        near[i] = same ? value : -value;
+        const value = (2n * BigInt(number[id]!) + 1n) << BigInt(missing[id]!);
+        wideNear[i] = same ? value : -value;
       } else {
-        const value = (2 * number[id]! + 1) * POWER[m]!;
+        const value = (2 * number[id]! + 1) * POWER[missing[id]!]!;
         near[i] = same ? value : -value;
       }
     }
-    const zero: Wide = wide ? 0n : 0;
-    if (main) slotThere.fill(0);
-    let same = zero, other = zero, sames = 0, others = 0, sameFine = 1, otherFine = 1;
-    let sum = zero, count = 0, rest = zero, rests = 0;
-    for (let a = 0; a < n; a++) {
-      const b = 4 * a;
+  }
+
+  /** The guess of 7.7(3), undefined if there is none. */
+  private guess(): Wide {
+    const { there, wide } = this, { n } = this.t, near: Wide = wide ? this.wideNear : this.near, zero: Wide = wide ? 0n : 0;
+    let same = zero, sames = 0, sum = zero, count = 0, rest = zero, rests = 0;
+    const add = (place: Wide): void => {
+      if (place > zero) sum += place;
+      count++;
+    };
+    for (let b = 0; b < 4 * n; b += 4) {
+      if (there[b] && there[b + 1]) add(this.div(near[b] + near[b + 1], 2));
       for (let i = b; i < b + 2; i++) {
         if (!there[i]) continue;
         if (near[i] > zero) {
           same += near[i];
           sames++;
-          sameFine &= fine[i]!;
-        } else if (main) {
-          other += near[i];
-          others++;
-          otherFine &= fine[i]!;
         }
-      }
-      if (there[b] && there[b + 1]) {
-        const line = this.div(near[b] + near[b + 1], 2), slot = 2 + 3 * a;
-        if (main) {
-          slots[slot] = line;
-          slotThere[slot] = 1;
-          slotFine[slot] = fine[b]! & fine[b + 1]!;
-        }
-        if (line > zero) sum += line;
-        count++;
-      }
-      for (let i = b; i < b + 2; i++) {
-        if (!there[i] || !there[i + 2]) continue;
-        const beyond = near[i] + near[i] - near[i + 2], slot = 3 + 3 * a + i - b;
-        if (main) {
-          slots[slot] = beyond;
-          slotThere[slot] = 1;
-          slotFine[slot] = fine[i]! & fine[i + 2]!;
-        }
-        rest += beyond;
+        if (!there[i + 2]) continue;
+        rest += near[i] + near[i] - near[i + 2];
         rests++;
       }
     }
-    let pair = 2 + 3 * n, at = 4 * n;
-    for (let a = 0; a < n; a++) for (let b = a + 1; b < n; b++, pair++) {
-      let across = zero, acrosses = 0, acrossFine = 1;
-      for (let i = 0; i < 4; i++, at++) {
-        const p = 4 * a + (i >> 1), q = 4 * b + (i & 1);
-        if (!there[at] || !there[p] || !there[q]) continue;
-        const place = near[p] + near[q] - near[at];
-        across += place;
-        acrosses++;
-        acrossFine &= fine[p]! & fine[q]! & fine[at]!;
-        if (place > zero) sum += place;
-        count++;
-      }
-      if (acrosses) {
-        slots[pair] = this.div(across, acrosses);
-        slotThere[pair] = 1;
-        slotFine[pair] = acrossFine;
-      }
+    let at = 4 * n;
+    for (let a = 0; a < n; a++) for (let b = a + 1; b < n; b++) for (let i = 0; i < 4; i++, at++) {
+      const p = 4 * a + (i >> 1), q = 4 * b + (i & 1);
+      if (there[at] && there[p] && there[q]) add(near[p] + near[q] - near[at]);
     }
-    if (sames) {
-      const mean = this.div(same, sames);
-      slots[0] = mean;
-      slotThere[0] = 1;
-      slotFine[0] = sameFine;
-      sum += mean;
-      count++;
-    }
-    if (others) {
-      slots[1] = this.div(other, others);
-      slotThere[1] = 1;
-      slotFine[1] = otherFine;
-    }
-    this.guessed = count > 0 || rests > 0;
-    if (!this.guessed) return;
-    const guess = count ? this.div(sum, count) : this.div(rest > zero ? rest : zero, rests);
-    if (wide) this.wideGuess = guess;
-    else this.guess[0] = guess;
+    if (sames) add(this.div(same, sames));
+    if (count) return this.div(sum, count);
+    return rests ? this.div(rest > zero ? rest : zero, rests) : undefined;
   }
 
-  private div(a: Wide, count: number): Wide {
+  /** `a // count`. */
+  div(a: Wide, count: number): Wide {
     if (!this.wide) return Math.floor(a / count);
     const b = BigInt(count), q = a / b;
     return a % b !== 0n && a < 0n ? q - 1n : q;
-  }
-
-  /** `x >> shift`, as a number from -8 to 7 or so: limited, so that wide numbers fit. */
-  shifted(x: Wide, shift: number): number {
-    return this.wide ? Number(x >> BigInt(shift)) : Math.floor(x / POWER[shift]!);
   }
 
   cut(number: number, plane: number): Wide {
@@ -327,9 +261,9 @@ export class Values {
 
   /** `near` of 7.7(2), -1 without a guess. */
   private class(number: number, plane: number): number {
-    if (!this.guessed) return -1;
-    const guess: Wide = this.wide ? this.wideGuess : this.guess[0];
-    const far = guess - this.cut(number, plane), near = this.shifted(far + far + far + far, plane + 1);
+    const guess = this.guess();
+    if (guess === undefined) return -1;
+    const far = 4 * Number(guess - this.cut(number, plane)), near = Math.floor(far / POWER[plane + 1]!);
     return 8 + (near < -8 ? -8 : near > 7 ? 7 : near);
   }
 }

@@ -12,7 +12,10 @@ from .corner_patterns import CLASSES
 
 MAP = CONTEXTS
 """The adaptive probabilities of classes of opinions follow those of the baseline profile."""
-STATES = CONTEXTS + KINDS * BUCKETS
+AROUND_VALUE = MAP + KINDS * BUCKETS
+"""Then come those of value bits: lists of contexts, each of four candidates."""
+VALUE_LISTS, VALUE_LIST = 6, 8**4
+STATES = AROUND_VALUE + VALUE_LISTS * VALUE_LIST
 MOST_ROWS = 256
 # Kinds of symbols that are mixed; each has separate weights and classes of opinions.
 REFINE_KIND = 0
@@ -23,14 +26,16 @@ OFFSET_KIND = 18
 """Rows by how often the part was halved, of edges coded for the first time or again; the same off the full grid."""
 LEAN_KIND = 30
 """Rows by how often the part was halved, where an earlier isovalue crosses the edge, too, on and off the full grid."""
-VALUE_KIND = 36
-"""Rows by bits of the number coded so far: none that is 1, one, more."""
-MESH_KIND = 39
+MESH_KIND = 36
 """Rows by question: on a path, of a simplex that may be coarser or finer, whether to split a leaf."""
-BASE_KIND = 43
+BASE_KIND = 40
 """Rows by phase, for the signs behind gates; the same where an earlier isovalue predicts them."""
+VALUE_MIX, VALUE_MIXES = KINDS, 4
+"""First set of the weights of value bits, behind those of all kinds, and how many: by bits of the number so far."""
+VALUE_WEIGHT = 1 << 14
+"""Weight that their opinions begin with, of ``2**16``."""
 # Networks, in the order of their rows.
-SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, VALUE_NET, MESH_NET, BASE_NET = np.array([0, 3, 4, 5, 6, 7, 8])
+SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, MESH_NET, BASE_NET = np.array([0, 3, 4, 5, 6, 7])
 """Signs have one for each phase; n = 2 leaves the third without rows. Offsets have one on and one off the full grid."""
 AROUND = {2: 96, 3: 112}
 """Vertices around a middle that a sign's network sees."""
@@ -54,13 +59,9 @@ TREE_ROW = {n: sum(SIGN_ROWS[n]) for n in AROUND}
 """First row of the tree's network."""
 OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS[n] for n in AROUND}
 OFFSET_ROWS, LEAF_ROWS = 720, {2: 514, 3: 775}
-VALUE_SLOTS = {2: 9, 3: 14}
-"""Candidates for a value."""
-VALUE_ROW = {n: OFFSET_ROW[n] + OFFSET_ROWS + LEAF_ROWS[n] for n in AROUND}
-VALUE_ROWS = {n: 52 * VALUE_SLOTS[n] + 32 for n in AROUND}
 MESH_AROUND = 24
 """Vertices around a middle that the network of the mesh sees."""
-MESH_ROW = {n: VALUE_ROW[n] + VALUE_ROWS[n] for n in AROUND}
+MESH_ROW = {n: OFFSET_ROW[n] + OFFSET_ROWS + LEAF_ROWS[n] for n in AROUND}
 MESH_ROWS = {n: 44 + 4 * MESH_AROUND * n for n in AROUND}
 BEHIND = {2: 48, 3: 62}
 """Vertices around the one behind a gate that the network of base signs sees."""

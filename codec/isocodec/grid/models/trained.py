@@ -7,18 +7,20 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.tables import HIDDEN, KINDS, ROWS, Tables
+from isospec.tables import HIDDEN, INPUTS, KINDS, ROWS, Tables
 
 from ...entropy.context_layout import logistic, shipped_tables
+from ...entropy.guesses import MOST_OPINIONS
 from ...entropy.mixer import BUCKET, BUCKETS
 from ...entropy.panel import no_panel
-from ...entropy.range_coder import Blend
+from ...entropy.range_coder import ONE, Blend
 from .contexts import CONTEXTS
 from .contexts import models as baseline_models
 from .network_rows import (
     AROUND,
     AROUND_SUM,
     AROUND_SUMS,
+    AROUND_VALUE,
     BIRTH_CLASSES,
     CELL_CLASSES,
     CELL_ROW,
@@ -33,6 +35,8 @@ from .network_rows import (
     SIGN_ROW,
     STATES,
     TREE_ROW,
+    VALUE_MIXES,
+    VALUE_WEIGHT,
 )
 
 _LINE = 64
@@ -75,10 +79,13 @@ def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int
     for mine, of_baseline in zip((prob, seen), begun, strict=True):
         mine[:CONTEXTS] = of_baseline
     middles = (np.arange(BUCKETS) << BUCKET) + (1 << BUCKET >> 1)
-    prob[MAP:] = np.tile(squash[middles], KINDS)
+    prob[MAP:AROUND_VALUE] = np.tile(squash[middles], KINDS)
+    prob[AROUND_VALUE:] = ONE >> 1
     prob[t.state[:, 0]], seen[t.state[:, 0]] = t.state[:, 1], t.state[:, 2]
+    mix = np.full((KINDS + VALUE_MIXES, MOST_OPINIONS), VALUE_WEIGHT, np.int64)
+    mix[:KINDS, :INPUTS] = t.mix
     blend = Blend(
-        with_sums(n, t.weight), t.out.astype(np.int32), t.mix.copy(), *logistic(squash),
+        with_sums(n, t.weight), t.out.astype(np.int32), mix, *logistic(squash),
         np.zeros(MOST_ROWS, np.int64), np.zeros((0, 0), np.int32), no_panel(),
     )
     return prob, seen, blend

@@ -7,7 +7,7 @@ import numpy as np
 from ...entropy.range_coder import ENCODE, Coder
 from ...kernel import DONE, kernel
 from ...kernel.types import IntVector
-from ..models.value_bits import UNKNOWN, Nearby, code_value_bit, implied_bit, packed
+from ..models.value_bits import Nearby, code_value_bit, doubled, implied_bit
 from ..models.value_rows import go_to_row
 from ..tube.state import VALUE_BIT, State
 
@@ -45,7 +45,7 @@ def values(
         number[v] = number[v] << 1 | bit
         left[v] = p
         if len(nearby.told) > 0:
-            nearby.told[np.uint64(walk.item)] = packed(st, number, left, v)
+            nearby.told[np.uint64(walk.item)] = doubled(st, number, left, v)
     return DONE
 
 
@@ -53,5 +53,5 @@ def values(
 def enter_told(st: State, active: IntVector, number: IntVector, left: IntVector, told: IntVector) -> None:
     """Enter what is known of the vertices of a list, and behind them the entry for all others."""
     for i in range(len(active)):
-        told[i] = packed(st, number, left, np.uint64(active[i]))
-    told[len(active)] = UNKNOWN
+        told[i] = doubled(st, number, left, np.uint64(active[i]))
+    told[len(active)] = 0

@@ -1,7 +1,7 @@
 /** The coder and the models of an isovalue, as kernels have them (clauses 6 and 7). */
 import { STEP } from "../coder.js";
-import { CLASS, Models } from "../models.js";
-import { begin, KINDS, type Tables } from "../main/tables.js";
+import { CLASS, CONTEXTS, Models } from "../models.js";
+import { begin, KINDS, type Tables, VALUE_OPINIONS, VALUE_SETS } from "../main/tables.js";
 import { PANEL_CONTEXTS, PANEL_KINDS, PANEL_LISTS, TRUST } from "../trust.js";
 import type { Arr, Machine, Registers } from "./machine.js";
 import { WIDTH, withSums } from "./rows.js";
@@ -78,12 +78,20 @@ export class Coders {
       const { prob, seen, blend } = from;
       return { reg, buf, prob: this.wide(prob), seen: this.wide(seen), rate, blend: { ...blend, mix: m.copy(blend.mix), panel: own } };
     }
-    const models = new Models(undefined), { tables } = this;
+    const { tables } = this, models = new Models(undefined, tables ? CONTEXTS : CLASS);
     if (tables) begin(tables, models);
-    const [prob, seen] = [models.p, models.seen].map((all) => m.numbers(tables ? all : [...all.subarray(0, CLASS)])) as [Arr, Arr];
-    const mix = tables ? m.numbers(tables.mix, [KINDS, 4]) : m.array("int64", [0, 1]);
+    const [prob, seen] = [models.p, models.seen].map((all) => m.numbers(all)) as [Arr, Arr];
+    const mix = tables ? this.weights(tables) : m.array("int64", [0, 1]);
     const { weight, out, squash, stretch, trust, row, trace } = shared;
     return { reg, buf, prob, seen, rate, blend: { weight, out, mix, squash, stretch, trust, row, trace, panel: own } };
+  }
+
+  /** Weights of opinions, as many for each kind of symbols as value bits have. */
+  private weights({ mix }: Tables): Arr {
+    const wide = new Float64Array((KINDS + VALUE_SETS) * VALUE_OPINIONS);
+    for (let kind = 0; kind < KINDS; kind++) wide.set(mix.subarray(4 * kind, 4 * kind + 4), VALUE_OPINIONS * kind);
+    wide.set(mix.subarray(4 * KINDS), VALUE_OPINIONS * KINDS);
+    return this.m.numbers(wide, [KINDS + VALUE_SETS, VALUE_OPINIONS]);
   }
 
   /** The models in as few bytes as they take, without the run: others may lean on them, nothing else. */

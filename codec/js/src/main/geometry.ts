@@ -1,31 +1,89 @@
-/** Rows that the networks of the main profile see of numbers and digits (7.14.7, 7.15(4)). */
+/** What the main profile sees of numbers and digits: opinions of 7.15, rows of 7.14.7. */
 import { bits } from "../bits.js";
+import { AROUND } from "../models.js";
 import type { Offsets } from "../offsets.js";
 import type { Tube } from "../tube.js";
 import type { Values } from "../values.js";
 import { rows } from "./rows.js";
 
-/** Rows of a bit of a vertex's number; `values` has its candidates. How many. */
-export function valueRows(values: Values, t: Tube, number: number, plane: number): number {
-  const { slotThere, slotFine, there, fine, wide } = values, { n } = t, base = n === 2 ? 2136 : 2949;
-  let seen = 0, count = 0;
-  if (t.onFullGrid) {
-    // numbers or, where they are wide, BigInt: the same text computes both
-    // eslint-disable-next-line @typescript-eslint/no-explicit-any
-    const cut: any = values.cut(number, plane), slots: any = wide ? values.wideSlots : values.slots;
-    for (let slot = 0; slot < 14; slot++) {
-      if (!slotThere[slot]) continue;
-      const off = slots[slot] - cut, below = off < 0, size = below ? -off : off, twice = size + size;
-      const far = values.shifted(twice + twice + twice + twice, plane + 1);
-      rows[seen++] = base + 52 * slot + 26 * slotFine[slot]! + (below ? 13 : 0) + (far < 4096 ? bits(far) : 12);
+// Places of candidates are numbers or, where they are wide, BigInt: the same text computes both.
+// eslint-disable-next-line @typescript-eslint/no-explicit-any
+type Wide = any;
+
+/** Opinions on a value bit that are leans; those of contexts come after them. */
+export const LEANS = 5;
+
+/** Opinions on a bit of a vertex's number (7.15). */
+export class ValueOpinions {
+  /** Leans by kind of candidate, in the order of 7.15(2), and room for what the contexts say. */
+  readonly said = new Int32Array(12);
+  readonly contexts = new Int32Array(7);
+  private cut: Wide;
+  private half = 0;
+  /** The last lean. */
+  private lean = 0;
+
+  /** Enter the leans of the candidates, and the contexts: that of 7.7(1), then AROUND. */
+  list(values: Values, n: number, number: number, plane: number, context: number): void {
+    const { there, wide } = values, { said, contexts } = this;
+    const near: Wide = wide ? values.wideNear : values.near, zero: Wide = wide ? 0n : 0;
+    this.cut = values.cut(number, plane);
+    this.half = 2 ** (plane + 1);
+    contexts[0] = context;
+    let same = zero, sames = 0, other = zero, others = 0;
+    for (let i = 0; i < 4 * n; i += i & 1 ? 3 : 1) {
+      if (!there[i]) continue;
+      if (near[i] > zero) {
+        same += near[i];
+        sames++;
+      } else {
+        other += near[i];
+        others++;
+      }
     }
-    for (let a = 0; a < n; a++) for (let i = 4 * a; i < 4 * a + 2; i++) if (there[i] && fine[i]) count++;
+    const alike = this.class(sames, sames && values.div(same, sames));
+    said[0] = this.lean;
+    const unlike = this.class(others, others && values.div(other, others));
+    said[1] = this.lean;
+    said[2] = said[3] = said[4] = 0;
+    let lines = 0, planes = 0;
+    for (let a = 0; a < n; a++) {
+      const x = 4 * a, y = x + 1;
+      const line = this.class(there[x]! & there[y]!, there[x]! & there[y]! && values.div(near[x] + near[y], 2));
+      said[2]! += this.lean;
+      let found = line;
+      for (let i = x; i <= y; i++) {
+        found = 8 * found + this.class(there[i]! & there[i + 2]!, there[i]! & there[i + 2]! && near[i] + near[i] - near[i + 2]);
+        said[3]! += this.lean;
+      }
+      lines = 8 * lines + line;
+      contexts[1 + a] = AROUND + 4096 * a + 8 * found + alike;
+    }
+    let at = 4 * n;
+    for (let a = 0; a < n; a++) for (let b = a + 1; b < n; b++) {
+      let sum = zero, count = 0;
+      for (let i = 0; i < 4; i++, at++) {
+        const p = 4 * a + (i >> 1), q = 4 * b + (i & 1);
+        if (!there[at] || !there[p] || !there[q]) continue;
+        sum += near[p] + near[q] - near[at];
+        count++;
+      }
+      planes = 8 * planes + this.class(count, count && values.div(sum, count));
+      said[4]! += this.lean;
+    }
+    contexts[n + 1] = AROUND + 12288 + 8 * alike + unlike;
+    contexts[n + 2] = AROUND + 16384 + lines;
+    contexts[n + 3] = AROUND + 20480 + 8 * planes + alike;
   }
-  const rest = base + (n === 2 ? 468 : 728);
-  rows[seen++] = rest + Math.min(plane, 15);
-  rows[seen++] = rest + 16 + Math.min(bits(number), 7);
-  rows[seen++] = rest + 24 + count;
-  return seen;
+
+  /** Class of the lean of a candidate at a place, 0 if it is not there. */
+  private class(there: number, place: Wide): number {
+    this.lean = 0;
+    if (!there) return 0;
+    const { half } = this, far = place - this.cut;
+    this.lean = Math.floor(((far < -half ? -half : far >= half ? half - 1 : Number(far)) * 256) / half);
+    return 1 + ((7 * (this.lean + 256)) >> 9);
+  }
 }
 
 /** Symbol number `i` of a digit of an edge: which of the parts `low .. high - 1` of `R` it is (5.7.3). */

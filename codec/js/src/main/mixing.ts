@@ -6,10 +6,10 @@ import { TRUST } from "../trust.js";
 import type { Tube } from "../tube.js";
 import type { Values } from "../values.js";
 import { Crowd } from "./crowd.js";
-import { type OffsetSymbol, offsetRows, valueRows } from "./geometry.js";
+import { LEANS, type OffsetSymbol, offsetRows, ValueOpinions } from "./geometry.js";
 import { Panel } from "./panel.js";
 import { componentRows, questionRows, refinementRows, rows, signRows } from "./rows.js";
-import { PAIR, type Tables } from "./tables.js";
+import { KINDS, PAIR, type Tables, VALUE_OPINIONS, VALUE_SETS } from "./tables.js";
 
 /** What an isovalue has beside its contexts. */
 export class Mixing {
@@ -53,7 +53,7 @@ export class Mixing {
 
   /** A question about the mesh (7.16): 0 to 2 of a base, 3 whether to split. */
   question(what: number, level: number, x: number, y: number, z: number, history: number, context: number): number {
-    return this.mixed(questionRows(this.t, what, level, x, y, z, history), 7, 39 + what, context, false);
+    return this.mixed(questionRows(this.t, what, level, x, y, z, history), 6, 36 + what, context, false);
   }
 
   /** The sign of vertex `o` of a simplex, at `v`, in a base (7.17). */
@@ -62,7 +62,7 @@ export class Mixing {
     const { t } = this, r = level % t.n, panel = earlier < 0 ? undefined : this.panel;
     panel?.look(6 + r, ...v, t.grid.edge(level), earlier & 1, predicted);
     const count = signRows(t, level, cls, x, y, z, o, predicted, kase, earlier);
-    return this.mixed(count, 8, 43 + r + (earlier >= 0 ? 3 : 0), context, false, panel);
+    return this.mixed(count, 7, 40 + r + (earlier >= 0 ? 3 : 0), context, false, panel);
   }
 
   /** A node of the tree of new components, or a slot (`height` -1) (7.13). */
@@ -72,10 +72,24 @@ export class Mixing {
     return this.mixed(count, 3, (height > 0 || root ? 12 : height === 0 ? 13 : 14) + (t.lean ? 3 : 0), context, false);
   }
 
-  /** A bit of a vertex's number (7.15). */
+  /** What is said of a value bit: logits, then those of the contexts. */
+  private readonly about = new ValueOpinions();
+
+  /** A bit of a vertex's number on the full grid (7.15). */
   value(values: Values, number: number, plane: number, context: number): number {
-    const count = valueRows(values, this.t, number, plane);
-    return this.mixed(count, 6, 36 + Math.min(bits(number), 2), context, false);
+    const { t: { coder, n }, about: { said, contexts }, mix, tables: { squash, stretch } } = this;
+    this.about.list(values, n, number, plane, context);
+    const count = LEANS + n + 4;
+    for (let i = LEANS; i < count; i++) said[i] = this.opinion(contexts[i - LEANS]!, stretch);
+    const o = 4 * KINDS + VALUE_OPINIONS * Math.min(bits(number), VALUE_SETS - 1);
+    let sum = 0;
+    for (let i = 0; i < count; i++) sum += mix[o + i]! * said[i]!;
+    const p = squash[logit(sum) + 2047]!, bit = coder.raw(p);
+    if (bit < 0) return bit;
+    const error = 48 * (65536 * bit - p);
+    for (let i = 0; i < count; i++) mix[o + i] = moved(mix[o + i]!, (error * said[i]!) / 1048576);
+    for (let i = LEANS; i < count; i++) coder.update(contexts[i - LEANS]!, bit);
+    return bit;
   }
 
   /** A symbol of a digit (7.14). */

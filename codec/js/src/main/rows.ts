@@ -92,7 +92,7 @@ export function questionRows(t: Tube, what: number, level: number, x: number, y:
                              history: number): number {
   const { n, store, grid } = t, r = level % n, g = grid.edge(level) / 2;
   const { d, away } = frame(n, r, (x / g) & 3, (y / g) & 3, n === 2 ? 0 : (z / g) & 3);
-  const base = n === 2 ? 2636 : 3709, to = base + 44 + 96 * r;
+  const base = n === 2 ? 2136 : 2949, to = base + 44 + 96 * r;
   const here = t.see(x + away[0] * g, y + away[1] * g, z + away[2] * g) & SIGN;
   let seen = 0;
   rows[seen++] = base + 3 * what + r;
@@ -123,7 +123,7 @@ const tuples = [2, 3].map((n) => {
 export function signRows(t: Tube, level: number, cls: number, x: number, y: number, z: number, o: number,
                          predicted: number, kase: number, earlier: number): number {
   const { n } = t, r = level % n, c = t.grid.edge(level), { off } = t.grid.phases[r]!, d = tuples[n - 2]!;
-  const base = n === 2 ? 2872 : 4041, count = n === 2 ? 48 : 62, to = base + 18 + 2 * count * (r * (n + 1) + o);
+  const base = n === 2 ? 2372 : 3281, count = n === 2 ? 48 : 62, to = base + 18 + 2 * count * (r * (n + 1) + o);
   const at = 12 * cls, v = at + 3 * o;
   const e: number[] = [];
   for (let j = 0; j <= n; j++) {

@@ -1,9 +1,10 @@
 /** The tables of the main profile (7.10). */
-import { CLASS, CONTEXTS, type Contexts } from "../models.js";
+import { AROUND, CLASS, type Contexts } from "../models.js";
 
-/** Columns of a row of `weight`, kinds of symbols, networks. */
-export const KINDS = 49;
-const WIDTH = 48, NETWORKS = 9;
+/** Kinds of symbols that have a network; sets of weights of value bits, which follow on theirs, and opinions of these. */
+export const KINDS = 46, VALUE_SETS = 4, VALUE_OPINIONS = 12;
+/** Columns of a row of `weight`, networks. */
+const WIDTH = 48, NETWORKS = 8;
 
 /** The tables of the main profile for one number of axes. */
 export interface Tables {
@@ -12,6 +13,7 @@ export interface Tables {
   /** Two columns in one number, the second `2**26` times its value: sums of rows add both at once. */
   weight: Float64Array;
   out: Float64Array;
+  /** Weights of opinions: four for each kind, then those of value bits (7.15(3)). */
   mix: Float64Array;
   /** Context, probability, counter of each context that does not begin as 7.1 states. */
   begin: Uint16Array;
@@ -46,10 +48,10 @@ function stretches(squash: Uint16Array): Int16Array {
 
 /** Rows of each network, and columns of a row that the file has: in those behind, all weights are 0. */
 const ROWS: Readonly<Record<number, readonly number[]>> = {
-  2: [296, 296, 0, 310, 720, 514, 500, 236, 594],
-  3: [362, 340, 424, 328, 720, 775, 760, 332, 1506],
+  2: [296, 296, 0, 310, 720, 514, 236, 594],
+  3: [362, 340, 424, 328, 720, 775, 332, 1506],
 };
-const COLUMNS: readonly number[] = [48, 48, 48, 48, 32, 24, 48, 16, 24];
+const COLUMNS: readonly number[] = [48, 48, 48, 48, 32, 24, 16, 24];
 
 /** Numbers of some bits each, the most significant bit first; every list of them begins with a byte. */
 class Bits {
@@ -82,7 +84,7 @@ class Bits {
 
 /** Read `isospec/main.bin` (7.10(1)). */
 export function readTables(bytes: Uint8Array, n: number): Tables {
-  if (bytes.length !== 173575) throw new RangeError("the tables of the main profile have 173575 bytes");
+  if (bytes.length !== 142062) throw new RangeError("the tables of the main profile have 142062 bytes");
   if (n !== 2 && n !== 3) throw new RangeError("two or three axes");
   const file = new Bits(new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength));
   const squash = new Uint16Array(4095).fill(32768);
@@ -107,9 +109,10 @@ export function readTables(bytes: Uint8Array, n: number): Tables {
       out.set(file.signed(columns, 2), k * (WIDTH + 1));
       out.set(file.signed(1, 4), k * (WIDTH + 1) + WIDTH);
     });
-    const mix = file.signed(KINDS * 4, 4);
+    const mix = new Float64Array(4 * KINDS + VALUE_SETS * VALUE_OPINIONS).fill(16384);
+    mix.set(file.signed(4 * KINDS, 4));
     const begin: number[] = [];
-    file.list(CONTEXTS, 1).forEach((trained, context) => {
+    file.list(AROUND, 1).forEach((trained, context) => {
       if (trained) begin.push(context, 0, 0);
     });
     for (let i = 0; i < begin.length; i += 3) {
