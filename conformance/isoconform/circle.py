@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from isocodec.format.header import Header
 from isocodec.format.program import Layer
 from isocodec.grid.passes import new_components
-from isocodec.search import base_order, component_search, ground_truth
+from isocodec.search import component_search, ground_truth, mixed_leaves
 
 from .draft import Draft
 from .plain import environment
@@ -63,7 +63,7 @@ def passes(low: tuple[int, int], high: tuple[int, int]) -> bool:
 
 
 def _mixed_cube(pyramid: object, levels: object, m: int, x: int, y: int, z: int) -> bool:
-    """For ``base_order``: whether a cube, of the size that m halvings of the root's leave, may hold both signs."""
+    """For ``mixed_leaves``: whether a cube, of the size that m halvings of the root's leave, may hold both signs."""
     edge = (1 << FULL // 2) >> m
     return passes((x * edge, y * edge), (x * edge + edge, y * edge + edge))
 
@@ -93,7 +93,7 @@ def main(name: str) -> bytes:
     """A file of the circle; to be called in a process that runs kernels as plain Python."""
     ground_truth.GroundTruth.busy = np.zeros((1, 1, 1), np.bool_)  # type: ignore[assignment]
     ground_truth.GroundTruth.pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))  # type: ignore[method-assign]
-    base_order._mixed_cube = _mixed_cube
+    mixed_leaves._mixed_cube = _mixed_cube
     ground_truth.find = _find
     signs: NDArray[np.bool_] = Circle()  # type: ignore[assignment]
     return bytes(planned(Header((SIDE, SIDE), 0.5), sign_tube((SIDE, SIDE), signs), [PLANS[name]]))

@@ -16,8 +16,8 @@ import isocodec
 from brute import examples
 from commands import HILLS, run
 from isocodec import Decoder, Limits
-from isocodec.drawing import rows as masks
-from isocodec.drawing.rows import MaskRows
+from isocodec.drawing import sample_mask as masks
+from isocodec.drawing.sample_mask import MaskRows
 from isocodec.errors import LimitError, OptionError, TruncatedError
 from libraries import Late
 

@@ -290,7 +290,9 @@ class Values(Plain):
             for name, places in self.candidates(v).items()
         }
         cases = {
-            name: [0 if x is None else 1 + ((7 * (lean + 256)) >> 9) for x, lean in zip(places, leans[name], strict=True)]
+            name: [
+                0 if x is None else 1 + ((7 * (lean + 256)) >> 9) for x, lean in zip(places, leans[name], strict=True)
+            ]
             for name, places in self.candidates(v).items()
         }
         (same,), (other,), lines, beyond, across = cases.values()
@@ -328,7 +330,8 @@ def test_values_are_those_of_the_specification(n, seed, size):
         pass
     cd, plain = encoder.frame.strands[0].tube.coder, Values(field)
     for first, end in ((VALUE, OFFSET), (AROUND_VALUE, STATES)):
-        assert cd.prob[first:end].tolist() == plain.p[first:end] and cd.seen[first:end].tolist() == plain.seen[first:end]
+        assert cd.prob[first:end].tolist() == plain.p[first:end]
+        assert cd.seen[first:end].tolist() == plain.seen[first:end]
     assert [sorted(mix[: n + 9]) for mix in cd.blend.mix[VALUE_MIX:].tolist()] == [sorted(mix) for mix in plain.mix]
 
 

@@ -22,12 +22,12 @@ from brute import crossing_points, examples, mesh_leaves, mixed_leaves, sign_fie
 from isocodec.field.samples import check_field
 from isocodec.grid.lattice.simplex import newest
 from isocodec.grid.lattice.vertex_set import has
+from isocodec.search.coarsening import Reduction, bent, distinct
 from isocodec.search.edges import crossing_on
 from isocodec.search.original import original
 from isocodec.search.promise import Promise
 from isocodec.search.proof import Target
 from isocodec.search.reduced import number_of, place_of
-from isocodec.search.reduction import Reduction, bent, distinct
 from isoconform.meshes import Mesh, closed, exponent, level_of, parents
 from isospec.container import MAX_SIDE
 

@@ -291,7 +291,7 @@ def test_memory_that_ends_is_an_error_of_ours(where):
 
 def test_memory_that_ends_for_a_mask():
     data = isocodec.encode(picture((40, 40), 3), 0)
-    whole = mock.patch("isocodec.drawing.rows.MaskRows.whole", side_effect=MemoryError)
+    whole = mock.patch("isocodec.drawing.sample_mask.MaskRows.whole", side_effect=MemoryError)
     with whole, pytest.raises(LimitError) as caught:
         isocodec.open(data).above()
     assert caught.value.code == "memory"

@@ -15,7 +15,7 @@ from isocodec import Decoder, Limits
 from isocodec.errors import FormatError, LimitError
 from isocodec.format.chunks import write_chunk, write_further
 from isocodec.format.header import Header, read_header, read_isovalue, write_header, write_isovalue
-from isocodec.stream.series import nearest_before
+from isocodec.stream.leaning import nearest_before
 from isospec.container import LAYER_LIMIT, MAX_ISOVALUES, ChunkType, IsovalueKind
 from tables import heavy, looped
 

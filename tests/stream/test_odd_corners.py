@@ -16,7 +16,7 @@ from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
 from isocodec import Decoder, Limits
-from isocodec.drawing import rows as masks
+from isocodec.drawing import sample_mask as masks
 from isocodec.errors import FormatError, InputError, LimitError
 from isocodec.field.cropping import cropped
 from isocodec.field.placement import Placement, matrix_of, write_placement

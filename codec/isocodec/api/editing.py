@@ -10,11 +10,12 @@ from ..drawing.smoothing import SMOOTHING
 from ..errors import OptionError
 from ..field.placement import read_placement
 from ..limits import Limits
+from ..stream.cropping import box_of, cropped, moved_notes
 from ..stream.given import in_cells
 from ..stream.inspect import inspect
 from ..stream.options import Options, Precision
 from ..stream.promises import PROMISE, last_promise
-from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
+from ..stream.recoder import recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
 from ..verbs import Edit

@@ -37,7 +37,7 @@ def extracted(
     the tiles hold. The guarantees of the tiled file hold for the result. Raises `OptionError` if the window lies
     outside the field, or if meshes are coarser than the grid and the window is not that of one tile.
     """
-    from ..tiles.extraction import Extract
+    from ..tiles.cropping import Extract
 
     part = Extract(tiled, window)
     numbers = list(range(len(tiled.isovalues))) if isovalues is None else [tiled.number_of(one) for one in isovalues]

@@ -17,9 +17,9 @@ from ..field.sampled import Field
 from ..format.coordinate_record import read_coordinates
 from ..limits import Budget, Limits
 from ..search.original import original
+from ..stream.coordinate_coding import DecodedCoordinates, coordinates_payload
 from ..stream.given import completed, levels_of
 from ..stream.options import Options
-from ..stream.placing import DecodedCoordinates, coordinates_payload
 from ..verbs import Progress
 from .drawings import OneByOne
 

@@ -130,7 +130,7 @@ def _begun(
     file: Any, field: Any, frame: int | None
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None, list[Contour], Placement]:
     """The samples of a field, its mask of missing samples, the contours of a file, and the placement of both."""
-    from ..stream.placing import without_folds
+    from ..stream.coordinate_coding import without_folds
 
     known = _known(field)
     values, gone = without_holes(known.values, known.mask)

@@ -18,7 +18,7 @@ from ..grid.tube.holes import Holes
 from ..grid.tube.leaf_vertices import drawn, drawn_leaves
 from ..grid.tube.state import numbers_bytes
 from .leaves import Leaves
-from .rows import MaskRows
+from .sample_mask import MaskRows
 
 
 def state_of(tube: Tube) -> Decoded:

@@ -23,7 +23,7 @@ from ..field.missing import missing_samples
 from ..field.sampled import Field
 from ..storage.content import is_file, is_url, local
 from ..verbs import Choice
-from . import arrays, clouds, images, labelled, rasters, slices, volumes, vtk
+from . import arrays, clouds, dicom, images, labelled, rasters, volumes, vtk
 from .in_turn import InTurn
 from .stores import is_store
 
@@ -159,14 +159,14 @@ _OBJECTS: dict[str, tuple[_Taker, str]] = {
     "pandas.DataFrame": (labelled.of_labelled, "nodata"), "geopandas.GeoDataFrame": (clouds.of_shapes, "key"),
     "laspy.LasData": (clouds.of_cloud, "key"), "rasterio.DatasetBase": (rasters.of_dataset, "band nodata"),
     "PIL.Image": (images.of_picture, "band"), "SimpleITK.Image": (volumes.of_itk, "band frame frames"),
-    "nibabel.SpatialImage": (volumes.of_nibabel, "band frame frames"), "highdicom.Volume": (slices.of_volume, ""),
+    "nibabel.SpatialImage": (volumes.of_nibabel, "band frame frames"), "highdicom.Volume": (dicom.of_volume, ""),
     "vtkmodules.vtkDataObject": (vtk.of_vtk, "key"), "meshio.Mesh": (vtk.of_meshio, "key"),
 }
 """Objects of other libraries: what reads them, and what can be chosen, by library and class."""
 _FILES: dict[str, tuple[tuple[str, ...], _Taker, str]] = {
     "labelled": (labelled.SUFFIXES, labelled.open_, "key band frame frames nodata"),
     "volume": (volumes.SUFFIXES, volumes.open_, "key band frame frames"),
-    "slices": (slices.SUFFIXES, slices.open_, "key band frame frames nodata"),
+    "slices": (dicom.SUFFIXES, dicom.open_, "key band frame frames nodata"),
     "vtk": (vtk.SUFFIXES, vtk.open_, "key frame frames"), "array": (arrays.SUFFIXES, arrays.open_, "key frame frames"),
     "picture": ((*images.FORMATS,), images.open_, "band"),
     "tiff": (rasters.TIFF, images.open_tiff, "key band frame frames nodata"),

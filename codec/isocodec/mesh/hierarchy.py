@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..errors import OptionError
 from ..kernel import SPENT
-from .collapse import CollapseRegisters, Collapsing, collapse, find_stays, sew
 from .complex import Complex
+from .half_edge_collapse import CollapseRegisters, Collapsing, collapse, find_stays, sew
 
 MOST_EXTENT = 1 << 30
 """Upper bound of the extent of positions along each axis."""

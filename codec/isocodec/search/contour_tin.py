@@ -21,7 +21,7 @@ from ..errors import OptionError
 from ..field.samples import check_field
 from ..tin.criteria import AT1
 from ..tin.delaunay import delaunay, triangles
-from ..tin.insertion import inserted, lessened
+from ..tin.fewest_points import inserted, lessened
 from ..tin.points import Points
 from ..tin.thinning import Thinning, thinning
 from .original import original

@@ -14,8 +14,8 @@ from ..field.samples import Samples
 from ..grid.lattice.tables import AXES, cube_exponent
 from ..grid.tube.capacity import filled
 from ..grid.tube.state import State
-from .base_order import build_pyramid, mixed_leaves
 from .component_search import busy_of, find
+from .mixed_leaves import build_pyramid, mixed_leaves
 
 Pyramid = tuple[NDArray[np.uint8], NDArray[np.int64]]
 

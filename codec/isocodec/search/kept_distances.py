@@ -18,9 +18,9 @@ from ..errors import OptionError
 from ..format.kinds import GEOMETRY, LayerKind
 from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import Entry
+from .coarsening import Reduction
 from .promise import Promise
 from .reduced import LINEAR_POINTS
-from .reduction import Reduction
 from .strategy import MOST_REPAIRS
 from .tolerance import NO_OFFSETS
 

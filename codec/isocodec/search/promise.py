@@ -25,12 +25,12 @@ from ..grid.layers.layer_writer import LayerWriter, field_tube
 from ..grid.layers.plan import Entry
 from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
+from .coarsening import Reduction
 from .curvature import curvature
 from .fences import Fences
 from .ground_truth import GroundTruth, truth_of
 from .original import original
 from .proof import Target
-from .reduction import Reduction
 from .shared_sides import JoinedReduction, SharedSides
 
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ..grid.lattice.depth import levels_of
 from ..grid.lattice.tables import AXES, cube_exponent
 from ..grid.lattice.vertex_set import Chosen
+from .coarsening import Reduction, mark
 from .reduced import NEEDED, number_of
-from .reduction import Reduction, mark
 
 
 class SharedSides:

@@ -35,9 +35,9 @@ from numpy.typing import NDArray
 from ..errors import OptionError
 from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import Entry
+from .coarsening import Reduction
 from .original import mixed_cells
 from .promise import Promise
-from .reduction import Reduction
 from .tolerance import HALF, Slack, grid_offsets, radices
 
 Plan = list[Entry]

@@ -14,8 +14,8 @@ from ..drawing.drawing import draw
 from ..field.samples import Samples
 from ..grid.lattice.depth import levels_of
 from ..grid.lattice.tables import AXES
+from .coarsening import Reduction, distinct
 from .promise import Promise
-from .reduction import Reduction, distinct
 from .strategy import NotKeptError, Plan, onto, uniform
 
 Vertex = tuple[int, int, int]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..deferred import dataclass
 from ..errors import OptionError
 from ..tin.criteria import AT1, SQUARED
+from ..tin.fewest_points import fewest
 from ..tin.fitting import fit
-from ..tin.insertion import fewest
 from ..tin.points import Points
 from ..tin.swapping import ROUNDS, exchange
 from ..tin.thinning import Thinning, thin_to, thinning

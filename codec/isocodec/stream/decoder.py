@@ -1,6 +1,6 @@
 """Incremental decoder for every kind of file: bytes in, events and drawings out (spec clause 8).
 
-It performs no input or output itself.
+`session` goes through the bytes chunk by chunk. It performs no input or output itself.
 """
 
 from __future__ import annotations

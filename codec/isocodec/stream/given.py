@@ -26,10 +26,10 @@ from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Pl
 from ..field.sampled import Field
 from ..field.samples import Samples, check_field, isovalue_of, missing_of, without_holes
 from ..search.original import original
-from ..search.rounds import rounds_for
+from ..search.smoothing_rounds import rounds_for
 from ..search.tolerance import radices
+from .coordinate_coding import without_folds
 from .options import COORDINATES_SHARE, INDEPENDENT, LEVELS, Options, Precision
-from .placing import without_folds
 from .promises import PROMISE
 
 

@@ -16,7 +16,7 @@ from isospec.elements import ELEMENTS
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw, draw_with_ends
 from ..drawing.leaves import Leaves, WholeCells
-from ..drawing.rows import MaskRows
+from ..drawing.sample_mask import MaskRows
 from ..drawing.smoothing import rounds_of
 from ..drawing.snapshot import drawing_bytes, known_rows, leaves_of, state_of
 from ..drawing.tessellation import Tessellation, compact, inferred, tessellated
@@ -32,7 +32,7 @@ from ..format.program import Layer
 from ..grid.layers.layer_reader import LayerReader
 from ..grid.passes.runner import Tube
 from ..grid.tube.decoded import Decoded
-from .placing import DecodedCoordinates
+from .coordinate_coding import DecodedCoordinates
 from .session import Session, within_memory
 from .tubes import Tubes
 

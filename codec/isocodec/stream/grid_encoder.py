@@ -38,9 +38,9 @@ from ..search.promise import Promise
 from ..search.tolerance import grid_offsets
 from .container import ContainerEncoder
 from .grid_file import GridFile
+from .interleaving import bases, coarse, coarsely, finer
 from .layer_plans import plan_of
 from .options import LEVELS
-from .turns import bases, coarse, coarsely, finer
 
 LEVELS_WORTH = 0.95
 """A frame begins with the leaves of the one before if that takes less than this fraction of the bytes of levels."""

@@ -26,8 +26,8 @@ from ..search.ground_truth import truth_of
 from ..search.shared_sides import SharedSides
 from ..search.tolerance import HALF, radices
 from .container import beginning
+from .coordinate_coding import coordinates_payload
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options
-from .placing import coordinates_payload
 from .series import Series
 
 Report = Callable[[int, int], object]

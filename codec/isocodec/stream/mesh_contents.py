@@ -29,7 +29,7 @@ from ..mesh.cut import CellHistory, history_of
 from ..mesh.hierarchy import Hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import decoded_mesh
-from .series import chain
+from .leaning import chain
 from .session import Session
 
 HIERARCHY_PER_CELL = 500

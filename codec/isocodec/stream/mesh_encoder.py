@@ -36,11 +36,12 @@ from ..search.tolerance import EXACT
 from .container import ContainerEncoder, beginning
 from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
 from .grid_file import Report
+from .leaning import chain
 from .mesh_contents import code_layer
 from .mesh_file import NEEDED, StoredMesh, known_mesh, mesh_of_cells, mesh_of_points, stored_kind
 from .options import BEST, LEVELS, SEARCHED, Options
 from .promises import PROMISE
-from .series import Series, chain
+from .series import Series
 
 FINER = 8
 """Growth of the number of known vertices from one layer of signs to the next, about."""

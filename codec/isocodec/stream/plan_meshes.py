@@ -11,9 +11,9 @@ from dataclasses import replace
 from ..format.kinds import ADAPTIVE, LayerKind
 from ..grid.lattice.vertex_set import Chosen
 from ..grid.layers.plan import Criteria, Entry
+from ..search.coarsening import Reduction
 from ..search.kept_distances import PlannedMesh, keep, known_by
 from ..search.promise import Promise
-from ..search.reduction import Reduction
 
 
 def with_meshes(

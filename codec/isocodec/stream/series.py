@@ -1,14 +1,14 @@
-"""Prediction of isovalues from one another, and of frames from the one before ("leans"; spec 3.5.5, 3.5.7)."""
+"""The isovalues and frames of a file as an encoder goes through them; key frames (spec 3.5.5, 3.5.7)."""
 
 from __future__ import annotations
 
-from bisect import bisect
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 
-from ..format.frames import FRAME_BEFORE, is_key
+from ..format.frames import is_key
 from .container import opening
+from .leaning import lean_of, nearest_before
 
 
 class Series:
@@ -61,37 +61,9 @@ class Series:
         return nearest_before(self.isovalues)
 
     def choose(self, number: int) -> int | None:
-        """Choose what an isovalue of the current frame should be predicted from, if that helps.
-
-        That is the same isovalue of the previous frame; in key frames, and so in a file of one frame, the nearest
-        earlier isovalue.
-        """
-        if self._independent:
-            return None
-        if not self.key:
-            return FRAME_BEFORE
-        return self._nearest[number] if number else None
+        """Choose what an isovalue of the current frame is predicted from; None if nothing."""
+        return None if self._independent else lean_of(number, self._nearest, self.key)
 
     def opening(self, number: int) -> list[bytes]:
         """Write the chunk with which an isovalue of the current frame begins, if there is any."""
         return opening(self.frame, number, self.isovalues[number], self.leans[number], self.interval)
-
-
-def chain(leans: Sequence[int | None], number: int) -> Iterator[int]:
-    """Yield the isovalues of a frame that one is predicted from, directly and indirectly, the nearest first."""
-    lean = leans[number]
-    while lean is not None and lean != FRAME_BEFORE:
-        yield lean
-        lean = leans[lean]
-
-
-def nearest_before(isovalues: Sequence[float]) -> list[int]:
-    """For each isovalue, the number of the earlier one in the file that lies nearest to it; -1 for the first."""
-    found: list[int] = []
-    sorted_before: list[tuple[float, int]] = []
-    for number, value in enumerate(isovalues):
-        place = bisect(sorted_before, (value, number))
-        beside = sorted_before[max(place - 1, 0) : place + 1]
-        found.append(min(beside, key=lambda one: (abs(one[0] - value), one[1]))[1] if beside else -1)
-        sorted_before.insert(place, (value, number))
-    return found

@@ -30,7 +30,7 @@ class Diamond(NamedTuple):
     phase : int
         The level, modulo the dimension.
     kind : int
-        See ``mesh.tables``.
+        See ``lattice.tables``.
     w0, w1, w2 : int
         The middle, in units of g.
     """

@@ -23,7 +23,7 @@ Simplex = tuple[Point, ...]
 AXES = 3
 """Axes that the kernels carry; n = 2 leaves the last one at zero."""
 PAGE_SHIFT = {2: 5, 3: 3}
-"""Log2 of the edge of the pages that vertices are kept in (``mesh.store``), by dimension."""
+"""Log2 of the edge of the pages that vertices are kept in (``lattice.store``), by dimension."""
 
 
 MOST_CLASSES = 192
@@ -163,7 +163,7 @@ def _barycentre(s: Simplex) -> Point:
 
 @cache
 def mesh_tables(n: int) -> NDArray[np.int16]:
-    """The tables of dimension ``n`` (2 or 3) in one flat array; ``mesh.access`` reads them."""
+    """The tables of dimension ``n`` (2 or 3) in one flat array; ``lattice.access`` reads them."""
     b = _Builder(n)
     flat = np.zeros(sum(_SIZES.values()), np.int16)
 
