@@ -230,7 +230,7 @@ class Values(Plain):
         """A layer for each bit, at the isovalue 0.5."""
         super().__init__(field.ndim)
         n, above = field.ndim, field > 0
-        self.n, self.mix = n, [[16384] * (n + 9) for _ in range(4)]
+        self.n, self.mix = n, [[16384] * (n + 7) for _ in range(4)]
         active = np.zeros(field.shape, np.bool_)
         for a in range(n):
             crossed = np.diff(above.astype(int), axis=a) != 0
@@ -285,19 +285,18 @@ class Values(Plain):
         number, n = self.number[v], self.n
         half = 2 ** (plane + 1)
         cut = (2 * number + 1) * half
+        candidates = self.candidates(v)
         leans = {
             name: [0 if x is None else (clip(x - cut, -half, half - 1) * 256) >> (plane + 1) for x in places]
-            for name, places in self.candidates(v).items()
+            for name, places in candidates.items()
         }
         cases = {
-            name: [
-                0 if x is None else 1 + ((7 * (lean + 256)) >> 9) for x, lean in zip(places, leans[name], strict=True)
-            ]
-            for name, places in self.candidates(v).items()
+            name: [0 if x is None else 1 + ((7 * (y + 256)) >> 9) for x, y in zip(places, leans[name], strict=True)]
+            for name, places in candidates.items()
         }
-        (same,), (other,), lines, beyond, across = cases.values()
+        (same,), _, lines, beyond, across = cases.values()
         lists = [[lines[a], *beyond[2 * a : 2 * a + 2], same] for a in range(n)]
-        lists += [[]] * (3 - n) + [[same, other], lines, [*across, same]]
+        lists += [[]] * (3 - n) + [[*across, same]]
         contexts = [VALUE + 6 * plane + 3 * (number != 0) + self.before]
         for i, digits in enumerate(lists):
             if digits:
@@ -332,7 +331,7 @@ def test_values_are_those_of_the_specification(n, seed, size):
     for first, end in ((VALUE, OFFSET), (AROUND_VALUE, STATES)):
         assert cd.prob[first:end].tolist() == plain.p[first:end]
         assert cd.seen[first:end].tolist() == plain.seen[first:end]
-    assert [sorted(mix[: n + 9]) for mix in cd.blend.mix[VALUE_MIX:].tolist()] == [sorted(mix) for mix in plain.mix]
+    assert [sorted(mix[: n + 7]) for mix in cd.blend.mix[VALUE_MIX:].tolist()] == [sorted(mix) for mix in plain.mix]
 
 
 # -- files -------------------------------------------------------------------------------------------------------------

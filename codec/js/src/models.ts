@@ -4,7 +4,7 @@
 export const ORIGIN = 0, COMPONENT = 3, ROOT = 4, PATH = 5, FIRST = 7, CURVE = 31, SURFACE = 319, TREE = 895, LEAF = 970,
   SIGN = 1030, VALUE = 2150, OFFSET = 2462, LEVEL = 2606, LEVEL_PATH = 2630, SPLIT = 2694, CONTINUE = 2886, SEED = 2887,
   OFFSET_LEAN = 2903, CONTRARY = 3031, VALUE_NEAR = 3032, OFFSET_NEAR = 3544, CLASS = 3800,
-  AROUND = 5272, CONTEXTS = 29848;
+  AROUND = 5272, CONTEXTS = 21656;
 
 /** Probabilities and counters by context. */
 export interface Contexts {
@@ -40,7 +40,7 @@ const BEGINNINGS: readonly (readonly [number, number, number, number])[] = [
   [CONTRARY, 1, 1311, 2],
   // VALUE_NEAR and OFFSET_NEAR: a `p` of 0 stands for that of the context above (7.1(4))
   [VALUE_NEAR, 768, 0, 0],
-  [AROUND, 24576, 32768, 0],
+  [AROUND, 16384, 32768, 0],
 ];
 
 /** What isovalues learn: models and, in the main profile, mixing weights, those of a panel apart (5.9.2). */

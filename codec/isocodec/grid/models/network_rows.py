@@ -14,7 +14,7 @@ MAP = CONTEXTS
 """The adaptive probabilities of classes of opinions follow those of the baseline profile."""
 AROUND_VALUE = MAP + KINDS * BUCKETS
 """Then come those of value bits: lists of contexts, each of four candidates."""
-VALUE_LISTS, VALUE_LIST = 6, 8**4
+VALUE_LISTS, VALUE_LIST = 4, 8**4
 STATES = AROUND_VALUE + VALUE_LISTS * VALUE_LIST
 MOST_ROWS = 256
 # Kinds of symbols that are mixed; each has separate weights and classes of opinions.

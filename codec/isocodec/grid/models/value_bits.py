@@ -18,7 +18,7 @@ from ...kernel.types import IntVector
 from ..lattice.access import dimension
 from . import contexts as ctx
 from .magnitude import bits, mean
-from .network_rows import AROUND_VALUE, VALUE_LIST, VALUE_MIX, VALUE_MIXES
+from .network_rows import AROUND_VALUE, VALUE_LIST, VALUE_LISTS, VALUE_MIX, VALUE_MIXES
 from .value_rows import ValueRows, find_around
 
 
@@ -40,10 +40,6 @@ class Nearby(NamedTuple):
     told: IntVector
     least: IntVector
     most: IntVector
-
-
-AXES = 3
-"""Lists of contexts: one for each axis, then those of neighbours, of lines, and of planes."""
 
 
 @inlined
@@ -96,17 +92,15 @@ def _hear_around(st, cd, cut, p):
             other, others = other + min(z, np.int64(0)), others + np.int64(z < 0)
     logit, alike = _leaning(mean(same, sames), np.int64(sames > 0), cut, p)
     say(cd, logit)
-    logit, unlike = _leaning(mean(other, others), np.int64(others > 0), cut, p)
-    say(cd, logit)
-    lines, beyond, planes = np.int64(0), np.int64(0), np.int64(0)
-    of_lines, of_planes = np.int64(0), np.int64(0)
+    say(cd, _leaning(mean(other, others), np.int64(others > 0), cut, p)[0])
+    lines, beyond, planes, of_planes = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     first = AROUND_VALUE
     for a in range(n):
         x, y, x_far, y_far = _along(near, a)
         line, between = _leaning((x + y) >> 1, np.int64(x != 0) & np.int64(y != 0), cut, p)
         back, before = _leaning(2 * x - x_far, np.int64(x != 0) & np.int64(x_far != 0), cut, p)
         on, behind = _leaning(2 * y - y_far, np.int64(y != 0) & np.int64(y_far != 0), cut, p)
-        lines, beyond, of_lines = lines + line, beyond + back + on, of_lines << 3 | between
+        lines, beyond = lines + line, beyond + back + on
         hear(cd, first + (between << 9 | before << 6 | behind << 3 | alike))
         first += VALUE_LIST
     o = 4 * n
@@ -119,10 +113,7 @@ def _hear_around(st, cd, cut, p):
             across, plane = _leaning(mean(total, count), np.int64(count > 0), cut, p)
             planes, of_planes = planes + across, of_planes << 3 | plane
             o += 4
-    first = AROUND_VALUE + AXES * VALUE_LIST
-    hear(cd, first + (alike << 3 | unlike))
-    hear(cd, first + VALUE_LIST + of_lines)
-    hear(cd, first + 2 * VALUE_LIST + (of_planes << 3 | alike))
+    hear(cd, AROUND_VALUE + (VALUE_LISTS - 1) * VALUE_LIST + (of_planes << 3 | alike))
     say(cd, lines)
     say(cd, beyond)
     say(cd, planes)

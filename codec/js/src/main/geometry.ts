@@ -16,8 +16,8 @@ export const LEANS = 5;
 /** Opinions on a bit of a vertex's number (7.15). */
 export class ValueOpinions {
   /** Leans by kind of candidate, in the order of 7.15(2), and room for what the contexts say. */
-  readonly said = new Int32Array(12);
-  readonly contexts = new Int32Array(7);
+  readonly said = new Int32Array(10);
+  readonly contexts = new Int32Array(5);
   private cut: Wide;
   private half = 0;
   /** The last lean. */
@@ -43,20 +43,18 @@ export class ValueOpinions {
     }
     const alike = this.class(sames, sames && values.div(same, sames));
     said[0] = this.lean;
-    const unlike = this.class(others, others && values.div(other, others));
+    this.class(others, others && values.div(other, others));
     said[1] = this.lean;
     said[2] = said[3] = said[4] = 0;
-    let lines = 0, planes = 0;
+    let planes = 0;
     for (let a = 0; a < n; a++) {
       const x = 4 * a, y = x + 1;
-      const line = this.class(there[x]! & there[y]!, there[x]! & there[y]! && values.div(near[x] + near[y], 2));
+      let found = this.class(there[x]! & there[y]!, there[x]! & there[y]! && values.div(near[x] + near[y], 2));
       said[2]! += this.lean;
-      let found = line;
       for (let i = x; i <= y; i++) {
         found = 8 * found + this.class(there[i]! & there[i + 2]!, there[i]! & there[i + 2]! && near[i] + near[i] - near[i + 2]);
         said[3]! += this.lean;
       }
-      lines = 8 * lines + line;
       contexts[1 + a] = AROUND + 4096 * a + 8 * found + alike;
     }
     let at = 4 * n;
@@ -71,9 +69,7 @@ export class ValueOpinions {
       planes = 8 * planes + this.class(count, count && values.div(sum, count));
       said[4]! += this.lean;
     }
-    contexts[n + 1] = AROUND + 12288 + 8 * alike + unlike;
-    contexts[n + 2] = AROUND + 16384 + lines;
-    contexts[n + 3] = AROUND + 20480 + 8 * planes + alike;
+    contexts[n + 1] = AROUND + 12288 + 8 * planes + alike;
   }
 
   /** Class of the lean of a candidate at a place, 0 if it is not there. */

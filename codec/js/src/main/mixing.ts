@@ -79,7 +79,7 @@ export class Mixing {
   value(values: Values, number: number, plane: number, context: number): number {
     const { t: { coder, n }, about: { said, contexts }, mix, tables: { squash, stretch } } = this;
     this.about.list(values, n, number, plane, context);
-    const count = LEANS + n + 4;
+    const count = LEANS + n + 2;
     for (let i = LEANS; i < count; i++) said[i] = this.opinion(contexts[i - LEANS]!, stretch);
     const o = 4 * KINDS + VALUE_OPINIONS * Math.min(bits(number), VALUE_SETS - 1);
     let sum = 0;
