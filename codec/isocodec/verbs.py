@@ -293,8 +293,8 @@ class Encode(Choice, OutputOptions):
     )
     keep_topology: bool = option("Keep the topology of the contour in every layer.", PRECISION, default=False)
     effort: Literal["normal", "best"] = option(
-        "best: take eight to twenty times the time at distances from 0.1 to 0.5 cells, for files that are 1 to 7 % "
-        "smaller.", PRECISION, default="normal", metavar="E",
+        "best: take ten to fifty times the time at distances from 0.1 to 0.75 cells, for files that are 1 to 3 % "
+        "smaller, smooth ones up to 25 %.", PRECISION, default="normal", metavar="E",
     )
     layers: str | None = option(
         "One of: a level L, to start from the uniform mesh of that level instead of searching for the best mesh; a "

@@ -79,6 +79,30 @@ def test_slack_at_a_slant(n: int) -> None:
     assert not len(promise.excess(promise.trial(plan)[1], 0.3))
 
 
+@pytest.mark.parametrize("topology", [False, True])
+def test_smooth_surfaces_take_cubes_with_crossings(topology: bool) -> None:
+    """They take fewer bytes than the full grid; thorough searches take fewer still, and all keep to the tolerance."""
+    along = np.indices((41, 41, 41)) - 20.3
+    promise = Promise(check_field(np.sqrt(along[0] ** 2 + 1.3 * along[1] ** 2 + along[2] ** 2), 15.2))
+    sizes = []
+    for thorough in (False, True):
+        plan = smallest(promise, 0.25, topology, thorough=thorough)
+        assert plan[-1][0] == "offsets" and plan[-1][2] > 0
+        size, contour = promise.trial(plan)
+        assert not len(promise.excess(contour, 0.25))
+        sizes.append(size)
+    grid = [*grid_of(promise), *grid_offsets(0.25, True)]
+    assert sizes[1] < sizes[0] < 0.9 * promise.trial(slanted(promise, 0.25, grid_of(promise), (math.inf, grid))[1])[0]
+
+
+def test_curves_keep_to_tolerances_that_parts_just_keep() -> None:
+    """Where a crossing lies on the border of two parts, as far as it may be."""
+    for tolerance in (0.1, 0.125, 0.25, 0.5):
+        promise = promise_of(40)
+        plan = smallest(promise, tolerance, False, thorough=True)
+        assert not len(promise.excess(promise.trial(plan)[1], tolerance * (1 + 1e-7)))
+
+
 def test_meshes_of_steps_lie_in_one_another() -> None:
     promise = promise_of(60)
     plan = stepwise(promise, [4.0, 2.0, 1.0, 0.3], False)

@@ -74,9 +74,9 @@ def encode(
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     effort : str
-        ``best`` takes eight to twenty times the time at distances from 0.1 to 0.5 cells, and tries how far crossings
-        may be off where the curve meets an edge at a slant: 1 to 7 % fewer bytes. Smooth surfaces, which take 10 to
-        35 % fewer so, need not be asked for.
+        ``best`` takes ten to fifty times the time at distances from 0.1 to 0.75 cells, and tries coarser meshes, and
+        how far crossings may be off where the curve meets an edge at a slant: 1 to 3 % fewer bytes, up to 25 % where it
+        is smooth. Some of that is done for smooth surfaces without being asked for.
     layers : optional
         For grids. A number: the uniform level of the base; the level of the full grid makes a file of one layer. A
         criterion, which coarsens the mesh as published: "crossing", "topology", "curvature=K" (mean curvature above

@@ -16,7 +16,7 @@ from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
 from ..drawing.snapshot import leaves_of
-from ..field.samples import Samples, interval_value
+from ..field.samples import OFFSET_BITS, Samples, interval_value
 from ..format.header import Header
 from ..format.program import Progress
 from ..grid.lattice.tables import cube_exponent
@@ -32,6 +32,9 @@ from .ground_truth import GroundTruth, truth_of
 from .original import original
 from .proof import Target
 from .shared_sides import JoinedReduction, SharedSides
+
+ROUNDED = 2.0**-OFFSET_BITS
+"""Share of an edge to which crossings are rounded before they are stored, so that they may be as much too far away."""
 
 
 @dataclass
@@ -184,8 +187,9 @@ class Promise:
 
         Also those where the curve crosses one of a neighbouring isovalue that is coded.
         """
-        there = Target(contour.points, contour.cells, tolerance).exceeded(self.contour.points, self.contour.cells)
-        here = self.target(tolerance).exceeded(contour.points, contour.cells)
+        limit = tolerance + ROUNDED
+        there = Target(contour.points, contour.cells, limit).exceeded(self.contour.points, self.contour.cells)
+        here = self.target(limit).exceeded(contour.points, contour.cells)
         across = [self.fences.coded_crossed(contour)] if self.fences else []
         return np.concatenate([there.places, here.places, *across])
 

@@ -32,11 +32,11 @@ HALF = 0.5
 
 
 class Slack:
-    """Slack of crossings on edges of the full grid: how far from where the field crosses them they may be stored.
+    """Slack of crossings: how far from where the field crosses edges they may be stored.
 
-    If all are stored within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it takes a
-    longer way along the edge to get as far from the curve; that is tried, and taken back where the tolerance is not
-    kept.
+    If all on the full grid are stored within a tolerance, the curve keeps to it. Where the curve meets an edge at a
+    slant it takes a longer way along the edge to get as far from the curve; that is tried, and taken back where the
+    tolerance is not kept. So is all slack on longer edges, between which the curve is some way off already.
 
     Parameters
     ----------
@@ -45,35 +45,38 @@ class Slack:
         The field less its isovalue, if slants are to be made use of.
     fixed : callable, optional
         Which edges have none.
+    longest : int
+        Length of the longest edges, in samples.
     """
 
     def __init__(
-        self, tolerance: float, phi: NDArray[np.float32] | None = None, fixed: Edges | None = None
+        self, tolerance: float, phi: NDArray[np.float32] | None = None, fixed: Edges | None = None, longest: int = 1
     ) -> None:
-        self._tolerance, self._phi, self._fixed = tolerance, phi, fixed
-        self._tight = np.zeros(0, np.int64)
+        self._tolerance, self._phi, self._fixed, self._longest = tolerance, phi, fixed, longest
+        self._halved = np.zeros(() if phi is None else phi.shape, np.uint8)
 
     def tighten(self, places: NDArray[np.float64]) -> None:
-        """Take it back around some places."""
-        assert self._phi is not None
-        reach = math.ceil(self._tolerance) + 1
-        around = np.array(list(product(range(-reach, reach + 1), repeat=self._phi.ndim)))
-        last = np.array(self._phi.shape) - 1
+        """Take half of it back around some places."""
+        shape = self._halved.shape
+        reach = math.ceil(self._tolerance) + self._longest
+        around = np.array(list(product(range(-reach, reach + 1), repeat=len(shape))))
         here = np.unique(np.floor(places).astype(np.int64), axis=0)
-        near = np.clip(here[:, None] + around, 0, last).reshape(-1, self._phi.ndim)
-        self._tight = np.union1d(self._tight, np.ravel_multi_index(tuple(near.T), self._phi.shape))
+        near = tuple(np.clip(here[:, None] + around, 0, np.array(shape) - 1).reshape(-1, len(shape)).T)
+        self._halved[near] = self._halved[near] + 1
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
         """Crossings, as ``Samples.crossings``."""
         slack = np.full(len(low), self._tolerance)
         if self._phi is not None:
             slope = slopes_at(self._phi, low) + slopes_at(self._phi, high)
-            tight = np.isin(np.ravel_multi_index(tuple(low.T), self._phi.shape), self._tight)
-            slack = np.where(tight, self._tolerance, self._tolerance * at_a_slant(slope, high - low, MOST_SLACK))
+            halved = self._halved[tuple((low + high >> 1).T)]
+            slanted = self._tolerance * at_a_slant(slope, high - low, MOST_SLACK) / 2.0**halved
+            slack = slanted if self._longest > 1 else np.maximum(slanted, slack)
         if self._fixed is not None:
             slack = np.where(self._fixed(low, high), 0.0, slack)
+        share = np.minimum(slack / np.abs(high - low).max(axis=1, initial=1), 1.0)
         # places are rounded to the same unit
-        return np.maximum(np.floor(np.minimum(slack, 1.0) * (1 << OFFSET_BITS)).astype(np.int64) - 2, 0)
+        return np.maximum(np.floor(share * (1 << OFFSET_BITS)).astype(np.int64) - 2, 0)
 
 
 def slopes_at(phi: NDArray[np.float32], position: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -40,7 +40,7 @@ from .container import ContainerEncoder
 from .grid_file import GridFile
 from .interleaving import bases, coarse, coarsely, finer
 from .layer_plans import plan_of
-from .options import LEVELS
+from .options import BEST, LEVELS
 
 LEVELS_WORTH = 0.95
 """A frame begins with the leaves of the one before if that takes less than this fraction of the bytes of levels."""
@@ -363,7 +363,7 @@ class _Uncrossed(GridFrame):
         if number not in self._on_full:
             promise.fences = self._fences(number)
             try:
-                return strategy.smallest(promise, tolerance, o.keep_topology)
+                return strategy.smallest(promise, tolerance, o.keep_topology, thorough=o.effort == BEST)
             except strategy.NotKeptError:
                 if lean is not None:
                     # without prediction first

@@ -14,6 +14,7 @@ from ..search.reduced import LINEAR_POINTS
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from .grid_file import GridFile
+from .options import BEST
 from .plan_meshes import with_meshes
 
 FINE_SHARE = 0.25
@@ -60,7 +61,7 @@ def plan_of(
     if o.layers.criterion is not None:
         return _under_criterion(file, promise, o.layers.criterion, o.layers.parameter)
     if file.searched is not None and level is None:
-        return strategy.smallest(promise, file.searched, o.keep_topology)
+        return strategy.smallest(promise, file.searched, o.keep_topology, thorough=o.effort == BEST)
     return [*strategy.whole_mesh(promise, True, level), *behind]
 
 
