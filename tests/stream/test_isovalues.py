@@ -220,10 +220,10 @@ def test_no_leaning_where_no_plan_would_keep_to_the_tolerance(monkeypatch):
     """Then the isovalue stands alone, and so does its promise."""
     found = strategy.smallest
 
-    def never_leaning(promise, tolerance, topology):
+    def never_leaning(promise, tolerance, topology, **options):
         if promise.fresh().lean is not None:
             raise strategy.NotKeptError("not kept")
-        return found(promise, tolerance, topology)
+        return found(promise, tolerance, topology, **options)
 
     monkeypatch.setattr(strategy, "smallest", never_leaning)
     # so far apart that neither is in the way of the other
