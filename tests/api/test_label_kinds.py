@@ -314,10 +314,9 @@ def package_encode(case: Case) -> None:
     for precision in ("exact", "step=1", [2, 1]):
         refused(lambda precision=precision: isocodec.encode(first, precision=precision), "labels")  # type: ignore[misc]
     if case.kind == "one":
-        # the borders run half-way as they are
         smooth = isocodec.open(isocodec.encode(first, precision="0.3 smooth"))
         assert np.array_equal(smooth.labels(), case.truth()) and smooth.promise == "within 0.3 cells"
-        agrees(smooth.contour(), case.frames[0], 3)
+        assert all(one.kept for one in smooth.verify(case.frames[0]))
     else:
         refused(lambda: isocodec.encode(first, precision="0.3 smooth"), "could cross")
     if case.kind == "series":
