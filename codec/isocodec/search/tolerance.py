@@ -23,8 +23,8 @@ NO_OFFSETS = 1, 40
 """Parts and unit of crossings that are not stored: middles of edges, all of them shorter than the unit."""
 MOST_SLACK = 2.0
 """Crossings are stored at most this many tolerances off along their edges."""
-SMALL_RADIX = 13
-"""Greatest radix of layers of offsets, if a number of parts has no greater prime factor."""
+MOST_DOUBLED = 4
+"""Exponent of the greatest power of two that is a radix."""
 ROUNDING = 1e-6
 """Share of a tolerance that is below its rounding."""
 HALF = 0.5
@@ -139,13 +139,18 @@ def radices(tolerance: float | None) -> list[int]:
 
 
 def radices_of(parts: int) -> list[int]:
-    """Radices of layers that make so many parts, or the next number that can be made: small ones, step by step."""
+    """Radices of layers that make so many parts, or the next number that can be made.
+
+    Odd ones first, which keep the middle of a part in the middle of one: 5 and 2 take 1 to 2 % fewer bytes than 10, and
+    a file that ends between them is of use. What is left is a power of two, in as few layers as can be.
+    """
     for total in count(parts):
-        rest, radices = total, []
-        for radix in (*range(SMALL_RADIX, 1, -1), *range(SMALL_RADIX + 1, MAX_RADIX + 1)):
+        rest, odd = total, []
+        for radix in range(3, MAX_RADIX + 1, 2):
             while rest % radix == 0:
                 rest //= radix
-                radices.append(radix)
-        if rest == 1:
-            return sorted(radices)
+                odd.append(radix)
+        if rest & (rest - 1) == 0:
+            times, twos = divmod(rest.bit_length() - 1, MOST_DOUBLED)
+            return [*odd, *[1 << MOST_DOUBLED] * times, *([1 << twos] if twos else [])]
     raise AssertionError

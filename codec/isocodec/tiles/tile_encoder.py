@@ -113,6 +113,12 @@ class Tiling:
         return Head(self.grid, self.isovalues, self.stages, step, self.profile, masked, notes, self.together)
 
     @property
+    def slack(self) -> bool:
+        """Whether crossings have slack: not where several digits of them could pass those of the isovalue leaned on."""
+        fine = self.options.precision.tolerance or DEFAULT_TOLERANCE
+        return self.profile == Profile.MAIN and (len(self.isovalues) == 1 or len(radices(fine)) == 1)
+
+    @property
     def together(self) -> int:
         """Isovalues that lean on one another in a tile; 1 if none does."""
         count, precision = len(self.isovalues), self.options.precision
@@ -122,7 +128,7 @@ class Tiling:
         if not (precision.signs or values):
             # slack must not move a crossing past that of the isovalue leaned on
             rising = [a < b for a, b in pairwise(self.isovalues)]
-            if len({*rising}) > 1 or len(radices(precision.tolerance or DEFAULT_TOLERANCE)) > 1:
+            if self.slack and len({*rising}) > 1:
                 return 1
         return min(TOGETHER, count)
 
@@ -318,7 +324,7 @@ def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
         else:
             fine = precision.tolerance or DEFAULT_TOLERANCE
             sides = SharedSides(grid.size(index), grid.shared(index))
-            plan += grid_offsets(fine, tiling.profile == Profile.MAIN, sides.holds)
+            plan += grid_offsets(fine, tiling.slack, sides.holds)
     return plan, ends
 
 
