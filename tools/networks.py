@@ -49,7 +49,7 @@ def symmetries(n: int, net: int) -> NDArray[np.int32]:
     same = np.arange(NET_ROWS[n][net], dtype=np.int32)
     if net >= layout.TREE_NET:
         return same[None]
-    around = nearest_vertices(n, net)
+    around = [tuple(d) for d in nearest_vertices(n, net).tolist()]
     place = {d: i for i, d in enumerate(around)}
     odd = n - net
     found = []

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 
-from .deferred import dataclass
 from .errors import LimitError, OptionError
 
 WORK_PER_BYTE = 512

@@ -7,13 +7,13 @@ them. This module imports no numpy, so that help and usage errors come at once.
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import Field, field, fields
+from dataclasses import Field, dataclass, field, fields
 from numbers import Integral
 from typing import Any, Literal, TypeAlias, get_args
 
-from .deferred import dataclass
 from .errors import OptionError
 
 ISOVALUE, PRECISION, LAYERS, PART, INPUT = "Isovalue", "Precision", "Layers", "Part of the file", "Input"
@@ -249,6 +249,7 @@ class Decode(Viewed, OutputOptions):
         "Close a surface in space where it leaves the field, around what lies above or below it.", DRAWING,
     )
     to: str | None = option("Format of OUT if its name has no suffix, or is -; for example .geojson.", metavar="SUFFIX")
+    threads: int | None = option("Number of threads that decode tiles.  [default: all cores]", metavar="N", least=1)
 
     def __post_init__(self) -> None:
         Viewed.__post_init__(self)
@@ -328,7 +329,8 @@ class Encode(Choice, OutputOptions):
         "Encode tile by tile, N = 2**k samples along each axis, for fields larger than memory. Run the same command "
         "again to resume an interrupted one.", TILES, metavar="N", least=1,
     )
-    workers: int | None = option("Number of encoding processes.  [default: 1]", TILES, metavar="N", least=1)
+    threads: int | None = option("Number of threads that encode tiles, or draw contours.  [default: all cores]",
+                                 metavar="N", least=1)
     metadata: tuple[tuple[str, str], ...] = option("Add a note to the file. Repeatable.", default=(),
                                                    metavar="KEY=TEXT", read=note_of)
     profile: Literal["main", "baseline"] = option("Entropy coding: main (default) or baseline.", default="main",
@@ -345,9 +347,7 @@ class Encode(Choice, OutputOptions):
             self.check_names(self.what or "curve")
         else:
             self.refuse("apply to .iso files", *_CONVERTED)
-        if self.tile is None:
-            self.refuse("apply without --tile", "workers")
-        else:
+        if self.tile is not None:
             self.refuse("apply to tiles", *_OF_WHOLE)
         self.choose("isovalues", "every", "labels", required=True)
         if "all" in self.labels and len(self.labels) > 1:
@@ -532,6 +532,15 @@ class Thin(Choice):
 def _in_range(number: Any, least: float) -> bool:
     """Whether a number that may be missing, or a text with a unit, is finite and not too small."""
     return number is None or isinstance(number, str) or least <= number < math.inf
+
+
+def threads_of(given: int | None) -> int:
+    """Number of threads; all cores that this process may use if none is given."""
+    if given is not None:
+        check_count(given, "threads")
+        return given
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
 
 
 def check_count(count: Any, name: str, least: int = 1) -> None:

@@ -16,11 +16,11 @@ import isocodec
 
 HOME = Path(inspect.getfile(isocodec)).parent
 FLOORS = (
-    "errors", "deferred", "limits", "verbs", "extras", "kernel", "field", "entropy", "format", "storage", "grid", "tin",
+    "errors", "limits", "verbs", "extras", "kernel", "field", "entropy", "format", "storage", "grid", "tin",
     "mesh", "plotting", "drawing", "search", "io", "stream", "tiles", "api", "isocodec", "cli", "__main__",
 )
 """Rooms from the ground up: each imports from those below it only. ``isocodec`` is the root itself."""
-LOOSE = {"__init__", "__main__", "deferred", "errors", "limits", "verbs", "extras"}
+LOOSE = {"__init__", "__main__", "errors", "limits", "verbs", "extras"}
 """Modules that lie at the root."""
 MODULES = {
     ".".join(("isocodec", *path.relative_to(HOME).with_suffix("").parts)).removesuffix(".__init__"): path
@@ -142,7 +142,7 @@ def test_a_suffix_stands_in_one_module(paths: list[Path]):
 
 def test_the_command_line_knows_the_api_alone():
     # of the root, the version
-    allowed = {"api", "deferred", "errors", "limits", "verbs", "isocodec", "cli"}
+    allowed = {"api", "errors", "limits", "verbs", "isocodec", "cli"}
     found = {name: {room(one) for one in others} - allowed for name, others in arrows().items() if room(name) == "cli"}
     assert {name: rooms for name, rooms in found.items() if rooms} == {}
 

@@ -133,7 +133,7 @@ def check_faces(data: bytes, holes: bool) -> None:
         return
     for stage in range(len(file.head.stages)):
         drawn = {
-            tile.index: next(file.drawn(tile, [0], Shared(file.limits)))[1] if tile.numbers else None
+            tile.index: next(file._all_drawn([tile], [0], Shared(file.limits)))[1][0] if tile.numbers else None
             for tile in file.tiles(np.ndindex(*grid.counts), 0, stage)
         }
         for index, axis in ((i, a) for i in drawn for a in range(grid.n) if i[a] + 1 < grid.counts[a]):

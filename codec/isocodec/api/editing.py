@@ -10,7 +10,7 @@ from ..drawing.smoothing import SMOOTHING
 from ..errors import OptionError
 from ..field.placement import read_placement
 from ..limits import Limits
-from ..stream.cropping import box_of, cropped, moved_notes
+from ..stream.cropped_source import box_of, cropped, moved_notes
 from ..stream.given import in_cells
 from ..stream.inspect import inspect
 from ..stream.options import Options, Precision

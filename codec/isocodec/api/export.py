@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import FormatError, InputError, OptionError
 from ..field.labelling import caption
@@ -171,7 +170,7 @@ def drawn(
     from .tracing import Traced
 
     shown = wanted.what or "curve"
-    contours = Traced(what, isovalue, through_holes=shown != "curve", **options)
+    contours = Traced(what, isovalue, through_holes=shown != "curve", threads=wanted.threads, **options)
     if shown == "curve" and contours.empty:
         # a layer that is there must not make room for nothing
         one = f"at the isovalue {contours.isovalues[0]:g}" if len(contours) == 1 else "at any of the isovalues"

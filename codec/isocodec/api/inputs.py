@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.framed import Frames
 from ..field.labelling import ALL, labels_in

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 
 def open(
-    source: Readable, *, mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None
+    source: Readable, *, mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None,
+    threads: int | None = None,
 ) -> IsoFile:
     """Open an ``.iso`` file of any kind.
 
@@ -39,6 +40,8 @@ def open(
         The mesh that was encoded, for files that do not store their mesh.
     limits : Limits, optional
         Limits on memory and work for decoding, for untrusted files.
+    threads : int, optional
+        Number of threads that decode tiles; if not given, that of all cores.
 
     Returns
     -------
@@ -64,16 +67,18 @@ def open(
     >>> file.isovalues, file.contour().points    # doctest: +SKIP
     """
     check_kernels()
-    file = _opened(source, mesh, limits)
+    file = _opened(source, mesh, limits, threads)
     if file.kind != "mesh" and mesh is not None:
         raise OptionError(f"a file of kind {file.kind} takes no mesh", code="mesh",
                           remedy="leave it out")
     return file
 
 
-def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: Limits | None) -> IsoFile:
+def _opened(
+    source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: Limits | None, threads: int | None
+) -> IsoFile:
     """Open a file without checking its kind."""
-    if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
+    if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits, threads)) is not None:
         return tiled
     data = whole_bytes(content(source, limits, (SIGNATURE, TILED_SIGNATURE)))
     if not data:
@@ -81,13 +86,13 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
     if is_tiled(data):
         from ..tiles.tiled import TiledFile
 
-        return TileFile(TiledFile(ranges_of(data), limits), limits)
+        return TileFile(TiledFile(ranges_of(data), limits, threads=threads), limits)
     return whole_file(data, limits, mesh)
 
 
 def decode(
     source: Readable, isovalue: float | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
-    limits: Limits | None = None, **view: Unpack[ViewOptions],
+    limits: Limits | None = None, threads: int | None = None, **view: Unpack[ViewOptions],
 ) -> Contour:
     """Decode a file to its curve or surface: ``open(source).contour(isovalue)``.
 
@@ -95,7 +100,7 @@ def decode(
     ----------
     source : path, URL, file object or bytes
     isovalue : float, optional
-    mesh, limits
+    mesh, limits, threads
         As for `open`.
     view
         Parameters of `IsoFile.contour`: ``frame``, ``layers``, ``max_bytes``, ``window``, ``within``, ``smooth``,
@@ -105,10 +110,10 @@ def decode(
     -------
     Contour
     """
-    return open(source, mesh=mesh, limits=limits).contour(isovalue, **view)
+    return open(source, mesh=mesh, limits=limits, threads=threads).contour(isovalue, **view)
 
 
-def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile | None:
+def _tiled_at(source: str | os.PathLike[str], limits: Limits | None, threads: int | None) -> IsoFile | None:
     """Open the tiled file at a path or URL; its tiles are read when they are needed.
 
     Returns None if the file is not tiled, comes through a pipe, or if its server does not support range requests.
@@ -125,4 +130,4 @@ def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile 
         return None
     from ..tiles.tiled import TiledFile
 
-    return TileFile(TiledFile(fetch, limits, first), limits)
+    return TileFile(TiledFile(fetch, limits, first, threads), limits)

@@ -1,13 +1,12 @@
-"""Outputs of programs: checks before the work begins, and workers for long tasks."""
+"""Outputs of programs: checks before the work begins."""
 
 from __future__ import annotations
 
 import errno
 import os
 import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..errors import OptionError
 from ..storage.atomic import check_target, undoing, write_bytes
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from .isofile import IsoFile
 
 __all__ = [
-    "STANDARD", "check_output", "engine_of", "formats", "other_format", "read_of", "undoing", "write_bytes",
+    "STANDARD", "check_output", "formats", "other_format", "read_of", "undoing", "write_bytes",
 ]
 
 STANDARD = "-"
@@ -85,16 +84,3 @@ def formats() -> dict[str, str]:
         "pictures": ", ".join(PICTURES),
         "single": ", ".join(one for one in suffixes_of(Thing("contour")) if one not in many),
     }
-
-
-def engine_of(workers: int | None) -> AbstractContextManager[Any]:
-    """Make the processes that encode tiles; None for a single one."""
-    if workers is None or workers < 2:
-        return nullcontext()
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
-
-    from ..tiles.workers import end_with_parent
-
-    spawned = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers, mp_context=spawned, initializer=end_with_parent)

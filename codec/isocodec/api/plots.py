@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.isovalues import isovalues_of, range_of
 from ..field.labelling import noun_of

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
 from ..field.labelling import is_of_labels
@@ -37,7 +36,7 @@ def extracted(
     the tiles hold. The guarantees of the tiled file hold for the result. Raises `OptionError` if the window lies
     outside the field, or if meshes are coarser than the grid and the window is not that of one tile.
     """
-    from ..tiles.cropping import Extract
+    from ..tiles.extraction import Extract
 
     part = Extract(tiled, window)
     numbers = list(range(len(tiled.isovalues))) if isovalues is None else [tiled.number_of(one) for one in isovalues]

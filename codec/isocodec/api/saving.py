@@ -45,7 +45,7 @@ def save(
     simplify: float | str | None = None,
     tile: int | None = None,
     engine: Engine | None = None,
-    workers: int | None = None,
+    threads: int | None = None,
     spool: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
     **options: Unpack[EncodeOptions],
@@ -72,9 +72,9 @@ def save(
         of numpy (also mapped from a file), Dask, xarray, Zarr or h5py with two or three axes. It need not be in memory,
         since only one tile is read at a time.
     engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
-        Encodes the tiles; if not given, the calling thread does. The bytes of the file are the same.
-    workers : int, optional
-        Number of the engine's workers; if not given, the engine is asked.
+        Encodes the tiles; if not given, threads do. The bytes of the file are the same.
+    threads : int, optional
+        Number of threads that encode tiles or draw contours; if not given, that of all cores.
     spool : path, optional
         A folder for tiles that have been encoded; if not given, one next to the file. It is removed when the file is
         complete; if work stops earlier, the same call resumes where it stopped.
@@ -100,8 +100,8 @@ def save(
     >>> field = np.load("terrain.npy", mmap_mode="r")             # doctest: +SKIP
     >>> isocodec.save("terrain.iso", field, 500.5, tile=1024)     # doctest: +SKIP
     """
-    if tile is None and not (engine is workers is spool is None):
-        raise OptionError("engine, workers and spool apply to tiles only", code="tile", remedy="tile=1024")
+    if tile is None and not (engine is spool is None):
+        raise OptionError("engine and spool apply to tiles only", code="tile", remedy="tile=1024")
     suffix = Path(path).suffix.lower()
     if suffix != ".iso":
         if options.keys() - _OF_CURVES or tile is not None:
@@ -112,7 +112,7 @@ def save(
 
             field = taken(native(what))
             field = field if isinstance(field, Frames | Mesh) else field_of(field)
-            wanted = Decode(simplify=None if simplify is None else str(simplify))
+            wanted = Decode(simplify=None if simplify is None else str(simplify), threads=threads)
             drawn(field, path, wanted, isovalue, **options).write(path, progress)
         return
     if simplify is not None:
@@ -132,7 +132,7 @@ def save(
 
         write_bytes(path, b"".join(encoder_of(native(what), isovalue, progress=progress, **options)))
         return
-    save_tiles(path, what, isovalue, tile=tile, engine=engine, workers=workers, spool=spool, progress=progress,
+    save_tiles(path, what, isovalue, tile=tile, engine=engine, threads=threads, spool=spool, progress=progress,
                **options)
 
 
@@ -153,7 +153,7 @@ def save_tiles(
         what = windowed(what, Choice())
         for remark in what.remarks:
             warnings.warn(remark, stacklevel=3)
-    work = {name: options.pop(name, None) for name in ("engine", "workers", "spool")}
+    work = {name: options.pop(name, None) for name in ("engine", "threads", "spool")}
     tiling = tiling_of(what, isovalue, tile, Options.of(**options), progress)
     return encode_tiles(path, what, tiling, progress=progress, resumed=resumed, **work)
 

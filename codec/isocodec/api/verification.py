@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from isospec.container import DomainKind
 
-from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import DecodedSamples, values_of_steps
 from ..field.framed import Frames

@@ -50,7 +50,7 @@ def decode_command(call: Call, options: Decode) -> None:
     with concerning(call.output):
         check_output(call.output, call.source)
         check_export(call.output, options.what, options)
-    file = call.opened()
+    file = call.opened(threads=options.threads)
     remedy = PARTIAL if options.max_bytes is None and not options.partial else None
     with concerning(call.source), explained(call, remedy), progress_bar("decoding") as progress:
         made = decoded(file, call.output, options, progress)

@@ -113,22 +113,18 @@ def _tiled(call: Call, options: Encode, keywords: dict[str, Any]) -> tuple[dict[
     """Encode tile by tile; returns facts about the file, and remarks."""
     from ..api.inputs import Observed, stated, windowed
     from ..api.opening import open
-    from ..api.output import engine_of
     from ..api.saving import save_tiles
 
     if str(call.output) == STANDARD:
         raise OptionError("a tiled file cannot be written to standard output", code="tile")
     with concerning(call.source), one_warning(call.source):
         field = windowed(stream(call.source), options, options.missing or "hole")
-    with (
-        concerning(call.source),
-        engine_of(options.workers) as engine, progress_bar("encoding tiles") as progress,
-    ):
+    with concerning(call.source), progress_bar("encoding tiles") as progress:
         seen = Observed(stated(field, options))
         call.warn(*seen.before)
         try:
             seen.in_tiles(save_tiles(
-                call.output, seen.what, options.isovalue, tile=options.tile, engine=engine,
+                call.output, seen.what, options.isovalue, tile=options.tile, threads=options.threads,
                 progress=progress,
                 resumed=lambda done, total: say(f"{named(call.output)}: resuming at tile {done + 1:,} of {total:,}"),
                 **keywords,

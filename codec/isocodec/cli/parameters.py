@@ -6,7 +6,7 @@ import errno
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import Field, fields, replace
+from dataclasses import Field, dataclass, fields, replace
 from inspect import cleandoc
 from pathlib import Path
 from types import NoneType
@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, g
 import click
 
 from .. import verbs
-from ..deferred import dataclass
 from ..errors import FormatError, InputError, OptionError
 from ..limits import Limits
 from .report import STANDARD, Failure, Program, concerning, one_warning, own_warnings, result, warn
@@ -83,7 +82,7 @@ class Call(verbs.OptionRecord):
     )
     as_json: bool = verbs.option("Print the result as JSON.", default=False, flag="--json")
 
-    def opened(self, source: str | None = None) -> IsoFile:
+    def opened(self, source: str | None = None, threads: int | None = None) -> IsoFile:
         """Open the file, standard input (``-``) or a URL; raises `Failure`."""
         from ..api.opening import open
         from ..api.output import other_format
@@ -97,7 +96,7 @@ class Call(verbs.OptionRecord):
             known = found.points, found.cells
         with concerning(source), own_warnings(source):
             try:
-                return open(stream(source), mesh=known, limits=self.limits)
+                return open(stream(source), mesh=known, limits=self.limits, threads=threads)
             except FormatError as error:
                 if error.code == "signature" and (suffix := other_format(Path(source).name.lower())) is not None:
                     error.remedy = f"{suffix} files are encoded, not decoded; verify takes the .iso file first"

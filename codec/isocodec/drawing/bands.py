@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..errors import OptionError
 from ..field.labelling import is_of_labels
 from .areas import areas_of, geometry_of, lifted, oriented, polygons

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..kernel import inlined, kernel
 from ..kernel.types import BoolVector, FloatMatrix, FloatVector, Int32Matrix, IntMatrix, IntVector, IntVolume
 from .leaves import Leaves

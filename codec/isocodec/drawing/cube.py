@@ -8,12 +8,12 @@ time. All tables are generated from these.
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from .crossing import Edge, PatternTable
 from .simplices import simplex_pieces
 

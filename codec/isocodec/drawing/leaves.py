@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..grid.tube.ranks import Ranks
 
 WholeCells = Callable[[NDArray[np.int64]], NDArray[np.bool_]]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..grid.lattice.implied import Implied, implied_edges, implied_ratio, near_ends
 from ..mesh.complex import volumes
 from .crossing import Drawn, Edge, PatternTable, distinct_pairs, edge_ratios, linear_ratio, rank_of

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..errors import OptionError
 from ..field.placement import COORDINATE_UNIT, CRS, Placement
 from ..field.stretch import ground_of

@@ -7,14 +7,13 @@ The mesh of a decoded state consists of the uniform mesh of a level and a set of
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..field.placement import Placement
 from ..mesh.complex import volumes
 

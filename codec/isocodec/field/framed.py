@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
-
-from ..deferred import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..deferred import dataclass
 from .placement import COORDINATE_UNIT, CRS
 
 StoredName: TypeAlias = Literal["known", "coded", "whole", "delaunay"]

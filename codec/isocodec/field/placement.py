@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypedDict
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from .coordinates import arrays_of, whole_cells
 from .mapped import Mapped, between

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
@@ -12,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import MAX_SIDE
 
-from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from .filling import filled_smoothly
 

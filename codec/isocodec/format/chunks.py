@@ -6,6 +6,7 @@ import json
 import math
 import zlib
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import accumulate
 
 from isospec.container import (
@@ -20,7 +21,6 @@ from isospec.container import (
 )
 from isospec.elements import BY_LAYER
 
-from ..deferred import dataclass
 from ..errors import FormatError, OptionError
 from .header import read_isovalue, varint, write_isovalue
 from .program import Layer

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from isospec.container import Double, write_varint
 
-from ..deferred import dataclass
 from ..errors import FormatError
 from ..field.coordinates import MOST_PERIOD
 from ..field.mapped import Coordinate

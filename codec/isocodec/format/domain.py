@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from isospec.container import DomainKind, MeshLayer, unzigzag, write_varint, zigzag
 
-from ..deferred import dataclass
 from ..errors import FormatError, OptionError
 from .header import varint
 

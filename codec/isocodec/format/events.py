@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ..deferred import dataclass
+from dataclasses import dataclass
+
 from .chunks import Promises
 from .coordinate_record import CoordinatesRecord
 from .header import Header

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from isospec import container as spec
 from isospec.container import Double, IsovalueKind, Prefix, Profile, Single, VarintError, read_varint
 
-from ..deferred import dataclass
 from ..errors import FormatError
 
 PREFIX_BYTES = 6

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 from isospec.container import (
     ALL,
@@ -17,7 +17,6 @@ from isospec.container import (
     write_varint,
 )
 
-from ..deferred import dataclass
 from ..errors import FormatError
 from .header import varint
 from .kinds import LayerKind

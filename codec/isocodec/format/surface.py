@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from isospec.container import DomainKind, unzigzag, write_varint, zigzag
 
-from ..deferred import dataclass
 from ..errors import FormatError
 from .header import varint
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..deferred import dataclass
 from ..errors import InputError
 from ..kernel import inlined, kernel, record
 from ..kernel.types import BoolVector, IntMatrix, IntVector

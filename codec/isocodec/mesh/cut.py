@@ -6,12 +6,12 @@ its maker, unless it stays to the end. A cut contains, with each node, the maker
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from .cut_signs import Cut
 from .hierarchy import Hierarchy
 

@@ -9,12 +9,12 @@ of that takes place in a band along the contours, in time that grows with their 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.explicit import surface_contour
 from ..errors import OptionError

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..field.samples import Samples
 from ..grid.lattice.tables import AXES, cube_exponent
 from ..grid.tube.capacity import filled

@@ -8,13 +8,13 @@ far from the cut's is mended, by nodes that bring back cells there, until both d
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, count
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..drawing.explicit import crossed_edges
 from ..drawing.simplices import simplex_table
 from ..field.samples import Samples

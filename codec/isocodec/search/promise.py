@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from dataclasses import field as derived
 from functools import cached_property
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from isospec.container import Profile
 
-from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves

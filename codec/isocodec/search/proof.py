@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from .buckets import SMALLEST, STACK, Buckets, balls, cross, exceed, nearest, sort
 
 MOST_BUCKETS, LEAST_BUCKETS = 8, 1 << 12

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..drawing.drawing import draw
 from ..field.samples import Samples
 from ..grid.lattice.depth import levels_of

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..errors import OptionError
 from ..field.samples import Samples
 from ..mesh.complex import Complex

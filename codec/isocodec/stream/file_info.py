@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from ..deferred import dataclass
 from ..errors import TruncatedError
 from ..field.isovalues import number_of
 from ..field.labelling import caption, listed, noun_of

@@ -6,7 +6,7 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from isospec.container import MAX_ISOVALUES
 
-from ..deferred import dataclass
 from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import DecodedSamples, near_values

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from isospec.container import ChunkType, Profile
 
-from ..deferred import dataclass
 from ..field.placement import Placement
 from ..field.samples import Samples, mask_field
 from ..format.chunks import write_chunk

@@ -1,4 +1,4 @@
-"""What isovalues are predicted from: one another, or the frame before ("leans"; spec 3.5.5, 3.5.7)."""
+"""Prediction of isovalues from one another, or from the frame before ("leans"; spec 3.5.5, 3.5.7)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..format.frames import FRAME_BEFORE
 
 
 def lean_of(number: int, nearest: Sequence[int], key: bool) -> int | None:
-    """What an isovalue leans on: itself in the frame before, or in a key frame the nearest earlier isovalue."""
+    """Choose what an isovalue leans on: itself in the frame before, or in a key frame the nearest earlier one."""
     if not key:
         return FRAME_BEFORE
     return nearest[number] if number else None

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isospec.container import DomainKind
 
-from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.meshed import Mesh
 from ..format.domain import DomainHead, read_domain, write_domain

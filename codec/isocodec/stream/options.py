@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any, Literal, SupportsFloat, TypeAlias, TypedDict
 
@@ -12,7 +12,6 @@ import numpy as np
 
 from isospec.container import Profile
 
-from ..deferred import dataclass
 from ..drawing.smoothing import NEAR
 from ..errors import OptionError
 from ..field.placement import PLACEMENT, read_placement

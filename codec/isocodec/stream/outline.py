@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from isospec.container import ChunkType, DomainKind
 
-from ..deferred import dataclass
 from ..errors import FormatError
 from ..format.chunks import (
     Envelope,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import chain, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..errors import OptionError
 from ..field.decoded_samples import DecodedSamples, near_values, values_of_steps
 from ..field.samples import Samples

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 from isospec.container import ChunkType, DomainKind, MeshLayer
 
-from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.labelling import LABELS, is_of_labels, listed
 from ..format.chunks import payload_of, write_chunk

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..deferred import dataclass
 from ..format.events import DomainRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import GEOMETRY
 from ..limits import Limits

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..deferred import dataclass
 from ..entropy.panel import no_panel
 from ..entropy.range_coder import Coder
 from ..errors import LimitError, OptionError

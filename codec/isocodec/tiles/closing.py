@@ -12,12 +12,12 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.gaps import filled, loops_of
 from ..drawing.leaves import WholeCells

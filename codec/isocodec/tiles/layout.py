@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import prod
@@ -10,7 +11,6 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..grid.lattice.tables import cube_exponent
 
 Index = tuple[int, ...]

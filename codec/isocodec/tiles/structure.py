@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from isospec.container import Profile
 
-from ..deferred import dataclass
 from .layout import TileGrid
 
 FIXED_BYTES = 8

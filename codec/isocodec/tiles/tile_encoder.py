@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import ChunkType, Profile
 
-from ..deferred import dataclass
 from ..entropy.range_coder import Coder
 from ..errors import InputError, OptionError
 from ..field.samples import Samples, check_field, mask_field, missing_of, without_holes

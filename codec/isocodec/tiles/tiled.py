@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isospec.container import ChunkType
 
-from ..deferred import dataclass
 from ..drawing.contour import Contour
 from ..drawing.window import bounds_of, clipped
 from ..errors import LimitError, OptionError
@@ -21,6 +23,7 @@ from ..format.header import HEAD_BYTES, Header, write_header
 from ..limits import Limits
 from ..storage.ranges import Fetch, Pieces, Range
 from ..stream.container import closed
+from ..verbs import threads_of
 from .closing import TilePart
 from .head import read_head
 from .joining import joined
@@ -30,10 +33,15 @@ from .numbers import wrong
 from .shared_limits import Shared
 from .structure import Head, Kind, Leaf, TileStrand
 
+if TYPE_CHECKING:
+    from ..stream.grid_contents import GridContents
+
 KEPT = 1 << 24
 """Number of bytes of the file, and of memory of its directories, that are kept for later windows."""
 LEAF_PEAK, LEAF_KEPT = 64, 24
 """Memory that a leaf directory takes while it is read, and afterwards, for each of its bytes."""
+AT_ONCE = 4
+"""Tiles that are decoded before any of them is joined, for each thread."""
 DRAWN = 3
 """Memory that drawings of tiles take while they are joined, in their own size."""
 Box = Sequence[tuple[int, int]]
@@ -96,11 +104,13 @@ class TiledFile:
     ``fetch`` reads ranges of the file, and ``first`` is its first ``HEAD_BYTES``, if already read. The limits are those
     of a call, for all its tiles together; ``bytes`` limits what it fetches. `requests` and `received` count ranges and
     bytes fetched. Raises `FormatError` if it is not a tiled file or is damaged, `TruncatedError` if it ends too early,
-    and `LimitError` if it has too many isovalues.
+    and `LimitError` if it has too many isovalues. ``threads`` decode tiles: as many as there are cores if not given.
     """
 
-    def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
-        self.limits = limits or Limits()
+    def __init__(
+        self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None, threads: int | None = None
+    ) -> None:
+        self.limits, self._threads = limits or Limits(), threads_of(threads)
         self._source = fetch
         self.requests, self.received = (0, 0) if first is None else (1, len(first))
         self._first = self.fetch(0, HEAD_BYTES) if first is None else first
@@ -186,10 +196,11 @@ class TiledFile:
                 # what a tile has at a group's isovalues is decoded once
                 group = self.head.group_of(number)
                 parts_of |= {each: [] for each in numbers[place:] if each in group}
-                for tile in self._segments(found[group], leaves):
-                    own = [each for each in tile.numbers if each in parts_of]
-                    incomplete |= {each for each in own if len(tile.of(each)) - 1 < tile.last}
-                    for each, part in self.drawn(tile, [each for each in own if any(tile.of(each))], call):
+                for tile, drawn in self._all_drawn(self._segments(found[group], leaves), parts_of, call):
+                    incomplete |= {
+                        each for each in tile.numbers if each in parts_of and len(tile.of(each)) - 1 < tile.last
+                    }
+                    for each, part in drawn.items():
                         parts_of[each].append(part)
                         call.budget.hold(part, DRAWN * part.nbytes)
             parts, complete = parts_of.pop(number), number not in incomplete
@@ -211,19 +222,34 @@ class TiledFile:
         (tile,) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, tile, number)
 
-    def drawn(self, tile: GroupSegments, numbers: Sequence[int], call: Shared) -> Iterator[tuple[int, TilePart]]:
-        """Draw segments of a tile at some isovalues; yields their numbers and the drawings."""
-        if not numbers:
-            return
-        decoded = call.decoded(plain(self.head, tile, numbers[0]))
-        grid, index = self.head.grid, tile.index
+    def _all_drawn(
+        self, tiles: Iterable[GroupSegments], wanted: Collection[int], call: Shared
+    ) -> Iterator[tuple[GroupSegments, dict[int, TilePart]]]:
+        """Draw tiles at the isovalues that are wanted, some at a time in threads, each only once."""
+        waiting = iter(tiles)
+        while some := [*islice(waiting, AT_ONCE * self._threads)]:
+            numbers = [[each for each in tile.numbers if each in wanted and any(tile.of(each))] for tile in some]
+            coded = [i for i, own in enumerate(numbers) if own]
+            files = [plain(self.head, some[i], numbers[i][0]) for i in coded]
+
+            def drawn(number: int, decoded: GridContents, some: Any = some, numbers: Any = numbers,
+                      coded: Any = coded) -> dict[int, TilePart]:
+                return self._drawn(some[coded[number]], numbers[coded[number]], decoded)
+
+            found = dict(zip(coded, call.each(files, drawn, self._threads), strict=True))
+            yield from ((tile, found.get(i, {})) for i, tile in enumerate(some))
+
+    def _drawn(self, tile: GroupSegments, numbers: Sequence[int], decoded: GridContents) -> dict[int, TilePart]:
+        """Draw a decoded tile at some isovalues."""
+        grid, index, found = self.head.grid, tile.index, dict[int, TilePart]()
         for number in numbers:
             contour, ends = decoded.ends(tile.numbers.index(number))
             stage = len(tile.of(number)) - 1
-            cube = 1 << self.head.stages[stage].edge
-            yield number, TilePart(
-                index, stage, cube, grid.origin(index), grid.size(index), contour, ends, decoded.whole_cells
+            found[number] = TilePart(
+                index, stage, 1 << self.head.stages[stage].edge, grid.origin(index), grid.size(index), contour, ends,
+                decoded.whole_cells,
             )
+        return found
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 

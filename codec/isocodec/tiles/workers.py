@@ -1,22 +1,19 @@
-"""Encode all tiles, here or in threads, processes or a Dask cluster; the bytes are the same."""
+"""Encode all tiles, in threads, processes or a Dask cluster; the bytes are the same."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import pickle
-import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, ProcessPoolExecutor
+from concurrent.futures import CancelledError, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from queue import SimpleQueue
 from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import InputError
-from ..verbs import Progress
+from ..verbs import Progress, threads_of
 from .layout import Index, in_order
 from .spool import Spool
 from .tile_encoder import TileSegments, Tiling, encode_tile
@@ -34,37 +31,36 @@ class Engine(Protocol):
         """Submit a function to be called elsewhere."""
 
 
-def end_with_parent() -> None:
-    """Make this process end with its parent, even if the parent is killed; otherwise workers would wait for ever."""
-    parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        assert parent is not None
-        parent.join()
-        os._exit(1)
-
-    if parent is not None:
-        threading.Thread(target=watch, daemon=True).start()
-
-
 def run(
-    field: Any, tiling: Tiling, spool: Spool, engine: Engine | None = None, workers: int = 1,
+    field: Any, tiling: Tiling, spool: Spool, engine: Engine | None = None, threads: int | None = None,
     progress: Progress | None = None,
 ) -> None:
     """Encode the tiles that a spool lacks.
 
     The field is anything with ``shape``, ``dtype`` and slices: an array of numpy, Dask, xarray, Zarr or h5py, or the
     windows of a file. Other processes read slices themselves if the object can be sent in few bytes (Zarr, windows of a
-    file, Dask on a cluster); otherwise slices are read here. Without an engine this thread encodes.
+    file, Dask on a cluster); otherwise slices are read here. Without an engine, threads encode.
 
     Raises `InputError` as `encode_tile` does, naming the tile, or if workers died; finished tiles are kept.
     """
     total = tiling.grid.total
     waiting = (index for index in map(tuple, in_order(tiling.grid.counts).tolist()) if not spool.done(index))
-    for done, tile in enumerate(_encoded(field, tiling, waiting, engine, workers), start=total - spool.tiles.missing()):
-        spool.add(tile)
-        if progress:
-            progress(done + 1, total)
+    count = threads_of(threads) if engine is None else _workers_of(engine)
+    with ExitStack() as own:
+        if engine is None and count > 1:
+            engine = own.enter_context(ThreadPoolExecutor(count))
+        tiles = _encoded(field, tiling, waiting, engine, count)
+        for done, tile in enumerate(tiles, start=total - spool.tiles.missing()):
+            spool.add(tile)
+            if progress:
+                progress(done + 1, total)
+
+
+def _workers_of(engine: Any) -> int:
+    """Number of an engine's workers, if it states this."""
+    if hasattr(engine, "nthreads"):
+        return max(sum(engine.nthreads().values()), 1)
+    return int(getattr(engine, "_max_workers", 1))
 
 
 def _encoded(

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..errors import InputError, OptionError
 from ..field.isovalues import isovalues_of
 from ..field.missing import HOLE, filled
@@ -56,7 +55,7 @@ class SampleCounts:
 
 def encode_tiles(
     path: str | os.PathLike[str], field: Any, tiling: Tiling, *, engine: Engine | None = None,
-    workers: int | None = None, spool: str | os.PathLike[str] | None = None,
+    threads: int | None = None, spool: str | os.PathLike[str] | None = None,
     progress: Progress | None = None, resumed: Progress | None = None,
 ) -> SampleCounts:
     """Encode a field tile by tile into one file.
@@ -79,7 +78,7 @@ def encode_tiles(
             if resumed and held.tiles.missing() < total:
                 resumed(total - held.tiles.missing(), total)
             try:
-                run(field, left[0], held, engine, workers or _workers_of(engine), progress)
+                run(field, left[0], held, engine, threads, progress)
             except NotKeptError as error:
                 left = left[-1:] if error.code == "missing" else left[1:]
                 held.remove()
@@ -220,10 +219,3 @@ def _exponent(tile: int | None, n: int) -> int:
             code="tile",
         )
     return exponent
-
-
-def _workers_of(engine: Any) -> int:
-    """Number of an engine's workers, if it states this."""
-    if hasattr(engine, "nthreads"):
-        return max(sum(engine.nthreads().values()), 1)
-    return int(getattr(engine, "_max_workers", 1))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..deferred import dataclass
 from ..entropy.range_coder import UNLIMITED
 from ..entropy.run import Account, Run, WritingRun, whole_run
 from ..errors import FormatError

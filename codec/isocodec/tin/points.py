@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..deferred import dataclass
 from ..errors import InputError
 from .rank import BITS, by_rank
 

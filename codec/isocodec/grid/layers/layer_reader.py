@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from isospec.container import LAYER_LIMIT
 from isospec.elements import BY_LAYER, ELEMENTS
 
-from ...deferred import dataclass
 from ...entropy.range_coder import Coder
 from ...entropy.run import Account, ReadingRun
 from ...errors import FormatError, LimitError

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from numbers import Integral
 from typing import TYPE_CHECKING
 
 from isospec.container import Operation
 
-from ...deferred import dataclass
 from ...errors import OptionError
 from ...format.kinds import ADAPTIVE, LayerKind
 from ..lattice.vertex_set import Chosen

@@ -83,7 +83,7 @@ def _leaning(place, there, cut, p):
 
 @inlined
 def _hear_around(st, cd, cut, p):
-    """List what the values nearby say of whether a number lies beyond a cut; half of what is left has p + 1 bits."""
+    """List opinions of the values nearby on whether a number lies beyond a cut; half of the rest has p + 1 bits."""
     n, near = dimension(st.grid.tables), st.scratch
     same, sames, other, others = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for a in range(n):

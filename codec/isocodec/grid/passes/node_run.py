@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...deferred import dataclass
 from ...entropy.context_layout import context_coder
 from ...entropy.range_coder import Coder
 from ...entropy.run import Account, WritingRun, whole_run

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import OptionError
 from ..field.samples import Samples
 from ..grid.tube.decoded import Decoded
-from ..stream.cropping import box_of, moved_notes
+from ..stream.cropped_source import box_of, moved_notes
 from ..stream.promises import last_promise
 from ..stream.recoder import Source, source_of
 from .layout import Index

@@ -1,4 +1,4 @@
-"""A window of a decoded file: its samples, its crossings, and its notes, as the source of a file of its own."""
+"""Source of a file of a window: samples, crossings and notes of a decoded file within it."""
 
 from __future__ import annotations
 
