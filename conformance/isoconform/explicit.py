@@ -32,6 +32,8 @@ from .streams import Chunk, File, bare, split
 EXPLICIT = "explicit domain"
 VALUE = 100.5
 VALUES = (VALUE, 140.5, 60.5)
+CLOSE = (VALUE, 106.25, 97.75, 103.0)
+"""Isovalues whose curves cross many edges in common."""
 
 
 def plane(count: int = 36, side: int = 64, left_out: int = 6) -> Mesh:
@@ -161,6 +163,11 @@ def whole() -> Iterator[Draft]:
         yield _draft(
             f"mesh_{kind}_step", mesh, values / 8, 12.4, "values in steps", precision="step=0.25", progressive=False,
         )
+        for name, precision in (("step", "step=0.75"), ("offsets", 0.2)):
+            yield _draft(
+                f"mesh_{kind}_isovalues_{name}", mesh, values * 1.0, CLOSE, "several isovalues", name,
+                precision=precision, progressive=False, states=True,
+            )
         yield _draft(f"mesh_{kind}_empty", mesh, values, 1e6, "no curve", progressive=False)
         yield _draft(f"mesh_{kind}_above", mesh, values, -1e6, "no curve", "all above", progressive=False)
         yield _parts(kind, mesh, values)
@@ -279,6 +286,8 @@ def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
         ("all", hills(mesh), VALUE, some_nodes(1), {"precision": "signs"}),
         ("new", salt, 0.5, some_nodes(12, 3), {"precision": "signs"}),
         ("isovalues", hills(mesh), VALUES, some_nodes(9, 3), {"precision": "exact"}),
+        ("isovalues_step", hills(mesh) * 1.0, CLOSE, some_nodes(9, 3), {"precision": "step=0.75"}),
+        ("isovalues_offsets", hills(mesh), CLOSE, some_nodes(9, 3), {"precision": 0.2}),
         ("then_levels", hills(mesh), VALUES, first_isovalue, {"precision": "exact", "progressive": True}),
         ("then_signs", hills(mesh), VALUES, first_isovalue, {"precision": "signs", "progressive": False}),
         ("frames", frames, VALUES[:2], other_nodes, {"precision": 0.5, "interval": 3}),

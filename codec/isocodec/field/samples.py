@@ -6,7 +6,7 @@ import math
 import sys
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,9 @@ from isospec.container import MAX_SIDE
 
 from ..errors import InputError, OptionError
 from .filling import filled_smoothly
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 OFFSET_BITS = 30
 MAX_NUMBER = 1 << 52
@@ -187,6 +190,18 @@ def isovalue_of(given: object) -> float:
             remedy=f"the nearest one is {isovalue:.0f}; or subtract a constant from the field",
         )
     return isovalue
+
+
+def steps_above(isovalue: float, other: float, scale: float | None) -> Fraction:
+    """Count the steps that an isovalue lies above another one, exactly (spec clause 5.9.1).
+
+    Steps are whole numbers (``scale`` None), between the floors of both, or multiples of the scale.
+    """
+    from fractions import Fraction
+
+    if scale is None:
+        return Fraction(math.floor(isovalue) - math.floor(other))
+    return (Fraction(isovalue) - Fraction(other)) / Fraction(scale)
 
 
 def without_holes(field: ArrayLike, mask: ArrayLike | None = None) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from ..entropy.context_layout import take_over
 from ..entropy.run import Account, ReadingRun, Run, WritingRun, whole_run
+from ..field.samples import MAX_NUMBER, steps_above
 from .before import UNKNOWN, spread_signs
 from .complex import Complex, part_of
 from .cut import CellHistory, cut_of, wanted_by
 from .cut_signs import Cut, code_cut
 from .hierarchy import Hierarchy
 from .levels import coarse_signs, code_round, estimates_of
-from .models import NUMBERS, new_coder
+from .models import NUMBERS, SHIFTS, new_coder
 from .positions import (
     LARGEST,
     PLACE,
-    TOLD,
     active_vertices,
     code_offsets,
     code_values,
@@ -33,7 +33,7 @@ from .walk import REASONS, WalkRegisters, WalkState, code_base, code_parts, trac
 
 
 class _Then(NamedTuple):
-    """Geometry of the frame before.
+    """Geometry of the frame before, or of another isovalue.
 
     ``key``, ``place`` (E,): crossed edges, ascending, lower vertex times V and the other one, and where they were
     crossed; ``number`` (V,): twice the numbers of vertices, and 1, negative below, 0 if not known; or empty.
@@ -43,15 +43,13 @@ class _Then(NamedTuple):
     place: NDArray[np.int64]
     number: NDArray[np.int64]
 
-    def places(self, edges: NDArray[np.int64], strand: WalkState) -> NDArray[np.int64]:
-        """Crossings of edges that were crossed in the same direction, (E,); 0 for others."""
-        out = np.zeros(len(edges), np.int64)
+    def places(self, edges: NDArray[np.int64], vertices: int) -> NDArray[np.int64]:
+        """Crossings of edges, (E,); 0 for those that were not crossed."""
         if not len(self.key):
-            return out
-        wanted = edges[:, 0] * np.int64(len(strand.sign)) + edges[:, 1]
+            return np.zeros(len(edges), np.int64)
+        wanted = edges[:, 0] * np.int64(vertices) + edges[:, 1]
         at = np.minimum(np.searchsorted(self.key, wanted), len(self.key) - 1)
-        same = (self.key[at] == wanted) & (strand.before[edges[:, 0]] == strand.sign[edges[:, 0]])
-        return np.where(same, self.place[at], out)
+        return np.where(self.key[at] == wanted, self.place[at], np.int64(0))
 
     def numbers(self, vertices: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers of vertices; 0 where unknown."""
@@ -59,7 +57,7 @@ class _Then(NamedTuple):
 
 
 def _then_of(before: MeshIsovalue, vertices: int) -> _Then:
-    """Geometry of an isovalue, for predicting the next frame."""
+    """Geometry of an isovalue, for predicting the next frame, or another isovalue."""
     key = place = number = np.zeros(0, np.int64)
     if before.edges is not None and before.parts is not None and before.number is not None:
         key = before.edges[:, 0] * np.int64(vertices) + before.edges[:, 1]
@@ -103,6 +101,8 @@ class MeshIsovalue:
         Crossed edges, when the signs are known: both ends, and the leaf that has it first.
     parts, number : (E,) int64 or None
         Offsets: parts of the edges, and the crossed ones.
+    near : (V,) int64 or None
+        Offsets: values at vertices, right up to a factor; 0 where unknown.
     active, steps : (A, 2), (A,) int64 or None
         Values: vertices with the leaf of each, and their numbers.
     """
@@ -133,6 +133,7 @@ class MeshIsovalue:
         self.edges: NDArray[np.int64] | None = None
         self.parts: NDArray[np.int64] | None = None
         self.number: NDArray[np.int64] | None = None
+        self.near: NDArray[np.int64] | None = None
         self.active: NDArray[np.int64] | None = None
         self.steps: NDArray[np.int64] | None = None
         self._then = _Then(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64))
@@ -148,7 +149,7 @@ class MeshIsovalue:
     def bytes_for(domain: Complex) -> int:
         """Memory of an isovalue, in bytes."""
         vertices, (cells, corners) = len(domain.mesh.position), domain.mesh.cell.shape
-        return vertices * 52 + cells * (9 + 8 * (corners - 1))
+        return vertices * 68 + cells * (9 + 8 * (corners - 1))
 
     @staticmethod
     def bytes_of_cut(domain: Complex) -> int:
@@ -244,55 +245,71 @@ class MeshIsovalue:
         trace(mesh.mesh, st, run.coder)
         self.edges = crossed_edges(mesh.mesh, self.leaves, st.sign)
         # the geometry of the cut before
-        self.parts = self.number = self.active = self.steps = None
+        self.parts = self.number = self.near = self.active = self.steps = None
 
     def code_offsets(self, step: int, number: NDArray[np.int64] | None = None) -> None:
         """Code which part of each edge is crossed."""
         assert self.edges is not None
         parts = parts_of(self.domain.mesh, self.edges, step)
         found = np.zeros(len(parts), np.int64) if number is None else number.copy()
-        then = self._then.places(self.edges, self.strand)
+        vertices, first = len(self.strand.sign), self.edges[:, 0]
+        then = self._then.places(self.edges, vertices)
+        then[self.strand.before[first] != self.strand.sign[first]] = 0
+        near = shift = np.zeros(0, np.int64)
+        for one in self._earlier:
+            if one.near is not None:
+                near, shift = one.near, np.zeros(vertices, np.int64)
+                then = _then_of(one, vertices).places(self.edges, vertices)
+                break
         self.strand.estimate[:] = 0
         self.strand.drift[:] = 0
         self.run.room(25 * len(parts))
-        self.run.check(code_offsets(self.domain.mesh, self.strand, self.run.coder, self.edges, parts, found, then))
-        self.parts, self.number = parts, found
+        self.run.check(code_offsets(
+            self.domain.mesh, self.strand, self.run.coder, self.edges, parts, found, then, near, shift
+        ))
+        self.parts, self.number, self.near = parts, found, self.strand.estimate.copy()
 
     def code_values(self, bits: tuple[int, int], number: NDArray[np.int64] | None = None) -> None:
         """Code the numbers of the vertices next to the curve, with ``bits`` below and above."""
         assert self.edges is not None
         active = active_vertices(self.edges)
-        found, told = self._told(active[:, 0])
-        if number is not None:
-            found = np.where(told, found, number)
-        then = np.where(told, TOLD, self._then.numbers(active[:, 0]))
+        found = np.zeros(len(active), np.int64) if number is None else number.copy()
+        least, higher = self._bounds()
         self.strand.estimate[:] = 0
         self.strand.spread[:] = 0
         self.strand.drift[:] = 0
         self.run.room(52 * len(active))
-        bits_of = np.array(bits, np.int64)
-        self.run.check(code_values(self.domain.mesh, self.strand, self.run.coder, active, bits_of, found, then))
+        self.run.check(code_values(
+            self.domain.mesh, self.strand, self.run.coder, active, np.array(bits, np.int64), found,
+            self._then.numbers(active[:, 0]), least[active[:, 0]], higher[active[:, 0]],
+        ))
         self.active, self.steps = active, found
 
-    def _told(self, vertices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Find the numbers that follow from integers decoded for earlier isovalues, and which are known so."""
-        number, told = np.zeros(len(vertices), np.int64), np.zeros(len(vertices), np.bool_)
-        if self.scale is not None:
-            return number, told
-        t = math.floor(self.value)
-        known: dict[int, int] = {}
+    def _bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Bound the numbers of vertices by those at earlier isovalues.
+
+        Returns the least possible number of each vertex, (V,), -1 where nothing is known; and where the number may also
+        be greater by 1, the class of the part of a step between both isovalues, else -1.
+        """
+        sign = self.strand.sign
+        least, most = np.full(len(sign), -1, np.int64), np.full(len(sign), MAX_NUMBER, np.int64)
+        higher = np.zeros(len(sign), np.int64)
         for one in self._earlier:
-            if one.active is None or one.steps is None:
+            steps = steps_above(self.value, one.value, self.scale)
+            if one.active is None or one.steps is None or abs(steps) > MAX_NUMBER - 1:
                 continue
-            s = math.floor(one.value)
-            above = one.strand.sign[one.active[:, 0]] == 1
-            for v, up, steps in zip(one.active[:, 0].tolist(), above.tolist(), one.steps.tolist(), strict=True):
-                known[v] = s + 1 + steps if up else s - steps
-        for k, v in enumerate(vertices.tolist()):
-            if v in known:
-                steps = known[v] - t - 1 if self.strand.sign[v] == 1 else t - known[v]
-                number[k], told[k] = min(max(steps, 0), (1 << 52) - 1), True
-        return number, told
+            down, up = math.floor(steps), math.ceil(steps)
+            v = one.active[:, 0]
+            end = np.where(one.strand.sign[v] == 1, one.steps + 1, -one.steps)
+            above = sign[v] == 1
+            low = np.clip(np.where(above, end - up - 1, down - end), 0, MAX_NUMBER - 1)
+            high = np.clip(np.where(above, end - down - 1, up - end), 0, MAX_NUMBER - 1)
+            apart = (high < least[v]) | (low > most[v])
+            higher[v] = np.where(apart | (least[v] < 0), math.floor((steps - down) * SHIFTS), higher[v])
+            least[v] = np.where(apart, low, np.maximum(low, least[v]))
+            most[v] = np.where(apart, high, np.minimum(high, most[v]))
+        higher[least == most] = -1
+        return least, higher
 
 
 def _implied(unknown: NDArray[np.int8], value: float, earlier: Sequence[MeshIsovalue]) -> NDArray[np.int8]:

@@ -16,9 +16,11 @@ CLASSES = 8
 PASTS = 64
 """Patterns of the last six symbols."""
 CROSSINGS = 4
-"""Classes of the knowledge of a crossing; twice as many with that of the previous frame."""
+"""Classes of the knowledge of a crossing; twice as many with that of the previous frame or of another isovalue."""
 NUMBERS = 4
 """Classes of the knowledge of a value at a vertex; twice as many with that of the previous frame."""
+SHIFTS = 16
+"""Classes of the part of a step, beyond whole ones, by which an isovalue lies above another one."""
 CHANGED = 4
 """Classes of the number of vertices of a ring whose signs changed since the previous frame."""
 SHARES = 18
@@ -61,6 +63,7 @@ CONTEXT = Layout({
     "SPLIT": (4 * MIXED_FACES, 0.5, 0),
     "OFFSET": (2 * CROSSINGS * 4 * DEPTHS, 0.5, 0),
     "VALUE": (2 * NUMBERS * 4 * DEPTHS, 0.5, 0),
+    "HIGHER": (SHIFTS, 0.5, 0),
 })
 COMPONENT, FIRST = CONTEXT.firsts("COMPONENT", "FIRST")
 SIGN_SURE, SIGN_RING, SIGN_PAST, SIGN_BOTH = CONTEXT.firsts("SIGN_SURE", "SIGN_RING", "SIGN_PAST", "SIGN_BOTH")
@@ -71,7 +74,7 @@ LEVEL_THEN, LEVEL_THEN_SHARE = CONTEXT.firsts("LEVEL_THEN", "LEVEL_THEN_SHARE")
 LEVEL_FIT, LEVEL_RING, LEVEL_SHARE = CONTEXT.firsts("LEVEL_FIT", "LEVEL_RING", "LEVEL_SHARE")
 LEVEL_TILT, LEVEL_COUNT = CONTEXT.firsts("LEVEL_TILT", "LEVEL_COUNT")
 LEVEL_PAST, LEVEL_SLOPE = CONTEXT.firsts("LEVEL_PAST", "LEVEL_SLOPE")
-OFFSET, VALUE = CONTEXT.firsts("OFFSET", "VALUE")
+OFFSET, VALUE, HIGHER = CONTEXT.firsts("OFFSET", "VALUE", "HIGHER")
 MIX_SIGN = 0
 MIX_OFFSET = MIX_SIGN + CLASSES
 MIX_VALUE = MIX_OFFSET + 2 * CROSSINGS * DEPTHS

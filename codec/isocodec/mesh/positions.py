@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..entropy.guesses import DEPTHS, FINE, near_guess
-from ..entropy.range_coder import Coder
+from ..entropy.range_coder import Coder, code
 from ..kernel import DONE, inlined, inner, kernel
 from ..kernel.types import IntMatrix, IntVector
 from .affine import beyond
 from .complex import CellArrays
-from .models import CROSSINGS, MIX_OFFSET, MIX_VALUE, NUMBERS, OFFSET, VALUE
+from .models import CROSSINGS, HIGHER, MIX_OFFSET, MIX_VALUE, NUMBERS, OFFSET, VALUE
 from .walk import WalkState
 
 LARGE, SMALL = 1 << 24, 1 << 4
@@ -26,8 +26,6 @@ STEPS = 256
 LARGEST, WIDEST = 1 << 44, 1 << 48
 """Upper bounds of numbers, and of errors of guesses in parts, where others are predicted from them."""
 HALF = 1 << (FINE - 1)
-TOLD = 1 << 62
-"""Marker in place of twice the previous frame's number: this one is known."""
 
 
 def crossed_edges(mesh: CellArrays, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -> NDArray[np.int64]:
@@ -95,25 +93,70 @@ def _expect_then(st, place, upwards, known):
 
 
 @inlined
+def _learn_width(width, kind, wrong):
+    """Record by how much a guess has been wrong."""
+    if width[kind] == 0:
+        width[kind] = wrong
+    width[kind] = max(width[kind] + ((wrong - width[kind]) >> 4), 1 << (FINE - 2))
+
+
+@inlined
 def _learn_drift(st, moved, upwards):
     """Record by how much a place or number has moved, towards the upper side if ``upwards``."""
     step = moved if upwards else -moved
-    wrong = abs(step - st.drift[0])
-    if st.drift[1] == 0:
-        st.drift[1] = wrong
+    _learn_width(st.drift, 1, abs(step - st.drift[0]))
     st.drift[0] += (step - st.drift[0]) >> 3
-    st.drift[1] = max(st.drift[1] + ((wrong - st.drift[1]) >> 4), 1 << (FINE - 2))
+
+
+@inlined
+def _span(st, near, a, b):
+    """Difference between the values of both ends of an edge at another isovalue; 0 if unknown, or of the wrong sign."""
+    span = near[b] - near[a]
+    return span if near[a] != 0 and near[b] != 0 and (span > 0) == (st.sign[b] == 1) else np.int64(0)
+
+
+@inlined
+def _expect_shift(st, near, shift, a, b, span, then, count):
+    """Guess a crossing from the values at another isovalue; the guess so far becomes the second one.
+
+    Returns the class of the guess, or -1, and no second guess, without one.
+    """
+    st.bells[3] = 0
+    by = shift[a] if shift[a] != 0 else shift[b]
+    if span == 0 or by == 0:
+        return -1
+    if shift[b] != 0:
+        by = (by + shift[b]) >> 1
+    kind = 0 if then > 0 else 1
+    place = then + by // span if then > 0 else (by - (near[a] << PLACE)) // span
+    st.bells[2], st.bells[3] = st.bells[0], st.bells[1]
+    st.bells[0] = min(max(place, 0), 1 << PLACE) * count >> (PLACE - FINE)
+    if st.drift[kind] > 0:
+        st.bells[1] = st.drift[kind]
+    return kind
+
+
+@inlined
+def _learn_shift(near, shift, a, b, span, then, place):
+    """Record how far this isovalue lies above the other one at both ends of an edge that it crosses at ``place``."""
+    by = (place - then) * span if then > 0 else place * span + (near[a] << PLACE)
+    shift[a] = shift[a] + ((by - shift[a]) >> 2) if shift[a] != 0 else by
+    shift[b] = shift[b] + ((by - shift[b]) >> 2) if shift[b] != 0 else by
 
 
 @kernel
 def code_offsets(
-    mesh: CellArrays, st: WalkState, cd: Coder, edges: IntMatrix, parts: IntVector, number: IntVector, then: IntVector
+    mesh: CellArrays, st: WalkState, cd: Coder, edges: IntMatrix, parts: IntVector, number: IntVector, then: IntVector,
+    near: IntVector, shift: IntVector
 ) -> int:
     """Code which part of each edge is crossed, counted from its lower vertex.
 
     ``st.estimate``, 0 at first, receives values that are right up to a factor. ``then`` (E,) is where the edge was
-    crossed in the previous frame, in ``2**-PLACE`` of it; 0 where it was not.
+    crossed in the previous frame, in ``2**-PLACE`` of it; 0 where it was not. Or it is the same of another isovalue,
+    with the values ``near`` (V,) there, which are empty otherwise; ``shift`` (V,), 0 at first, receives how far this
+    isovalue lies above that one, in such values times ``2**PLACE``.
     """
+    leans = len(near) > 0
     for k in range(len(edges)):
         a, b = edges[k, 0], edges[k, 1]
         t = st.leaf[edges[k, 2]]
@@ -142,20 +185,31 @@ def code_offsets(
         count = parts[k]
         middle = (guess * count) >> (PLACE - FINE)
         st.bells[0], st.bells[1] = middle, max(width, 1 << (FINE - 2))
-        if then[k] > 0:
-            case += CROSSINGS
-        _expect_then(st, then[k] * count >> (PLACE - FINE), st.sign[b] == 1, then[k] > 0)
+        span, kind = np.int64(0), -1
+        if leans:
+            span = _span(st, near, a, b)
+            kind = _expect_shift(st, near, shift, a, b, span, then[k], count)
+            if kind >= 0:
+                case = CROSSINGS + kind
+        else:
+            if then[k] > 0:
+                case += CROSSINGS
+            _expect_then(st, then[k] * count >> (PLACE - FINE), st.sign[b] == 1, then[k] > 0)
         found = near_guess(
             cd, MIX_OFFSET + DEPTHS * case, OFFSET + 4 * DEPTHS * case, count, st.bells, number[k]
         )
         if found < 0:
             return found
         number[k] = found
-        if then[k] > 0:
+        if kind >= 0:
+            _learn_width(st.drift, kind, abs((found << FINE) + HALF - st.bells[0]))
+        if then[k] > 0 and not leans:
             _learn_drift(st, (found << FINE) + HALF - (then[k] * count >> (PLACE - FINE)), st.sign[b] == 1)
         # the middle of the part, as a place on the edge
         place = ((2 * found + 1) << PLACE) // (2 * count)
         place = min(max(place, 1), (1 << PLACE) - 1)
+        if span != 0:
+            _learn_shift(near, shift, a, b, span, then[k], place)
         if st.estimate[b] == 0:
             st.estimate[b] = _bounded(st.estimate[a] - (st.estimate[a] << PLACE) // place, st.sign[b])
         elif st.estimate[a] == 0:
@@ -187,18 +241,27 @@ def _mean_around(mesh, st, v):
 
 @kernel
 def code_values(
-    mesh: CellArrays, st: WalkState, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, then: IntVector
+    mesh: CellArrays, st: WalkState, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, then: IntVector,
+    least: IntVector, higher: IntVector
 ) -> int:
-    """Code the numbers of active vertices, of ``bits[sign]`` bits; known ones take no symbols.
+    """Code the numbers of active vertices, of ``bits[sign]`` bits.
 
     ``st.estimate``, 0 at first, receives twice the numbers plus 1, with the sign of their side. ``then`` (A,) is the
-    same for the previous frame; ``TOLD`` if ``number`` is known, and 0 if nothing is.
+    same for the previous frame, 0 where unknown. ``least`` (A,) are numbers that follow from other isovalues, else -1;
+    where ``higher`` (A,) is not negative, the number may be greater by 1, and that is the class of the context.
     """
     spread = st.spread
     for k in range(len(active)):
         v = active[k, 0]
         sign = np.int64(st.sign[v])
-        if then[k] != TOLD:
+        if least[k] >= 0:
+            bit = 1 - sign
+            if higher[k] >= 0:
+                bit = code(cd, HIGHER + higher[k], np.int64((number[k] > least[k]) == (sign == 1)))
+                if bit < 0:
+                    return bit
+            number[k] = least[k] + (1 if bit == sign else 0)
+        else:
             case = 0
             guess = _guessed(mesh, st, st.leaf[active[k, 1]], v)
             if guess != 0 and (guess > 0) == (sign == 1):

@@ -1,9 +1,10 @@
 /** How many steps one isovalue lies above another (5.9.1). */
 
-/** The exact number of steps, rounded down and up. */
+/** The exact number of steps, rounded down and up; and the part of a step beyond, in whole sixteenths. */
 export interface Shift {
   readonly down: number;
   readonly up: number;
+  readonly sixteenths: number;
 }
 
 const MOST = 2n ** 52n;
@@ -22,5 +23,6 @@ export function shiftOf(isovalue: number, other: number, scale: number | undefin
   const by = scale === undefined ? BigInt(Math.floor(isovalue)) - BigInt(Math.floor(other)) : whole(isovalue) - whole(other);
   const step = scale === undefined ? 1n : whole(scale), rest = by % step;
   const down = by / step - (rest < 0n ? 1n : 0n), up = by / step + (rest > 0n ? 1n : 0n);
-  return down > -MOST && up < MOST ? { down: Number(down), up: Number(up) } : undefined;
+  const sixteenths = Number((16n * (by - down * step)) / step);
+  return down > -MOST && up < MOST ? { down: Number(down), up: Number(up), sixteenths } : undefined;
 }

@@ -11,6 +11,7 @@ from isospec.container import Profile
 from ...entropy.context_layout import context_coder, gone_on, rates
 from ...entropy.panel import no_panel, panel_after
 from ...entropy.range_coder import Coder, CoderRegisters
+from ...field.samples import steps_above
 from ...format.header import Header
 from ...format.kinds import LayerKind
 from ...format.program import Layer
@@ -56,20 +57,6 @@ def _leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool) ->
     return further_coder(header, lean.coder, size, frame) if lean.begun or frame else shared_coder(lean.coder, size)
 
 
-def shift_of(isovalue: float, other: float, scale: float | None) -> tuple[int, int]:
-    """Count the steps that an isovalue lies above another one, exactly, rounded down and up (clause 5.9.1).
-
-    Steps are whole numbers (``scale`` None), between the floors of both, or multiples of the scale.
-    """
-    from fractions import Fraction
-
-    if scale is None:
-        steps = Fraction(math.floor(isovalue) - math.floor(other))
-    else:
-        steps = (Fraction(isovalue) - Fraction(other)) / Fraction(scale)
-    return math.floor(steps), math.ceil(steps)
-
-
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
     truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None, frame: bool = False,
@@ -88,9 +75,8 @@ def leaning_tube(
         return Tube(shape, coder, limits, truth, holes=holes, budget=budget, shares=shares)
     if frame:
         return Tube(shape, coder, limits, truth, lean=lean, side=FRAME, holes=holes, budget=budget, shares=shares)
-    shift: tuple[int, int] | None = shift_of(isovalue, other, header.scale)
-    if shift is not None and max(map(abs, shift)) >= MOST_SHIFT:
-        shift = None
+    steps = steps_above(isovalue, other, header.scale)
+    shift = (math.floor(steps), math.ceil(steps)) if abs(steps) <= MOST_SHIFT - 1 else None
     side = 1 if isovalue > other else -1
     return Tube(
         shape, coder, limits, truth, lean=lean, shift=shift, side=side, holes=holes, budget=budget, shares=shares

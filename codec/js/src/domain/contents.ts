@@ -158,7 +158,7 @@ export class DomainFile implements Contents {
     contour.begin(meter);
     // of each isovalue that it leans on, numbers and signs are looked at
     meter.step(mesh.V + mesh.T + (mesh.V * contour.depth) / 16);
-    meter.take(8 * mesh.V + 4 * mesh.T);
+    meter.take(16 * mesh.V + 4 * mesh.T);
     if (kind === 3 && !contour.levels) contour.levels = this.levels(contour, first, wrong);
     if (kind === 4 && !contour.cut) contour.cut = this.cut(contour);
     coder.begin(r.at, r.stop - r.at);
@@ -180,7 +180,7 @@ export class DomainFile implements Contents {
     } else {
       const edges = contour.offsets?.edges ?? new Crossings(contour.mesh, contour.leaves!, contour.sign, meter);
       if (kind === 1) (contour.offsets = new Offsets(contour, edges, first)).decode(o);
-      else (contour.values = new Numbers(contour, edges, numbers[1]!, first, this.header.scale !== undefined)).decode(o);
+      else (contour.values = new Numbers(contour, edges, numbers[1]!, first, this.header.scale)).decode(o);
     }
     yield* s.finish(s.coder);
     s.layer(bytes, (["signs", "offsets", "values", "levels", "cut"] as const)[kind]!, series.frames.length - 1,

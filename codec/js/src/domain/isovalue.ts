@@ -15,7 +15,7 @@ export class Contour implements Isovalue {
   private own: Models | undefined;
   private readonly from: Models | undefined;
   /** The isovalue that this one leans on, if it is of its frame; how many it leans on, directly and through others. */
-  private readonly lean: Contour | undefined;
+  readonly lean: Contour | undefined;
   readonly depth: number;
   /** Signs that follow from these, by vertex; -1 where none does. */
   given: Int8Array | undefined;
@@ -73,20 +73,6 @@ export class Contour implements Isovalue {
       for (let v = 0; v < sign.length; v++) if (sign[v]! === above || sign[v]! === below) given[v] = sign[v]!;
     }
     return given;
-  }
-
-  /** The number of a vertex that follows from an earlier isovalue, of integer data (10.1.4(3)); -1 if none does. */
-  number(v: number): number {
-    let found = -1;
-    for (let other = this.lean; other; other = other.lean) {
-      const N = other.values?.number[v] ?? -1;
-      if (N < 0) continue;
-      const t = BigInt(Math.floor(other.isovalue)), own = BigInt(Math.floor(this.isovalue));
-      const value = other.sign[v] ? t + 1n + BigInt(N) : t - BigInt(N);
-      const number = this.sign[v] ? value - own - 1n : own - value;
-      found = number < 0n ? 0 : number >= 2n ** 52n ? 2 ** 52 - 1 : Number(number);
-    }
-    return found;
   }
 
   /** Whether all signs are there that are told (10.1.3(2)). */

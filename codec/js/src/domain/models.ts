@@ -59,7 +59,7 @@ export const LAYERS = new Layout([
   ["LEVEL_COUNT", 961, 0, 4], ["LEVEL_PAST", 176, 0, 4], ["LEVEL_SLOPE", 264, 0, 4],
   ["LEVEL_THEN", 192, 32768, 0], ["LEVEL_THEN_SHARE", 204, 32768, 0], ["NEW", 16, 6554, 1], ["NEW_THEN", 4, 32768, 0],
   ["UNASKED", 16, 6554, 1], ["SPLIT", 24, 32768, 0],
-  ["OFFSET", 256, 32768, 0], ["VALUE", 256, 32768, 0],
+  ["OFFSET", 256, 32768, 0], ["VALUE", 256, 32768, 0], ["HIGHER", 16, 32768, 0],
 ], [["SIGN", 8], ["OFFSET", 64], ["VALUE", 64], ["LEVEL", 11]], 22000);
 
 /** How often a fit has the right sign, in hundredths: by its size, the share of its ring, and the signs around. */

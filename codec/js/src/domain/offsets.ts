@@ -1,4 +1,4 @@
-/** Geometry by offsets (10.6.1, 10.6.3(1)). */
+/** Geometry by offsets (10.6.1, 10.6.3(1), 10.6.4). */
 import { bits } from "../bits.js";
 import type { Complex } from "./complex.js";
 import type { Crossings } from "./crossings.js";
@@ -6,6 +6,7 @@ import type { Contour } from "./isovalue.js";
 import { clip, mulDiv, shr } from "./integers.js";
 import { LAYERS, type Opinions } from "./models.js";
 import { Drift } from "./drift.js";
+import { Rise } from "./rise.js";
 
 const { at: C, sets } = LAYERS;
 
@@ -41,12 +42,18 @@ const sided = (f: number, above: boolean): number => {
 export class Offsets {
   readonly number: number[] = [];
   readonly parts: number[] = [];
+  /** By vertex; NaN where none is known. */
+  readonly value: Float64Array;
 
-  constructor(private readonly contour: Contour, readonly edges: Crossings, private readonly step: number) {}
+  constructor(private readonly contour: Contour, readonly edges: Crossings, private readonly step: number) {
+    this.value = new Float64Array(contour.mesh.V).fill(NaN);
+  }
 
   decode(o: Opinions): void {
-    const { contour, contour: { mesh, sign }, edges } = this, value = new Float64Array(mesh.V).fill(NaN);
-    const drift = contour.before && new Drift();
+    const { contour, contour: { mesh, sign }, edges, value } = this, drift = contour.before && new Drift();
+    let lean = contour.lean;
+    while (lean && !lean.offsets) lean = lean.lean;
+    const rise = lean && new Rise(lean.offsets!);
     const known = (v: number): boolean => value[v] === value[v];
     for (let e = 0; e < edges.count; e++) {
       const a = edges.low[e]!, b = edges.high[e]!, up = sign[a] === 1;
@@ -61,13 +68,16 @@ export class Offsets {
         guess = Math.floor((left * 65536) / (left - right));
       }
       const width = Math.max(Math.floor((parts * 256) / (kase ? 8 : 2)), 64);
-      const near = shr(guess * parts, 8), place = drift ? this.before(a, b, parts) : undefined;
+      const near = shr(guess * parts, 8), risen = rise?.guess(a, b, !up, parts, width), place = drift ? this.before(a, b, parts) : undefined;
       const second = place === undefined ? undefined : drift!.guess(place, !up, width), more = second ? 4 : 0;
-      const N = o.near(parts, near, width, sets.OFFSET + 8 * (kase + more), C.OFFSET + 32 * (kase + more), second);
+      const set = risen ? 4 + risen[0] : kase + more;
+      const N = risen ? o.near(parts, risen[1], risen[2], sets.OFFSET + 8 * set, C.OFFSET + 32 * set, [near, width])
+        : o.near(parts, near, width, sets.OFFSET + 8 * set, C.OFFSET + 32 * set, second);
       if (place !== undefined) drift!.see(256 * N + 128 - place, !up);
       this.number.push(N);
       this.parts.push(parts);
-      const m = clip(Math.floor(((2 * N + 1) * 65536) / (2 * parts)), 1, 65535);
+      const m = this.place(e);
+      rise?.see(a, b, m, risen && [risen[0], Math.abs(256 * N + 128 - risen[1])]);
       if (!known(b)) value[b] = sided(value[a]! - Math.floor((value[a]! * 65536) / m), !up);
       else if (!known(a)) value[a] = sided(mulDiv(-value[b]!, m, 65536 - m), up);
     }
@@ -85,7 +95,12 @@ export class Offsets {
     if (!offsets || before!.sign[a] !== sign[a]) return undefined;
     const e = offsets.edges.find(a, b);
     if (e < 0) return undefined;
-    return shr(clip(Math.floor(((2 * offsets.number[e]! + 1) * 65536) / (2 * offsets.parts[e]!)), 1, 65535) * parts, 8);
+    return shr(offsets.place(e) * parts, 8);
+  }
+
+  /** Where an edge is crossed, in `2**-16` of it (10.6.1(5)). */
+  place(e: number): number {
+    return clip(Math.floor(((2 * this.number[e]! + 1) * 65536) / (2 * this.parts[e]!)), 1, 65535);
   }
 }
 

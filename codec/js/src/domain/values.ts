@@ -1,6 +1,8 @@
-/** Geometry by values (10.6.2, 10.6.3(2)). */
+/** Geometry by values (10.1.4(3), 10.6.2, 10.6.3(2)). */
+import { type Shift, shiftOf } from "../shift.js";
 import type { Crossings } from "./crossings.js";
 import { Drift } from "./drift.js";
+import { clip } from "./integers.js";
 import type { Contour } from "./isovalue.js";
 import { LAYERS, type Opinions } from "./models.js";
 import { beyondFace } from "./offsets.js";
@@ -10,10 +12,16 @@ const { at: C, sets } = LAYERS, MOST = 2 ** 44;
 export class Numbers {
   /** By vertex; -1 without a number. */
   readonly number: Float64Array;
+  /** Earlier isovalues with numbers, the nearest first, and how many steps this one lies above each. */
+  private readonly earlier: { readonly sign: Int8Array; readonly number: Float64Array; readonly shift: Shift }[] = [];
 
   constructor(private readonly contour: Contour, private readonly edges: Crossings, private readonly above: number,
-              private readonly below: number, private readonly scaled: boolean) {
+              private readonly below: number, scale: number | undefined) {
     this.number = new Float64Array(contour.mesh.V).fill(-1);
+    for (let other = contour.lean; other; other = other.lean) {
+      const { sign, values } = other, shift = values && shiftOf(contour.isovalue, other.isovalue, scale);
+      if (shift) this.earlier.push({ sign, number: values.number, shift });
+    }
   }
 
   decode(o: Opinions): void {
@@ -22,8 +30,10 @@ export class Numbers {
     for (let i = 0; i < 2 * edges.count; i++) {
       const v = (i & 1 ? edges.high : edges.low)[i >> 1]!, t = edges.leaf[i >> 1]!, up = sign[v] === 1;
       if (number[v]! >= 0) continue;
-      let N = this.scaled ? -1 : contour.number(v);
-      if (N < 0) {
+      let N: number;
+      const [least, most, part] = this.possible(v, up);
+      if (least >= 0) N = least + (most > least && o.coder.bit(C.HIGHER + part) === sign[v] ? 1 : 0);
+      else {
         const [kase, guess] = this.guess(value, v, t), size = Math.min(Math.floor(Math.abs(guess) / 2), MOST);
         const bits = up ? this.above : this.below, count = 2 ** bits;
         if (!spread[kase]) spread[kase] = bits >= 40 ? 2 ** 48 : Math.max(Math.floor(count / 8) * 256, 256);
@@ -37,6 +47,20 @@ export class Numbers {
       number[v] = N;
       value[v] = (up ? 1 : -1) * (2 * Math.min(N, MOST) + 1);
     }
+  }
+
+  /** The least and the greatest number that those at earlier isovalues leave, -1 without one; and the class of HIGHER. */
+  private possible(v: number, up: boolean): readonly [number, number, number] {
+    let low = -1, high = -1, part = 0;
+    for (const { sign, number, shift } of this.earlier) {
+      const N = number[v]!, end = sign[v] ? N + 1 : -N;
+      if (N < 0) continue;
+      const least = clip(up ? end - shift.up - 1 : shift.down - end, 0, 2 ** 52 - 1);
+      const most = clip(up ? end - shift.down - 1 : shift.up - end, 0, 2 ** 52 - 1);
+      if (low < 0 || least > high || most < low) [low, high, part] = [least, most, shift.sixteenths];
+      else [low, high] = [Math.max(low, least), Math.min(high, most)];
+    }
+    return [low, high, part];
   }
 
   /** The case and the guess of a vertex (10.6.2(3)). */
