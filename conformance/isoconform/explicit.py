@@ -278,7 +278,7 @@ def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
     """Isovalues on cuts of a mesh."""
     values, salt = hills(mesh, 0, 5), np.array([int(n % 9 == 0) for n in random_numbers(31, len(mesh[0]), 16)])
     frames = np.array([hills(mesh, step, 9) for step in range(4)])
-    kinds: tuple[tuple[str, Integers, float | tuple[float, ...], Cuts, dict[str, Any]], ...] = (
+    kinds: tuple[tuple[str, NDArray[Any], float | tuple[float, ...], Cuts, dict[str, Any]], ...] = (
         ("signs", values, VALUE, some_nodes(3), {"precision": "signs"}),
         ("offsets", values, VALUE, some_nodes(5), {"precision": 0.5}),
         ("values", values, VALUE, some_nodes(5), {"precision": "exact"}),
