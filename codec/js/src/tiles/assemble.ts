@@ -37,7 +37,7 @@ function enclose(head: TilesHead, { kind, bytes }: Opened["coded"][number], widt
   const equal = widths.every((w) => w === widths[0]);
   const flags = Number(equal) << 6 | Number(head.scale !== undefined) << 5 | kind << 3 | (head.n - 2) << 2 | Number(head.profile === "main");
   const start = [
-    0x89, 0x49, 0x53, 0x4f, 0, flags, ...(equal ? widths.slice(0, 1) : widths).flatMap(varint), ...bytes,
+    0x89, 0x49, 0x53, 0x4f, 0x11, flags, ...(equal ? widths.slice(0, 1) : widths).flatMap(varint), ...bytes,
     ...(head.scale === undefined ? [] : scaleBytes(head.scale)),
   ];
   const end = start.length + segments.reduce((sum, each) => sum + each.length, 0), file = new Uint8Array(end + 6);
