@@ -32,7 +32,7 @@ from .streams import Chunk, File, bare, split
 EXPLICIT = "explicit domain"
 VALUE = 100.5
 VALUES = (VALUE, 140.5, 60.5)
-CLOSE = (VALUE, 106.25, 97.75, 103.0)
+CLOSE = (VALUE, 97.75, 94.3125, 103.0)
 """Isovalues whose curves cross many edges in common."""
 
 
