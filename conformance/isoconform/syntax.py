@@ -17,6 +17,7 @@ from isospec.container import (
     ESCAPE,
     FAR_LEAN,
     MAX_SIDE,
+    READ_VERSION,
     SIGNATURE,
     ChunkType,
     IsovalueKind,
@@ -129,7 +130,7 @@ def any_header(random: Random) -> Head:
     flags = equal << 6 | scaled << 5 | kind << 3 | (len(shape) - 2) << 2 | profile
     writer = random.randrange(16) if random.randrange(16) == 0 else 0
     sides = b"".join(map(write_varint, shape[:1] if equal else shape))
-    data = SIGNATURE + bytes([writer << 4, flags]) + sides + isovalue_bytes(value, kind)
+    data = SIGNATURE + bytes([writer << 4 | READ_VERSION, flags]) + sides + isovalue_bytes(value, kind)
     return Head(data + (any_scale(random) if scaled else b""), shape, value, profile)
 
 

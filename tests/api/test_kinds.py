@@ -309,7 +309,7 @@ def test_cubes_as_wide_as_within_are_not_refined(uniform: dict[str, IsoFile], ki
 
 
 GIVEN: dict[str, Any] = {
-    "isovalue": 150.5, "simplify": 2, "tile": 64, "engine": object(), "workers": 2, "spool": "spool",
+    "isovalue": 150.5, "simplify": 2, "tile": 64, "engine": object(), "threads": 2, "spool": "spool",
     "precision": "exact", "keep_topology": True, "profile": "baseline", "effort": "best", "layers": 2,
     "order": "isovalues", "interval": 3,
     "metadata": {"a": "b"},

@@ -45,7 +45,7 @@ VALUES = {
     "steps": "2", "title": "t", "view": "top", "every": "20", "capped": "below",
     "limits": "memory=900M,work=100000000,samples=100000", "mesh": "known.npz",
     "key": "a", "nodata": "1", "metadata": "a=b", "layer": "a", "attribute": "a", "simplify": "0.5",
-    "band": "1", "bbox": "0,0,9,9",
+    "band": "1", "bbox": "0,0,9,9", "threads": "2",
 }
 """A value for each option that takes one."""
 
@@ -206,7 +206,7 @@ NO_EFFECT = {
     ("labels", "through_holes"), ("volume", "through_holes"), ("mesh", "layers"),
 }
 """Of whole files, of files without a placement, holes or more than one layer."""
-WITHOUT = ("output", "what", "to", "mesh", "as_json", "limits")
+WITHOUT = ("output", "what", "to", "mesh", "as_json", "limits", "threads")
 """Options that choose what is decoded, or have tests of their own."""
 (WHAT,) = (each for each in main.commands["decode"].params if each.name == "what")
 

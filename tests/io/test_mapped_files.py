@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 import grids
 import isocodec
@@ -68,12 +69,9 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     assert ends[0] == ends[1] != []
     ok("verify", path.with_suffix(".iso"), path, "--key", "f")
     # under a plan they may differ at the ends: these stay apart, with a warning
-    (tmp_path / "plan").write_text("base 5\noffsets 3\n")
-    plan = "--key", "f", "--layers", tmp_path / "plan"
-    contour, said = encoded(path, 0.9, *plan)
-    assert contour.shape == (13, 36) and "not treated as periodic" in said
-    refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, *plan, "--periodic", 1)
-    assert refused.exit_code == 2 and "cannot be combined" in refused.stderr
+    field, plan = isocodec.read(path, key="f"), [("base", 5), ("offsets", 3)]
+    with pytest.warns(UserWarning, match="not treated as periodic"):
+        assert isocodec.open(isocodec.encode(field, 0.9, layers=plan)).info.shape == (13, 36)
 
 
 def test_longitudes_all_round_of_a_series(tmp_path: Path) -> None:

@@ -59,7 +59,8 @@ def test_noise_takes_the_full_grid() -> None:
 
 
 def test_as_few_parts_as_a_tolerance_needs() -> None:
-    some = {0.5: [], 0.49: [2], 0.25: [2], 0.2499: [3], 0.1: [5], 1 / 16: [8], 0.05: [10], 0.03: [17], 0.01: [5, 10]}
+    some = {0.5: [], 0.49: [2], 0.25: [2], 0.2499: [3], 0.1: [5], 1 / 16: [8], 0.05: [5, 2], 0.03: [17],
+            0.01: [5, 5, 2]}
     assert {tolerance: radices(tolerance) for tolerance in some} == some
     where = np.linspace(0, 1, 10007, endpoint=False)
     for tolerance in (*some, *np.geomspace(0.0005, 0.5, 40)):

@@ -240,7 +240,7 @@ def test_isovalues_have_plans_of_their_own() -> None:
         ("refine 2", "a layer before the base"),
         ("leaf-base", "a leaf base, but no earlier isovalue"),
         ("base\nvalues 40", "more bits of values are asked for than there are"),
-        ("base\noffsets 1", "offsets cannot divide 1 parts into 1 each"), ("base\noffsets 64", "64"),
+        ("base\noffsets 64", "offsets cannot divide 1 parts into 64 each"),
         ("base 2\noffsets 3 unit=25", "unit"),
     ],
 )

@@ -8,7 +8,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -22,43 +21,11 @@ from tiled import encoded, hilly
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="processes of their own would be slow")
 
 
-def children_of(process: int) -> list[int]:
-    """Processes that one has begun."""
-    try:
-        text = Path(f"/proc/{process}/task/{process}/children").read_text()
-    except OSError:
-        return []
-    return [int(number) for number in text.split()]
-
-
-def command_of(path: Path, out: Path, workers: int) -> list[str]:
+def command_of(path: Path, out: Path, threads: int) -> list[str]:
     return [
         sys.executable, "-m", "isocodec", "encode", str(path), "-o", str(out), "--isovalue", "30.5", "--tile", "64",
-        "--workers", str(workers),
+        "--threads", str(threads),
     ]
-
-
-FOLLOWED = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs to know who has begun whom")
-
-
-def gone(processes: list[int], patience: float = 30) -> bool:
-    """Whether processes end within so many seconds."""
-    deadline = time.monotonic() + patience
-    while any(Path(f"/proc/{each}").exists() for each in processes) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return not any(Path(f"/proc/{each}").exists() for each in processes)
-
-
-@FOLLOWED
-def test_workers_end_with_who_began_them(tmp_path: Path) -> None:
-    np.save(tmp_path / "f.npy", np.tile(hilly((512, 512)), (3, 3)))
-    child = subprocess.Popen(command_of(tmp_path / "f.npy", tmp_path / "a.iso", 2), stderr=subprocess.DEVNULL)
-    while len(workers := children_of(child.pid)) < 3 and child.poll() is None:
-        time.sleep(0.01)
-    time.sleep(0.5)
-    child.kill()
-    child.wait()
-    assert len(workers) == 3 and gone(workers)
 
 
 def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,14 +57,17 @@ def test_each_is_that_of_the_whole_field(tmp_path: Path, precision: str, masked:
 def test_slack_needs_an_order(tmp_path: Path) -> None:
     """Crossings that may move a little must not pass those of the isovalue leaned on: only in order they lean."""
     field = hilly((70, 100))
-    together = [tiled_of(encoded(tmp_path, field, some)).head.together for some in ([1, 2, 3], [3, 2, 1], [1, 3, 2])]
-    assert together == [3, 3, 1]
+    for precision, wanted in ((0.1, [3, 3, 1]), (0.05, [3, 3, 3])):  # 0.05 takes two digits, without slack
+        assert wanted == [
+            tiled_of(encoded(tmp_path, field, some, precision=precision)).head.together
+            for some in ([1, 2, 3], [3, 2, 1], [1, 3, 2])
+        ]
     file = tiled_of(encoded(tmp_path, field, [30.5, 31.5, 34.5]))
     for isovalue in file.isovalues:
         ours = file.window(isovalue=isovalue)
         exact = isocodec.decode(isocodec.encode(field, isovalue, precision="exact"))
         assert len(ours.points) == len(exact.points)
-        assert KDTree(exact.points).query(ours.points)[0].max() <= DEFAULT_TOLERANCE
+        assert KDTree(exact.points).query(ours.points)[0].max() <= DEFAULT_TOLERANCE + 1e-9
 
 
 def test_one_tile_as_it_is_and_a_part(tmp_path: Path) -> None:

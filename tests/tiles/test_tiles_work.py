@@ -39,6 +39,8 @@ from tiled import encoded, hilly, holed, pieces, tiled_of
 class Shuffled(Executor):
     """Does what it is given in any order, when it has enough of it."""
 
+    _max_workers = 2
+
     def __init__(self) -> None:
         self.waiting: list[tuple[Future[object], object, tuple[object, ...]]] = []
         self.dice = random.Random(5)
@@ -69,7 +71,7 @@ def test_the_same_bytes_whoever_encodes(tmp_path: Path) -> None:
     alone = encoded(tmp_path, field, 30.5)
     with ThreadPoolExecutor(3) as threads:
         assert encoded(tmp_path, field, 30.5, engine=threads) == alone
-    assert encoded(tmp_path, field, 30.5, engine=Shuffled(), workers=2) == alone
+    assert encoded(tmp_path, field, 30.5, engine=Shuffled()) == alone
 
 
 class Here:

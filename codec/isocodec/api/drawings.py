@@ -59,14 +59,14 @@ class OneByOne(Collection[Contour]):
         return False
 
     def __iter__(self) -> Iterator[Contour]:
-        for number, contour in enumerate(self._all()):
+        for contour in self._all():
             self.counts.append(Counts.of(contour))
             yield contour
             del contour
             self.drawn(self.counts[-1])
             if self.progress is not None:
                 # writing takes time, too, when all are drawn
-                self.progress(number + 1, len(self) + 1)
+                self.progress(len(self.counts), len(self) + 1)
 
     def _all(self) -> Iterator[Contour]:
         """Draw all contours, some of them ahead in threads."""

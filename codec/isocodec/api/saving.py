@@ -107,7 +107,7 @@ def save(
         if options.keys() - _OF_CURVES or tile is not None:
             raise OptionError(f"options of encoding do not apply to {suffix or 'a name without a suffix'}",
                               code="options", remedy="choose a name that ends in .iso")
-        if not _write_other(path, what, isovalue, suffix, bool(options), simplify):
+        if not _write_other(path, what, isovalue, suffix, bool(options) or threads is not None, simplify):
             from .export import drawn
 
             field = taken(native(what))
@@ -121,7 +121,7 @@ def save(
         raise OptionError("contours cannot be written to an .iso file", code="suffix",
                           remedy="encode the field, or choose another suffix")
     if isinstance(what, bytes | IsoFile):
-        if isovalue is not None or options or tile is not None:
+        if isovalue is not None or options or tile is not None or threads is not None:
             raise OptionError("isovalue and options do not apply to files that are already encoded", code="options")
         check_target(path)
         write_bytes(path, what if isinstance(what, bytes) else what.data)

@@ -130,9 +130,12 @@ def _decoder(data: bytes, limits: Limits | None) -> Decoder:
 def _first_layers(
     data: bytes, info: FileInfo, layers: int | None, max_bytes: int | None, limits: Limits | None
 ) -> bytes:
-    """Truncate a file of a grid at the end of a layer; of isovalues in turn, at the end of the same one of all."""
+    """Truncate a file of a grid at the end of a layer; of isovalues in turn, where the same layer of all of them ends.
+
+    Of numbers of layers in between the one before is taken; the first turn is kept in any case.
+    """
     decoder = _decoder(data, limits)
-    best, ends = None, [0]
+    best, ends = None, 0
     for event in decoder:
         if not isinstance(event, LayerComplete):
             continue
@@ -140,14 +143,11 @@ def _first_layers(
         whole, part = divmod(event.number - run.done, len(run.turn))
         if part:
             continue
-        ends.append(event.number)
-        if layers is not None and event.number < layers:
+        if layers is not None and event.number > layers and best is not None:
+            return best
+        ends = event.number
+        if layers is not None and ends + len(run.turn) <= layers and whole < len(run.layers):
             continue
-        if layers is not None and event.number > layers:
-            raise OptionError(
-                f"layer {layers} is one of {len(run.turn)} isovalues in turn, which end together", code="layers",
-                remedy=f"ask for {ends[-1]} layers" + (f", or for {ends[-2]}" if ends[-2] else ""),
-            )
         kept = write_program(run.layers[:whole], run.before.copy(), decoder.grid.value_bits)
         chunks = [write_chunk(ChunkType.LAYERS, kept + cut(decoder.grid.coder))]
         # a complete mask may follow
@@ -156,18 +156,17 @@ def _first_layers(
             for chunk in info.chunks if chunk.type == "mask" and chunk.offset >= run.chunk_start
         ]
         out = b"".join(closed([data[: run.chunk_start], *chunks]))
-        if layers is not None:
-            return out
-        assert max_bytes is not None
-        if len(out) > max_bytes:
+        if max_bytes is not None and len(out) > max_bytes:
             break
         best = out
+        if layers is not None and ends >= layers:
+            return best
     else:
         if decoder.complete and (max_bytes is None or len(data) <= max_bytes):
             return data
-    if layers is not None:
-        raise _too_few(ends[-1])
-    if best is None and len(ends) == 1:
+        if layers is not None:
+            raise _too_few(ends)
+    if not ends:
         raise TruncatedError(
             f"the file ends after {len(data)} bytes, before its first layer does", code="truncated", offset=len(data)
         )

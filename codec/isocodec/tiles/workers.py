@@ -75,13 +75,21 @@ def _encoded(
     read_there = (isinstance(engine, ProcessPoolExecutor) or _is_cluster(engine)) and _is_small(field)
     came: SimpleQueue[tuple[Index, Any]] = SimpleQueue()
     flying: dict[Index, Any] = {}
+    failure: Exception | None = None
     try:
         while True:
-            while len(flying) < AHEAD * (workers + 1) and (index := next(waiting, ())):
-                with _about(index):
-                    flying[index] = future = _submitted(engine, field, tiling, index, read_there)
-                future.add_done_callback(lambda f, index=index: came.put((index, f)))
+            while failure is None and len(flying) < AHEAD * (workers + 1) and (index := next(waiting, ())):
+                try:
+                    with _about(index):
+                        flying[index] = future = _submitted(engine, field, tiling, index, read_there)
+                except Exception as error:
+                    # tiles that have been read are encoded and kept first
+                    failure = error
+                else:
+                    future.add_done_callback(lambda f, index=index: came.put((index, f)))
             if not flying:
+                if failure is not None:
+                    raise failure
                 return
             index, future = came.get()
             del flying[index]
