@@ -249,7 +249,8 @@ class Decode(Viewed, OutputOptions):
         "Close a surface in space where it leaves the field, around what lies above or below it.", DRAWING,
     )
     to: str | None = option("Format of OUT if its name has no suffix, or is -; for example .geojson.", metavar="SUFFIX")
-    threads: int | None = option("Number of threads that decode tiles.  [default: all cores]", metavar="N", least=1)
+    threads: int | None = option("Number of threads that decode tiles.  [default: all cores for volumes, else 1]",
+                                 metavar="N", least=1)
 
     def __post_init__(self) -> None:
         Viewed.__post_init__(self)
@@ -329,8 +330,8 @@ class Encode(Choice, OutputOptions):
         "Encode tile by tile, N = 2**k samples along each axis, for fields larger than memory. Run the same command "
         "again to resume an interrupted one.", TILES, metavar="N", least=1,
     )
-    threads: int | None = option("Number of threads that encode tiles, or draw contours.  [default: all cores]",
-                                 metavar="N", least=1)
+    threads: int | None = option("Number of threads that encode tiles.  [default: all cores]", TILES, metavar="N",
+                                 least=1)
     metadata: tuple[tuple[str, str], ...] = option("Add a note to the file. Repeatable.", default=(),
                                                    metavar="KEY=TEXT", read=note_of)
     profile: Literal["main", "baseline"] = option("Entropy coding: main (default) or baseline.", default="main",
@@ -347,7 +348,9 @@ class Encode(Choice, OutputOptions):
             self.check_names(self.what or "curve")
         else:
             self.refuse("apply to .iso files", *_CONVERTED)
-        if self.tile is not None:
+        if self.tile is None:
+            self.refuse("apply without --tile", "threads")
+        else:
             self.refuse("apply to tiles", *_OF_WHOLE)
         self.choose("isovalues", "every", "labels", required=True)
         if "all" in self.labels and len(self.labels) > 1:
@@ -540,7 +543,6 @@ def threads_of(given: int | None) -> int:
         check_count(given, "threads")
         return given
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
 
 
 def check_count(count: Any, name: str, least: int = 1) -> None:

@@ -178,7 +178,7 @@ def test_options_of_iso_do_not_apply_to_other_formats(tmp_path: Path, option: li
 def test_drawings_are_released_one_by_one(tmp_path: Path) -> None:
     """While a map is written, one contour is alive; progress rises, and ends at its total when the file is there."""
     alive, most, seen = weakref.WeakSet[Contour](), [0], list[tuple[int, int]]()
-    made = drawn(isocodec.Field(HILLS), "a.gpkg", Decode(threads=1), "every 2")
+    made = drawn(isocodec.Field(HILLS), "a.gpkg", Decode(), "every 2")
     draw = made.drawings.draw
 
     def watched(number: int) -> Contour:

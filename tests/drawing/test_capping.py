@@ -53,7 +53,7 @@ def test_what_cannot_be_capped() -> None:
         isocodec.decode(isocodec.encode(field, 0.02)).capped()
     data = isocodec.encode(noise(1), 0.02)
     ends = []
-    for size in range(len(data) // 8, len(data), len(data) // 40):
+    for size in range(len(data) // 12, len(data), 4):
         contour = isocodec.decode(data, max_bytes=size)
         if not contour.complete:
             try:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections import deque
 from collections.abc import Collection, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..drawing.contour import Contour
@@ -42,11 +40,11 @@ class OneByOne(Collection[Contour]):
     """
 
     def __init__(
-        self, isovalues: Sequence[float], shape: tuple[int, ...], n: int, progress: Progress | None, threads: int = 1
+        self, isovalues: Sequence[float], shape: tuple[int, ...], n: int, progress: Progress | None
     ) -> None:
         self.isovalues, self.shape, self.n = tuple(isovalues), shape, n
         self.counts: list[Counts] = []
-        self.progress, self._threads = progress, threads
+        self.progress = progress
 
     @abstractmethod
     def draw(self, number: int) -> Contour:
@@ -59,31 +57,15 @@ class OneByOne(Collection[Contour]):
         return False
 
     def __iter__(self) -> Iterator[Contour]:
-        for contour in self._all():
+        for number in range(len(self)):
+            contour = self.draw(number)
             self.counts.append(Counts.of(contour))
             yield contour
             del contour
             self.drawn(self.counts[-1])
             if self.progress is not None:
                 # writing takes time, too, when all are drawn
-                self.progress(len(self.counts), len(self) + 1)
-
-    def _all(self) -> Iterator[Contour]:
-        """Draw all contours, some of them ahead in threads."""
-        if self._threads == 1 or len(self) == 1:
-            yield from map(self.draw, range(len(self)))
-            return
-        with ThreadPoolExecutor(self._threads) as pool:
-            ahead: deque[Future[Contour]] = deque()
-            try:
-                for number in range(len(self) + self._threads):
-                    if number < len(self):
-                        ahead.append(pool.submit(self.draw, number))
-                    if number >= self._threads:
-                        yield ahead.popleft().result()
-            finally:
-                for each in ahead:
-                    each.cancel()
+                self.progress(number + 1, len(self) + 1)
 
     def drawn(self, counts: Counts) -> None:
         """Take notice that a contour has been used."""

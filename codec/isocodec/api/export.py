@@ -170,7 +170,7 @@ def drawn(
     from .tracing import Traced
 
     shown = wanted.what or "curve"
-    contours = Traced(what, isovalue, through_holes=shown != "curve", threads=wanted.threads, **options)
+    contours = Traced(what, isovalue, through_holes=shown != "curve", **options)
     if shown == "curve" and contours.empty:
         # a layer that is there must not make room for nothing
         one = f"at the isovalue {contours.isovalues[0]:g}" if len(contours) == 1 else "at any of the isovalues"

@@ -41,7 +41,7 @@ def open(
     limits : Limits, optional
         Limits on memory and work for decoding, for untrusted files.
     threads : int, optional
-        Number of threads that decode tiles; if not given, that of all cores.
+        Number of threads that decode tiles; if not given, that of all cores for volumes, else 1.
 
     Returns
     -------

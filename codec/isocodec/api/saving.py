@@ -74,7 +74,7 @@ def save(
     engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
         Encodes the tiles; if not given, threads do. The bytes of the file are the same.
     threads : int, optional
-        Number of threads that encode tiles or draw contours; if not given, that of all cores.
+        Number of threads that encode tiles; if not given, that of all cores.
     spool : path, optional
         A folder for tiles that have been encoded; if not given, one next to the file. It is removed when the file is
         complete; if work stops earlier, the same call resumes where it stopped.
@@ -100,19 +100,19 @@ def save(
     >>> field = np.load("terrain.npy", mmap_mode="r")             # doctest: +SKIP
     >>> isocodec.save("terrain.iso", field, 500.5, tile=1024)     # doctest: +SKIP
     """
-    if tile is None and not (engine is spool is None):
-        raise OptionError("engine and spool apply to tiles only", code="tile", remedy="tile=1024")
+    if tile is None and not (engine is threads is spool is None):
+        raise OptionError("engine, threads and spool apply to tiles only", code="tile", remedy="tile=1024")
     suffix = Path(path).suffix.lower()
     if suffix != ".iso":
         if options.keys() - _OF_CURVES or tile is not None:
             raise OptionError(f"options of encoding do not apply to {suffix or 'a name without a suffix'}",
                               code="options", remedy="choose a name that ends in .iso")
-        if not _write_other(path, what, isovalue, suffix, bool(options) or threads is not None, simplify):
+        if not _write_other(path, what, isovalue, suffix, bool(options), simplify):
             from .export import drawn
 
             field = taken(native(what))
             field = field if isinstance(field, Frames | Mesh) else field_of(field)
-            wanted = Decode(simplify=None if simplify is None else str(simplify), threads=threads)
+            wanted = Decode(simplify=None if simplify is None else str(simplify))
             drawn(field, path, wanted, isovalue, **options).write(path, progress)
         return
     if simplify is not None:
@@ -121,7 +121,7 @@ def save(
         raise OptionError("contours cannot be written to an .iso file", code="suffix",
                           remedy="encode the field, or choose another suffix")
     if isinstance(what, bytes | IsoFile):
-        if isovalue is not None or options or tile is not None or threads is not None:
+        if isovalue is not None or options or tile is not None:
             raise OptionError("isovalue and options do not apply to files that are already encoded", code="options")
         check_target(path)
         write_bytes(path, what if isinstance(what, bytes) else what.data)

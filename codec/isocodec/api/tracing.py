@@ -20,7 +20,7 @@ from ..search.original import original
 from ..stream.coordinate_coding import DecodedCoordinates, coordinates_payload
 from ..stream.given import completed, levels_of
 from ..stream.options import Options
-from ..verbs import Progress, threads_of
+from ..verbs import Progress
 from .drawings import OneByOne
 
 MOST = 100_000
@@ -37,7 +37,7 @@ class Traced(OneByOne):
 
     def __init__(
         self, what: Field | Mesh, isovalue: Any, *, through_holes: bool = False, progress: Progress | None = None,
-        threads: int | None = None, **options: Any,
+        **options: Any,
     ) -> None:
         if isinstance(what, Frames):
             raise InputError("is a series, of which one frame can be drawn", code="frames", remedy="give --frame N")
@@ -45,7 +45,7 @@ class Traced(OneByOne):
         isovalues = levels_of(what, isovalue, asked, [what], MOST)
         shape = () if isinstance(what, Mesh) else what.shape
         tetrahedra = isinstance(what, Mesh) and what.cells is not None and np.shape(what.cells)[1:] == (4,)
-        super().__init__(isovalues, shape, len(shape) or 2 + tetrahedra, progress, threads_of(threads))
+        super().__init__(isovalues, shape, len(shape) or 2 + tetrahedra, progress)
         self._what, self._through_holes, self._options = what, through_holes, options
         self.valid: NDArray[np.bool_] | None = None
         drawn = self._coded if isinstance(what, Mesh) else self._on_grid(what, asked)
@@ -63,10 +63,8 @@ class Traced(OneByOne):
 
     def draw(self, number: int) -> Contour:
         """Draw the contour of an isovalue, by its number."""
-        if number or self._first is None:
-            return self._draw(self.isovalues[number])
         first, self._first = self._first, None
-        return first
+        return self._draw(self.isovalues[number]) if first is None else first
 
     def _on_grid(self, field: Field, asked: Options) -> Callable[[float], Contour]:
         isovalue = self.isovalues if field.labels is None else None

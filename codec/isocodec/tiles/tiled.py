@@ -104,17 +104,20 @@ class TiledFile:
     ``fetch`` reads ranges of the file, and ``first`` is its first ``HEAD_BYTES``, if already read. The limits are those
     of a call, for all its tiles together; ``bytes`` limits what it fetches. `requests` and `received` count ranges and
     bytes fetched. Raises `FormatError` if it is not a tiled file or is damaged, `TruncatedError` if it ends too early,
-    and `LimitError` if it has too many isovalues. ``threads`` decode tiles: as many as there are cores if not given.
+    and `LimitError` if it has too many isovalues. ``threads`` decode tiles: if not given, as many
+    as there are cores, of planes one.
     """
 
     def __init__(
         self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None, threads: int | None = None
     ) -> None:
-        self.limits, self._threads = limits or Limits(), threads_of(threads)
+        self.limits = limits or Limits()
         self._source = fetch
         self.requests, self.received = (0, 0) if first is None else (1, len(first))
         self._first = self.fetch(0, HEAD_BYTES) if first is None else first
         self.head, self.root = read_head(self._first)
+        # tiles of planes take so little time that threads wait for one another
+        self._threads = 1 if threads is None and self.head.grid.n == 2 else threads_of(threads)
         if len(self.head.isovalues) > self.limits.isovalues:
             raise LimitError(f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", clause="11.2")
         self._blocks = list(self.head.grid.all_blocks())
