@@ -54,10 +54,10 @@ def annex(tmp_path):
 
 @pytest.mark.heavy  # hundreds of files by plain Python
 def test_files_reach_what_encoders_do_not_write():
-    """Of 120 files most are whole and valid, some are cut off, a few are an error; all kinds of layers come in them."""
+    """Of 120 files many are whole and valid, many end early, a few are an error; all kinds of layers come in them."""
     outputs = [dump(any_file(Random(seed))) for seed in range(120)]
     codes = [output.exit_code for output in outputs]
-    assert codes.count(COMPLETE) > 60 and codes.count(CUT_OFF) > 8 and 2 < codes.count(REFUSED[0]) < 30
+    assert codes.count(COMPLETE) > 45 and codes.count(CUT_OFF) > 8 and 2 < codes.count(REFUSED[0]) < 30
     assert {name for output in outputs for name, count in output.symbols.items() if count} == set(ELEMENTS)
     kinds = {event.layer.kind for output in outputs for event in output.events if hasattr(event, "layer")}
     assert kinds == {"base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets"}
