@@ -127,7 +127,7 @@ export function tiledParts(data) {
 /** A file in tiles of 32 samples in the plane, without segments: leaf directories, and of each block what the root says of it. */
 export function emptyTiles({ shape, block, leaves, entries }) {
   const fields = [...shape.flatMap(varint), 5, block, 1, 4, 1, 0, 1, 0, ...entries.flat()], size = 12 + fields.length;
-  const head = summed([0x89, 0x49, 0x53, 0x54, 0, 0, size >> 8, size & 255, ...fields]);
+  const head = summed([0x89, 0x49, 0x53, 0x54, 0x11, 0, size >> 8, size & 255, ...fields]);
   return new Uint8Array(Buffer.concat([head, ...leaves]));
 }
 
