@@ -251,7 +251,7 @@ def refused() -> Iterator[Draft]:
     nowhere = said(start, steps_of((BASE, 3)), ("origin", "0"), ("component", "1"), ("location", "11"))
     yield _draft("start_nowhere", (6, 3), nowhere, ("a component starts in a simplex that does not exist",), "5.3.2")
     for shape, name, clause, about, seed in (
-        ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 38),
+        ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 174),
         ((5, 5), "start_visited", "5.3.2", "where one has been", 0),
         ((5, 5, 5), "start_not_mixed", "5.3.3", "where the surface does not pass", 51),
         ((5, 5, 5), "start_visited", "5.3.2", "where one has been", 1),

@@ -267,7 +267,7 @@ class Tubes:
 
     def end_mask(self) -> None:
         """Use the complete mask for isovalues whose layers have not begun."""
-        (tube,) = self.mask
+        tube = self.mask[-1]
         assert tube is not None
         tube.rest()
         self.mask_reader, self.holes = None, Holes(tube.state)
