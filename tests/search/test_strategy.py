@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ from isocodec.search.promise import Promise
 from isocodec.search.steps import stepwise
 from isocodec.search.strategy import EDGE, Plan, even_mesh, exponent_of, grid_plan, mesh_of, slanted, smallest
 from isocodec.search.tolerance import grid_offsets, radices
-from isocodec.stream.options import WORTH_SEARCHING
+from isocodec.stream.options import EFFORTS, WORTH_SEARCHING, EffortName
 from tables import looped
 
 
@@ -145,6 +146,30 @@ def test_effort() -> None:
         isocodec.encode(field, 20.0, effort="some")
     with pytest.raises(OptionError, match="effort"):
         isocodec.encode(isocodec.thin(field, to=30), effort="best")
+
+
+def ball(side: int) -> np.ndarray:
+    """Distances from the middle of a cube of so many samples a side: at each isovalue a smooth surface."""
+    return np.linalg.norm(np.indices((side,) * 3) - (side - 1) / 2, axis=0)
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.12, 0.2, 0.4, 0.6, 1.0])
+@pytest.mark.parametrize("field", [waves(40), ball(33)], ids=["curve", "smooth surface"])
+def test_the_best_effort_takes_no_more_bytes(field: np.ndarray, tolerance: float) -> None:
+    plain, best = (len(isocodec.encode(field, 10.3, precision=tolerance, effort=one)) for one in EFFORTS)
+    assert best <= plain
+
+
+@pytest.mark.parametrize("effort", ["normal", "best"])
+def test_where_the_mesh_is_coarser_than_the_grid_the_remedy_holds(effort: EffortName) -> None:
+    field = ball(33)
+    with pytest.raises(OptionError) as raised:
+        isocodec.open(isocodec.encode(field, 10.3, precision=0.3, effort=effort)).above()
+    assert raised.value.remedy
+    said = re.search(r"tolerance below ([0-9.]+)$", raised.value.remedy)
+    assert said
+    below = np.nextafter(float(said[1]), 0)
+    assert (isocodec.open(isocodec.encode(field, 10.3, precision=below, effort=effort)).above() == (field > 10.3)).all()
 
 
 def test_a_mesh_under_distortion_is_taken_where_it_is_smaller_than_the_full_grid() -> None:

@@ -55,11 +55,11 @@ def encode(
         How closely the file keeps to the contour. A number: the largest distance, in cells, between the decoded and the
         extracted curve, both ways; on a mesh in the unit of its points. A text with a unit, as "100m" or "0.2mm": a
         distance in the world, on the ellipsoid where coordinates are longitudes and latitudes or projected, to which
-        the file keeps everywhere; it is refused where the unit of the coordinates is not known. From 0.75 cells on the
-        encoder searches for a mesh that makes the file small, and proves the distance on the decoded curve; below, it
-        codes the signs of the full grid, and crossings as coarsely as the distance allows. In the complete file, curves
-        of several isovalues of a plane do not cross one another. With a criterion as ``layers``, that chooses the mesh,
-        and the distance holds for its crossings alone.
+        the file keeps everywhere; it is refused where the unit of the coordinates is not known. From 0.75 cells on, for
+        a smooth surface from 0.1, the encoder searches for a mesh that makes the file small, and proves the distance on
+        the decoded curve; below, it codes the signs of the full grid, and crossings as coarsely as the distance allows.
+        In the complete file, curves of several isovalues of a plane do not cross one another. With a criterion as
+        ``layers``, that chooses the mesh, and the distance holds for its crossings alone.
         "exact": values of integers next to the curve, to the last bit. "step=0.5": values of floats next to the curve
         to within half a step. "signs": which samples lie above, no geometry; crossings are drawn half-way. "0.2 smooth"
         and "signs smooth": the file asks readers to move points within the parts of edges that it states, where that

@@ -39,8 +39,9 @@ def decode_command(call: Call, options: Decode) -> None:
     isovalue, layers (.dxf) or named objects.
 
     Which samples lie above an isovalue is known only if the file's mesh reaches every sample (the full grid). It may
-    not do so if the file was made with --layers CRITERION, or with a (last) distance of 0.75 or more. In an `above`
-    mask, the values of missing samples are undefined; --what valid shows which samples are missing.
+    not do so if the file was made with --layers CRITERION, or with a (last) distance of 0.75 or more, of 0.1 or more
+    for a smooth surface or with --effort best. In an `above` mask, the values of missing samples are undefined; --what
+    valid shows which samples are missing.
     """
     if options.to is None and str(call.output) == STANDARD:
         raise OptionError("standard output needs a format", code="to", remedy="give --to, for example --to .geojson")

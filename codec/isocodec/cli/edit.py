@@ -22,9 +22,9 @@ def edit_command(call: Call, options: Edit) -> None:
     file, only the bytes of that window are read, from disk or from a URL.
 
     To crop, merge or re-encode curves, the mesh of IN.iso must reach every sample (the full grid). It may not do so if
-    the file was made with encode --layers CRITERION, or with a (last) distance of 0.75 or more. With --precision,
-    OUT.iso promises that distance on top of what IN.iso promises, and nothing where that promises nothing; a window
-    promises nothing.
+    the file was made with encode --layers CRITERION, or with a (last) distance of 0.75 or more, of 0.1 or
+    more for a smooth surface or with --effort best. With --precision, OUT.iso promises that distance on top of what
+    IN.iso promises, and nothing where that promises nothing; a window promises nothing.
     """
     several, (first, *_) = len(call.source) > 1, call.source
     options.check(several)

@@ -287,7 +287,7 @@ def finish(cd: Coder) -> bytes:
 
 
 def cut(cd: Coder) -> bytes:
-    """Shortest bytes, from those that a decoder has read, that decode to the symbols decoded so far (clause 6.6).
+    """Shortest bytes, from those that a decoder has read, that decode to the symbols decoded so far.
 
     The bytes from the decoder's window on are dropped as far as the interval allows, if need be adding one to
     the last byte kept.

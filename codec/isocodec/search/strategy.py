@@ -48,8 +48,8 @@ BASE_CYCLES = 1
 """The default base has cubes of half the root's edge: refinements find what is small more cheaply than it does."""
 EDGE = 8 / 3
 """Edge of even squares and cubes to begin with, in tolerances, at most: where they take as many bytes as half of it."""
-LONGEST = 16.0
-"""Longest edges of even squares and cubes with crossings, in tolerances."""
+LONGEST = 6.0
+"""Longest edges of even squares and cubes with crossings, in those without."""
 PRECISE = 0.8, 0.6
 """Share of a tolerance to which crossings are stored on edges of two samples, and on longer ones: the rest is left to
 the bends between them."""
@@ -135,8 +135,8 @@ def smallest(
     if exponent_of(tolerance):
         best = even_mesh(promise, tolerance, topology, coarse, most=best[0]) or best
     elif promise.free:
-        grid_size, longest = best[0], math.floor(math.log2(LONGEST * tolerance)) if thorough else 1
-        for exponent in range(1, min(longest + 1, promise.full_level // promise.n)):
+        grid_size, longest = best[0], exponent_of(LONGEST * tolerance) if thorough else 0
+        for exponent in range(1, min(max(longest, 1) + 1, promise.full_level // promise.n)):
             parts = math.ceil((1 << exponent) / (2 * PRECISE[exponent > 1] * tolerance))
             found = even_mesh(
                 promise, tolerance, topology, coarse, most=min(WORTH[thorough] * grid_size, best[0]),
@@ -149,7 +149,7 @@ def smallest(
     if not best[1]:
         raise NotKeptError(
             f"no mesh was proven to stay within {tolerance:g} cells", code="tolerance",
-            remedy="use a tolerance below 0.75, which needs no search for a mesh",
+            remedy="use a tolerance below 0.1, which needs no search for a mesh",
         )
     return best[1]
 

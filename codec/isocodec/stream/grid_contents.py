@@ -269,7 +269,7 @@ class GridContents:
             raise OptionError(
                 "the file does not hold which samples lie above: its mesh is coarser than the grid", code="mask",
                 remedy="if the file was cut, use the whole file; otherwise encode signs alone, exact values, or with a "
-                "tolerance below 0.75",
+                "tolerance below 0.1",
             )
         self._check_samples()
         rows = known_rows(tube, last_first)

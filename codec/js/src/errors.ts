@@ -1,4 +1,4 @@
-/** Errors of decoding (clauses 1.2(3), 8.3 and 11.2(1)). */
+/** Errors of decoding (clauses 1.2(3), 8.3 and 11.2). */
 
 /**
  * What went wrong: the file violates the specification, ends too early, or needs more than the limits allow; or the mesh
@@ -83,7 +83,7 @@ export class Meter {
     if (this.steps > 16 * (this.limits.work + this.limits.workPerByte * this.bytes)) this.stop("work");
   }
 
-  /** One more block of marks: next to no vertices in each are no file of an ordinary field (11.2(5)). */
+  /** One more block of marks: next to no vertices in each are no file of an ordinary field (11.2). */
   block(): void {
     if (++this.blocks > 65536 && 4 * this.blocks > this.vertices) this.stop("blocks with few vertices");
   }
