@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,26 +232,23 @@ class TiledFile:
         """Draw tiles at the isovalues that are wanted, some at a time in threads, each only once."""
         waiting = iter(tiles)
         while some := [*islice(waiting, AT_ONCE * self._threads)]:
-            numbers = [[each for each in tile.numbers if each in wanted and any(tile.of(each))] for tile in some]
-            coded = [i for i, own in enumerate(numbers) if own]
-            files = [plain(self.head, some[i], numbers[i][0]) for i in coded]
+            asked = [(tile, [each for each in tile.numbers if each in wanted and any(tile.of(each))]) for tile in some]
+            coded = [(tile, numbers) for tile, numbers in asked if numbers]
+            files = [plain(self.head, tile, numbers[0]) for tile, numbers in coded]
+            drawn = iter(call.each(files, functools.partial(self._drawn, coded), self._threads))
+            yield from ((tile, next(drawn) if numbers else {}) for tile, numbers in asked)
 
-            def drawn(number: int, decoded: GridContents, some: Any = some, numbers: Any = numbers,
-                      coded: Any = coded) -> dict[int, TilePart]:
-                return self._drawn(some[coded[number]], numbers[coded[number]], decoded)
-
-            found = dict(zip(coded, call.each(files, drawn, self._threads), strict=True))
-            yield from ((tile, found.get(i, {})) for i, tile in enumerate(some))
-
-    def _drawn(self, tile: GroupSegments, numbers: Sequence[int], decoded: GridContents) -> dict[int, TilePart]:
-        """Draw a decoded tile at some isovalues."""
-        grid, index, found = self.head.grid, tile.index, dict[int, TilePart]()
+    def _drawn(
+        self, coded: Sequence[tuple[GroupSegments, list[int]]], place: int, decoded: GridContents
+    ) -> dict[int, TilePart]:
+        """Draw one of several tiles, which has been decoded, at its isovalues that are wanted."""
+        (tile, numbers), grid, found = coded[place], self.head.grid, dict[int, TilePart]()
         for number in numbers:
             contour, ends = decoded.ends(tile.numbers.index(number))
             stage = len(tile.of(number)) - 1
             found[number] = TilePart(
-                index, stage, 1 << self.head.stages[stage].edge, grid.origin(index), grid.size(index), contour, ends,
-                decoded.whole_cells,
+                tile.index, stage, 1 << self.head.stages[stage].edge, grid.origin(tile.index), grid.size(tile.index),
+                contour, ends, decoded.whole_cells,
             )
         return found
 
