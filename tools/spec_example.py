@@ -1,4 +1,4 @@
-"""Write the example of annex D into ``spec/iso.md`` anew: ``ISOCODEC_KERNELS=python python tools/spec_example.py``."""
+"""Write the example of annex C (``spec/example.md``) anew: ``ISOCODEC_KERNELS=python python tools/spec_example.py``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "conformance"))
 import isocodec
 from isoconform.trace import Symbol, Tracer
 
-SPEC = Path(__file__).resolve().parent.parent / "spec" / "iso.md"
+SPEC = Path(__file__).resolve().parent.parent / "spec" / "example.md"
 BEGIN, END = "<!-- example: tools/spec_example.py -->\n", "<!-- end of example -->\n"
 FIELD = np.array([[1, 2, 2, 1], [2, 6, 7, 2], [1, 5, 8, 3], [0, 2, 3, 1]])
 ISOVALUE = 4.5
@@ -22,7 +22,7 @@ RUN = 13
 
 
 def example() -> bytes:
-    """The file that annex D explains."""
+    """The file that annex C explains."""
     return isocodec.encode(FIELD, ISOVALUE, precision="exact", layers=2, profile="baseline")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from isocodec.grid.models import network_rows as rows
 from isospec.tables import ROWS
 
-SPEC = Path(__file__).resolve().parent.parent / "spec" / "iso.md"
+SPEC = Path(__file__).resolve().parent.parent / "spec" / "grids.md"
 BEGIN, END = "<!-- rows: tools/spec_rows.py -->\n", "<!-- end of rows -->\n"
 AXES = (2, 3)
 
@@ -86,7 +86,7 @@ def main(arguments: list[str]) -> int:
         return 0
     if stated(SPEC.read_text(encoding="utf-8")) == table():
         return 0
-    print("spec/iso.md states other rows than the codec uses: python tools/spec_rows.py prints them", file=sys.stderr)
+    print("spec/grids.md states other rows than the codec uses: python tools/spec_rows.py prints them", file=sys.stderr)
     return 1
 
 

@@ -13,11 +13,13 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from decimal import ROUND_HALF_EVEN, Decimal, localcontext
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+import networks
 from acceptance import Item, items
 from generated import blurred, generated
 from isocodec.entropy.range_coder import FLOOR
@@ -31,9 +33,10 @@ from isocodec.search.strategy import even_mesh, grid_plan, reduced
 from isocodec.search.tolerance import grid_offsets
 from isocodec.stream.encoder import encoder_of
 from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, STARTS, Tables, packed, starts, unpacked
-from networks import first_row, gathered, network
+from networks import Listed, first_row, gathered
 
 MAIN = Path("spec/isospec/main.bin")
+KEPT = Path("build/training")
 ITEMS = {
     2: (
         "grid/hsurf_eur11", "grid/uk_surface_altitude", "image/butterfly", "image/car_plate_de", "image/fruits",
@@ -222,6 +225,20 @@ def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray
     return tables
 
 
+def kept(listed: Listed, n: int, net: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """A network (`networks.network`), from ``KEPT`` if a run that was stopped had finished it."""
+    told = sha256(Path(networks.__file__).read_bytes())
+    for part in listed:
+        told.update(part.tobytes())
+    path = KEPT / f"{n}-{net}-{told.hexdigest()[:16]}.npz"
+    if not path.exists():
+        weight, out = networks.network(listed, n, net)
+        KEPT.mkdir(parents=True, exist_ok=True)
+        np.savez(path, weight=weight, out=out)
+    with np.load(path) as found:
+        return found["weight"], found["out"]
+
+
 def trained(folder: Path, n: int, squash: NDArray[np.int64], without: frozenset[str]) -> Tables:
     """Tables of one dimension."""
     mix = np.zeros((KINDS, INPUTS), np.int64)
@@ -235,7 +252,7 @@ def trained(folder: Path, n: int, squash: NDArray[np.int64], without: frozenset[
     lines = [traced(item, options) for item, options in (*once, *twice, *elsewhere(found))]
     for net in range(NETS):
         first = first_row(n, net)
-        found_weight, out[net] = network(gathered([of_file[net] for of_file in lines], first), n, net)
+        found_weight, out[net] = kept(gathered([of_file[net] for of_file in lines], first), n, net)
         weight[first : first + len(found_weight)] = found_weight
     return adapted(n, [*twice, *once], squash, tables)
 

@@ -19,7 +19,7 @@ class IsoError(Exception):
     offset : int or None
         Byte offset in the file at which the error was found.
     clause : str or None
-        Clause of ``spec/iso.md`` that the file violates.
+        Clause of the specification that the file violates.
     remedy : str or None
         What the caller can do about it.
     source : str or None

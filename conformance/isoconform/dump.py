@@ -1,4 +1,4 @@
-"""The decoded state of a file as canonical text (spec annex C.1): what a decoder under test prints.
+"""The decoded state of a file as canonical text (spec annex B.1): what a decoder under test prints.
 
 A decoder prints one line a fact and ends with an exit code: 0 if the file is complete and right, 5 if it ends too
 early (the text then says what was received), 4 if it violates the specification and 6 if it needs more than the

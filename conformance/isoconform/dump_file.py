@@ -1,4 +1,4 @@
-"""The decoded state of any file, of grids, of explicit domains and in tiles (spec annex C)."""
+"""The decoded state of any file, of grids, of explicit domains and in tiles (spec annex B)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The decoded state of files of explicit domains as canonical text (spec annex C.1(10)), and meshes beside files."""
+"""The decoded state of files of explicit domains as canonical text (spec annex B.1(10)), and meshes beside files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vectors of mapped grids (clauses 3.7.4 and 9.9), and their coordinates as canonical text (annex C.1)."""
+"""Vectors of mapped grids (clauses 3.7.4 and 9.9), and their coordinates as canonical text (annex B.1)."""
 
 from __future__ import annotations
 

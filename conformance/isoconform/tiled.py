@@ -299,7 +299,7 @@ def turns() -> Iterator[Draft]:
 
 
 MANY = 65537
-"""Tiles of a file whose text decoders under test do not make (annex C.4)."""
+"""Tiles of a file whose text decoders under test do not make (annex B.4)."""
 
 
 def _many(**changes: object) -> TiledFile:

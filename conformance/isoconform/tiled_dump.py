@@ -1,4 +1,4 @@
-"""The decoded state of a file in tiles (spec clause 12) as canonical text (annex C.4)."""
+"""The decoded state of a file in tiles (spec clause 12) as canonical text (annex B.4)."""
 
 from __future__ import annotations
 

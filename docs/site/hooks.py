@@ -1,4 +1,4 @@
-"""The specification as a page: it stays one text, in ``spec/``."""
+"""The specification as pages: its parts stay in ``spec/``."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ import re
 from pathlib import Path
 from typing import Any
 
-SPECIFICATION = Path(__file__).resolve().parents[2] / "spec" / "iso.md"
+SPECIFICATION = Path(__file__).resolve().parents[2] / "spec"
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """The specification's text, where a page is to have it.
+    """The text of a part of the specification, where a page is to have it.
 
     It is indented as CommonMark wants it: what belongs to "1. " begins three columns in. Python-Markdown wants four,
     and an empty line before the next number where indented text ends.
     """
-    if page.file.src_uri != "specification.md":
+    part = re.fullmatch(r"specification/(\w+\.md)", page.file.src_uri)
+    if not part:
         return markdown
-    blocks = SPECIFICATION.read_text(encoding="utf-8").split("\n\n")
+    blocks = (SPECIFICATION / part[1]).read_text(encoding="utf-8").split("\n\n")
     return "\n\n".join(block if re.match(r" {4}\S", block) else _indented(block) for block in blocks)
 
 

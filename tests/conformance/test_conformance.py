@@ -179,7 +179,7 @@ def test_nobody_has_to_decode_what_is_beyond_all_tiers(code, passes):
 
 
 def test_a_file_on_another_mesh_has_an_exit_code_of_its_own():
-    """That of annex C.3, whether the mesh is missing or another one."""
+    """That of annex B.3, whether the mesh is missing or another one."""
     on_others = [v for v in VECTORS if v.expected.status == NO_MESH]
     for code in (0, 3, 4, 5, 6):
         results = runner.run(on_others, HOME, lambda path, layers, code=code: (code, ""))

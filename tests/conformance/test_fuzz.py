@@ -31,9 +31,9 @@ from isospec.elements import ELEMENTS
 from tables import heavy
 
 VECTORS = default_directory()
-SPEC = ROOT / "spec" / "iso.md"
-ANNEX_D = bytes.fromhex("8949534f11400412210ac22f22aee379e8a4ea7d6a8f5898")
-"""The file that annex D of the specification explains byte by byte."""
+SPEC = ROOT / "spec" / "example.md"
+ANNEX_C = bytes.fromhex("8949534f11400412210ac22f22aee379e8a4ea7d6a8f5898")
+"""The file that annex C of the specification explains byte by byte."""
 
 
 @pytest.fixture
@@ -44,8 +44,8 @@ def importable(monkeypatch):
 
 @pytest.fixture
 def annex(tmp_path):
-    path = tmp_path / "annex d.iso"
-    path.write_bytes(ANNEX_D)
+    path = tmp_path / "annex c.iso"
+    path.write_bytes(ANNEX_C)
     return path
 
 
@@ -84,7 +84,7 @@ def test_batch_protocol_of_the_reference(annex, importable):
         [sys.executable, "-m", "isoconform", "dump", "--batch"], input=asked.encode(), capture_output=True, check=True
     )
     expected = b""
-    for output in (dump(ANNEX_D), dump(ANNEX_D[:9]), dump(ANNEX_D, layers=1)):
+    for output in (dump(ANNEX_C), dump(ANNEX_C[:9]), dump(ANNEX_C, layers=1)):
         expected += f"{output.exit_code} {len(output.text)}\n{output.text}".encode()
     assert done.stdout == expected + b"-\n-\n"
 
@@ -151,7 +151,7 @@ def test_faults_of_our_own_kernels_are_findings(tmp_path, monkeypatch, capsys, i
     assert f"{type(fault).__name__}: {fault}" in finding["reason"]
     assert finding["reason"] in (tmp_path / "finding_01.md").read_text()
     with pytest.raises(type(fault)):
-        dump(ANNEX_D)
+        dump(ANNEX_C)
 
 
 FAULTS = {
@@ -198,31 +198,31 @@ def explained(path: Path) -> str:
     return done.stdout
 
 
-def test_annex_d_is_what_the_encoder_writes():
+def test_annex_c_is_what_the_encoder_writes():
     field = np.array([[1, 2, 2, 1], [2, 6, 7, 2], [1, 5, 8, 3], [0, 2, 3, 1]])
-    assert encode(field, 4.5, precision="exact", layers=2, profile="baseline") == ANNEX_D
+    assert encode(field, 4.5, precision="exact", layers=2, profile="baseline") == ANNEX_C
 
 
-def test_annex_d_is_explained_as_in_the_specification(annex, importable):
+def test_annex_c_is_explained_as_in_the_specification(annex, importable):
     """Offsets and bytes of its table; for each of 46 symbols element, probability, range and bit."""
     text, spec = explained(annex), SPEC.read_text(encoding="utf-8")
-    annex_d = spec[spec.index("### D.1") : spec.index("### D.3")]
-    rows = re.findall(r"^\| (\d+) \| ((?:[0-9a-f]{2} ?)+) \| \w", annex_d, re.MULTILINE)
+    annex_c = spec[spec.index("### C.1") : spec.index("### C.3")]
+    rows = re.findall(r"^\| (\d+) \| ((?:[0-9a-f]{2} ?)+) \| \w", annex_c, re.MULTILINE)
     expected = [(int(offset), part.strip()) for offset, part in rows]
     # the bits of values stand with the operation that they belong to
     expected = [(11, "2f 22") if offset == 11 else (offset, part) for offset, part in expected if offset != 12]
     found = re.findall(r"^ +(\d+)  ((?:[0-9a-f]{2} ?)+)  ", text, re.MULTILINE)
     assert [(int(offset), part.strip()) for offset, part in found] == expected
     pattern = r"^\| \d+ \| ([\w ]+) \| (\w+)[^|]* \| (\d+) \| ([0-9a-f]+) \| [0-9a-f]+ \| [0-9a-f]+ \| ([01]) \|"
-    symbols = re.findall(pattern, annex_d, re.MULTILINE)
+    symbols = re.findall(pattern, annex_c, re.MULTILINE)
     assert len(symbols) == 46
     pattern = r"^ +\d+  ([\w ]+), (\w+)[^:]*: p = (\d+)/65536, range ([0-9a-f]+), bit ([01])"
     spoken = re.findall(pattern, text, re.MULTILINE)
     assert [(*s[:3], int(s[3], 16), s[4]) for s in spoken] == [(*s[:3], int(s[3], 16), s[4]) for s in symbols]
     assert "CURVE(0, 3, 1, 0, 2, 0)" in text and "VALUE_NEAR(0, 1, 2)" in text
     assert "(2, 0) below; (2, 2) above" in text and "(2, 2) number 3, 0 bits missing" in text
-    state = spec[spec.index("### D.4") : spec.index("## Annex E")].split("\n    ")[1:]
-    assert [line.strip() for line in state] == dump(ANNEX_D).text.splitlines()
+    state = spec[spec.index("### C.4") :].split("\n    ")[1:]
+    assert [line.strip() for line in state] == dump(ANNEX_C).text.splitlines()
     assert text.splitlines()[-1] == "exit code 0, profile baseline, 46 symbols: complete"
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from home import ROOT
 
-NUMBER = r"(?:\d{1,2}|[A-G])(?:\.\d{1,2}){0,2}"
-ITEM = re.compile(r"(?<![\w.\-/])((?:\d{1,2}|[A-G])(?:\.\d{1,2}){1,2})\((\d{1,2})\)")  # 5.7.3(2)
+NUMBER = r"(?:\d{1,2}|[A-C])(?:\.\d{1,2}){0,2}"
+ITEM = re.compile(r"(?<![\w.\-/])((?:\d{1,2}|[A-C])(?:\.\d{1,2}){1,2})\((\d{1,2})\)")  # 5.7.3(2)
 CLAUSE = re.compile(rf"\b[Cc]lauses? ({NUMBER})\b()")
 TEXTS = (
     "codec/isocodec/**/*.py",
@@ -28,11 +28,12 @@ def _clauses() -> dict[str, set[str]]:
     """The numbers of the specification's clauses, each with those of its items, and an empty one for itself."""
     clauses: dict[str, set[str]] = {}
     items: set[str] = set()
-    for line in (ROOT / "spec" / "iso.md").read_text(encoding="utf-8").splitlines():
-        if heading := re.match(rf"#+ (?:Annex )?({NUMBER})\b", line):
-            items = clauses.setdefault(heading[1], {""})
-        elif item := re.match(r" {0,3}(\d+)\. ", line):
-            items.add(item[1])
+    for path in sorted((ROOT / "spec").glob("*.md")):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if heading := re.match(rf"#+ (?:Annex )?({NUMBER})\b", line):
+                items = clauses.setdefault(heading[1], {""})
+            elif item := re.match(r" {0,3}(\d+)\. ", line):
+                items.add(item[1])
     return clauses
 
 

@@ -15,7 +15,7 @@ def test_the_specification_states_the_rows_of_all_networks():
 
 def test_another_table_is_noticed(tmp_path, monkeypatch):
     text = spec_rows.SPEC.read_text(encoding="utf-8")
-    other = tmp_path / "iso.md"
+    other = tmp_path / "grids.md"
     other.write_text(text.replace(spec_rows.BEGIN, spec_rows.BEGIN + "| 9 |\n"), encoding="utf-8")
     monkeypatch.setattr(spec_rows, "SPEC", other)
     assert spec_rows.main(["--check"]) == 1

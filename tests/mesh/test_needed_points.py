@@ -138,7 +138,7 @@ def test_the_triangles_of_another_library(
     points = rng.random((count, 2)) * [3, 1] + [500, -7]
     values = np.sin(5 * points[:, 0]) + points[:, 1] + 7 + rng.normal(size=count) * 0.1
     # an error that leaves the triangles as they are
-    mesh = Mesh(points, None, values, error=1e-5 if error else None)
+    mesh = Mesh(points, None, values, error=1e-6 if error else None)
     data = isocodec.encode(mesh, isovalues, precision=precision)
     cells = Delaunay(points).simplices
     needed = set()

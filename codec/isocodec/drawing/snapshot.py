@@ -22,7 +22,7 @@ from .sample_mask import MaskRows
 
 
 def state_of(tube: Tube) -> Decoded:
-    """List the decoded state in canonical order (spec annex C)."""
+    """List the decoded state in canonical order (spec annex B)."""
     st, est = tube.state, tube.estimates
     count = int(st.counters.vertices)
     position = st.vertex[:count, : tube.n].astype(np.int64)

@@ -1,4 +1,4 @@
-"""Opinions without a network, mixed; and whole numbers that lie near a guess (spec clause 10.4).
+"""Opinions without a network, mixed; and whole numbers that lie near a guess (spec clauses 7.11, 10.4.3).
 
 A pass lists opinions: adaptive probabilities by context, or logits that it works out. A list is mixed by weights that
 adapt, as in the main profile. A number of a known range is coded by halving the range; how likely each half is follows
@@ -12,13 +12,11 @@ import numpy as np
 from isospec.tables import MOST_LOGIT
 
 from ..kernel import inlined, inner
-from .mixer import MIX_SHIFT, MOST_MIX, RATE_SHIFT, stretched
+from .mixer import MIX_SHIFT, MOST_MIX, RATE, RATE_SHIFT, stretched
 from .range_coder import adapt, emit
 
 MOST_OPINIONS = 12
 """Opinions on a symbol at most."""
-LEARNING = 48
-"""Rate at which mixing weights learn, as ``mixer.RATE``."""
 FINE = 8
 """Guesses and widths count in parts of a whole number: ``2**FINE`` of them."""
 DEPTHS = 8
@@ -69,7 +67,7 @@ def decided(cd, kind, bit):
     bit = emit(cd, p, bit)
     if bit < 0:
         return bit
-    error = ((bit << 16) - p) * LEARNING
+    error = ((bit << 16) - p) * RATE
     for k in range(count):
         ctx, logit = row[np.uint64(1) + np.uint64(2) * k], row[np.uint64(2) + np.uint64(2) * k]
         mix[k] = min(max(mix[k] + ((error * logit) >> RATE_SHIFT), -MOST_MIX), MOST_MIX)

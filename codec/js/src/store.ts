@@ -1,4 +1,4 @@
-/** Positions and what is marked there: blocks of the lattice, found through a directory (annex B.3). */
+/** Positions and what is marked there: blocks of the lattice, found through a directory. */
 import type { Meter } from "./errors.js";
 
 /** Numbers cells of a lattice from 1 on, in the order in which they are added. */

@@ -1,4 +1,4 @@
-/** The canonical text of a decoded state (annex C). */
+/** The canonical text of a decoded state (annex B). */
 import type { Coordinates } from "./coordinates.js";
 import type { Decoder } from "./decoder.js";
 import { IsoError } from "./errors.js";
@@ -72,7 +72,7 @@ export function canonicalText(decoder: Decoder): string {
   return lines.join("\n") + "\n";
 }
 
-/** The lines of C.1(9). */
+/** The lines of B.1(9). */
 function coordinateLines({ periodic, coordinates }: Coordinates): string[] {
   const lines = ["coordinates", ["periodic", ...periodic].join(" ")], n = coordinates.length;
   const hex = (x: number): string => {
@@ -89,16 +89,16 @@ function coordinateLines({ periodic, coordinates }: Coordinates): string[] {
   return lines;
 }
 
-/** The lines that a reader of coordinates may print behind that text (C.1(9)); nothing without coordinates. */
+/** The lines that a reader of coordinates may print behind that text (B.1(9)); nothing without coordinates. */
 export function coordinatesText(decoder: Decoder): string {
   const coordinates = coordinatesOf(decoder);
   return coordinates ? coordinateLines(coordinates).join("\n") + "\n" : "";
 }
 
-/** Tiles of a file whose text is made; one of more tiles is refused (C.4). */
+/** Tiles of a file whose text is made; one of more tiles is refused (B.4). */
 const MOST_TILES = 65536;
 
-/** The text of a file in tiles (C.4), all of which is decoded. Throws what is wrong with it. */
+/** The text of a file in tiles (B.4), all of which is decoded. Throws what is wrong with it. */
 export async function tiledText(file: TiledFile): Promise<string> {
   const { directory, head: { shape, tiles, isovalues, together, stages } } = file, lines = [`tiles ${shape.join(" ")}`], last = stages.length - 1;
   await directory.whole();

@@ -64,7 +64,7 @@ export class Tube {
   models: Models;
   uniform = -1;
   base = 0;
-  /** Uniform level by complete layers, what annex C calls `level`. */
+  /** Uniform level by complete layers, what annex B calls `level`. */
   shown = -1;
   adapted = false;
   leaves: Leaves;

@@ -1,4 +1,4 @@
-"""Paged store of integers on the lattice: pages come into being when first touched (spec annex B.3).
+"""Paged store of integers on the lattice: pages come into being when first touched.
 
 Memory follows the curve, not the domain. An open-addressing hash table maps a page's coordinates to its
 number; the pages last asked for are remembered, since neighbouring vertices are asked for together. Indices are

@@ -1,4 +1,4 @@
-"""The decoded state in integers: what every decoder must agree on (spec annex C)."""
+"""The decoded state in integers: what every decoder must agree on (spec annex B)."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Decoded:
     edge_number: NDArray[np.int64]
 
     def lines(self) -> list[str]:
-        """Canonical text, a line a fact (spec annex C.1)."""
+        """Canonical text, a line a fact (spec annex B.1)."""
         out = [f"shape {' '.join(map(str, self.shape))}", f"level {self.level}"]
         out += [f"m {' '.join(map(str, p))}" for p in self.mesh]
         for p, a, m, q in zip(self.position, self.above, self.missing, self.number, strict=True):

@@ -1,4 +1,4 @@
-"""Lists of mixed simplices: a row for a single leaf, or for all that the bisection of a diamond made (annex B.4)."""
+"""Lists of mixed simplices: a row for a single leaf, or for all that the bisection of a diamond made."""
 
 from __future__ import annotations
 

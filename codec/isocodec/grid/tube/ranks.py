@@ -1,4 +1,4 @@
-"""Ranks of the known vertices by position: what geometry and drawings look up, made when they begin (annex B.3).
+"""Ranks of the known vertices by position: what geometry and drawings look up, made when they begin.
 
 The state itself keeps two bits a vertex: vertices are numbered as they become known, and rounds need no number. Here
 they are ranked page by page; a vertex's rank leads to its number.

@@ -1,4 +1,4 @@
-/** Paged stores of integers on the lattice (annex B.3), as kernels have them. */
+/** Paged stores of integers on the lattice, as kernels have them. */
 import type { Arr, Dtype, Machine } from "./machine.js";
 
 /** `table` holds a key and the number of a page a row. */

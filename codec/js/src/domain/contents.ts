@@ -216,7 +216,7 @@ export class DomainFile implements Contents {
     return new Cut(contour, mesh, hierarchy, this.cells);
   }
 
-  /** The first lines of the text of annex C; none before the domain is there. */
+  /** The first lines of the text of annex B; none before the domain is there. */
   head(): string[] {
     if (this.surface) return this.surface.lines();
     if (!this.mesh) return [];

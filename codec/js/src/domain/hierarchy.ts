@@ -118,7 +118,7 @@ export class Hierarchy {
     return { corners: Int32Array.from(corners), source: Int32Array.from(source) };
   }
 
-  /** The SHA-256 of all nodes (C.1(10)). */
+  /** The SHA-256 of all nodes (B.1(10)). */
   digest(): string {
     this.make(Infinity);
     const n = this.m - 1, numbers: number[] = [];

@@ -1,4 +1,4 @@
-/** The logistic function of 7.10(1) and its inverse (7.11(2)), in integers: explicit domains need no table of a file. */
+/** The logistic function of 7.10(1) and its inverse (7.11(1)), in integers: explicit domains need no table of a file. */
 
 /** `squash(x)` is entry `x + 2047`. */
 export const squash = new Uint16Array(4095);

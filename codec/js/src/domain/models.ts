@@ -116,7 +116,7 @@ export class Opinions {
     for (let i = 0; i < count; i++) sum += w[o + i]! * said[i]!;
     const p = squash[clip(Math.floor(sum / 65536), -2047, 2047) + 2047]!, bit = this.coder.raw(p);
     if (bit < 0) return bit;
-    const error = (65536 * bit - p) * 48;
+    const error = (65536 * bit - p) * 40;
     for (let i = 0; i < count; i++)
       w[o + i] = clip(w[o + i]! + Math.floor((error * said[i]!) / 1048576), -4194304, 4194304);
     for (let i = 0; i < contexts; i++) this.coder.update(listed[i]!, bit);

@@ -208,7 +208,7 @@ export class Surface {
     this.take(p, k, 8 * k - (guess >> 5));
   }
 
-  /** The lines of annex C. */
+  /** The lines of annex B. */
   lines(): string[] {
     const { points, there, number, head } = this;
     if (!there.length) return [];

@@ -86,7 +86,7 @@ export class Mixing {
     for (let i = 0; i < count; i++) sum += mix[o + i]! * said[i]!;
     const p = squash[logit(sum) + 2047]!, bit = coder.raw(p);
     if (bit < 0) return bit;
-    const error = 48 * (65536 * bit - p);
+    const error = 40 * (65536 * bit - p);
     for (let i = 0; i < count; i++) mix[o + i] = moved(mix[o + i]!, (error * said[i]!) / 1048576);
     for (let i = LEANS; i < count; i++) coder.update(contexts[i - LEANS]!, bit);
     return bit;
@@ -104,7 +104,7 @@ export class Mixing {
     return (stretch[p[context]! >> 4]! * TRUST[seen[context]!]!) >> 8;
   }
 
-  /** The sum of the rows, cut off below 0, weighed by the network (7.11(1)). */
+  /** The sum of the rows, cut off below 0, weighed by the network (7.11(2)). */
   private network(network: number, count: number): number {
     const { weight, out } = this.tables;
     let total = out[49 * network + 48]!;
@@ -196,7 +196,7 @@ function logit(sum: number): number {
   return x < -2047 ? -2047 : x > 2047 ? 2047 : x;
 }
 
-/** A weight after a step, rounded down (7.11(4)). */
+/** A weight after a step, rounded down (7.11(1)). */
 function moved(weight: number, by: number): number {
   const w = weight + Math.floor(by);
   return w < -4194304 ? -4194304 : w > 4194304 ? 4194304 : w;
