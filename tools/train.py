@@ -29,7 +29,7 @@ from isocodec.grid.models import contexts as ctx
 from isocodec.grid.models import network_rows as layout
 from isocodec.grid.models import trained as models
 from isocodec.search.promise import Promise
-from isocodec.search.strategy import even_mesh, grid_plan, reduced
+from isocodec.search.strategy import even_mesh, exponent_of, grid_plan, reduced
 from isocodec.search.tolerance import grid_offsets
 from isocodec.stream.encoder import encoder_of
 from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, STARTS, Tables, packed, starts, unpacked
@@ -152,7 +152,8 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
             promise = Promise(check_field(item.values, item.isovalue))
             (_, _, mesh), *_ = reduced(promise, "distortion", BENDS[i % len(BENDS)], False)
             yield item, {"layers": [("base", n), ("adapt", 1, mesh)]}
-            if n == 3 and (even := even_mesh(promise, COARSE[i % len(COARSE)], False)):
+            wanted = COARSE[i % len(COARSE)]
+            if n == 3 and exponent_of(wanted) and (even := even_mesh(promise, wanted, False)):
                 yield item, {"layers": even[1]}
         if i % 2 == 0:
             yield item, {"precision": "signs", "layers": full}

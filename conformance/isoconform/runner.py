@@ -16,8 +16,8 @@ from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, OTHER_MESH, REFUSED, parted
 from .dump_file import dump_file
 from .manifest import ERROR, LIMIT, NO_MESH, OK, Vector, digest
 
-REFUSALS = {LIMIT: (LimitError.exit_code, FormatError.exit_code), NO_MESH: (OTHER_MESH,)}
-"""Exit codes, by status, of files that are neither decoded nor malformed as far as a decoder has to look."""
+REFUSALS = {LIMIT: LimitError.exit_code, NO_MESH: OTHER_MESH}
+"""Exit code, by status, of files that are neither decoded nor malformed as far as a decoder has to look."""
 Decode = Callable[[Path, int], tuple[int, str]]
 """A decoder: a file and the layers to decode (0: all) in; exit code and canonical text out."""
 
@@ -98,7 +98,10 @@ def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, tier: 
     if vector.tier > tier and code == LimitError.exit_code:
         return "over the limits, but with a text" if text else ""
     if vector.expected.status in REFUSALS:
-        codes = REFUSALS[vector.expected.status]
+        codes = [REFUSALS[vector.expected.status]]
+        if vector.expected.clause:
+            # that of a decoder that goes on
+            codes.append(FormatError.exit_code)
         if code not in codes:
             return f"exit code {code}, expected {' or '.join(map(str, codes))}"
         return "refused, but with a text" if text else ""
