@@ -20,7 +20,7 @@ GATE = 7
 """A gate on the stack: class, block and level of the simplex of equal level behind it, the vertex opposite, the leaf
 it was left from."""
 MOST_ANCESTORS = 4096
-"""Rows of ``State.path``; a vertex with more ancestors to be added is barred (spec clause 11.1)."""
+"""Rows of ``State.path``; a vertex with more ancestors to be added is barred (spec clause 4.7(6))."""
 # Syntax elements, in the order of isospec (spec clause 5.2).
 (
     ORIGIN, COMPONENT, LOCATION, BASE_SIGN, SIGNIFICANCE, REFINEMENT_SIGN, VALUE_BIT, OFFSET_BIT,
