@@ -190,6 +190,11 @@ def whole() -> Iterator[Draft]:
             f"mesh_plane_delaunay_{name}", mesh, hills(mesh), VALUE, "points in the file, Delaunay triangulation",
             kind="whole", scattered=True, mesh_error=0.71, precision=precision,
         )
+    dents = np.array(random_numbers(29, mesh[0].size, 8), np.int64).reshape(mesh[0].shape)
+    yield _draft(
+        "mesh_plane_wide", (800 * mesh[0] + dents, mesh[1]), hills(mesh), VALUE, "the whole mesh in the file",
+        "sides of triangles beyond 2**13", kind="whole", mesh_error=0.71, precision="signs", progressive=False,
+    )
     yield from _scattered()
     for kind, mesh in {
         "plane": plane(150, 400, 0), "space": tetrahedra(7), "surface": larger_ring(),

@@ -189,11 +189,11 @@ export class CodedMesh {
     this.expected[2] = even;
   }
 
-  /** `shift` of 10.4.2(1), of a cell alone. */
+  /** The least shift that leaves differences of any two vertices of a cell below `2**13`. */
   private shift(from: number): number {
     let far = 0, shift = 0;
-    for (let k = 0; k < this.d; k++)
-      for (let i = 1; i <= this.n; i++) far = Math.max(far, Math.abs(this.x(from + i, k) - this.x(from, k)));
+    for (let k = 0; k < this.d; k++) for (let i = 1; i <= this.n; i++)
+      for (let j = 0; j < i; j++) far = Math.max(far, Math.abs(this.x(from + i, k) - this.x(from + j, k)));
     while (shr(far, shift) >= 8192) shift++;
     return shift;
   }

@@ -61,9 +61,12 @@ export class Hierarchy {
     }
     const real = (this.real = cells.slice()), all = (this.cells = new Int32Array(m * (T + open)));
     if (n === d) for (let t = 0; t < T; t++) {
-      const last = m * t + n;
-      if (determinantIsPositive(p, n, real, m * t)) continue;
-      [real[last - 1], real[last]] = [real[last]!, real[last - 1]!];
+      const last = m * t + n, swap = (): void => {
+        [real[last - 1], real[last]] = [real[last]!, real[last - 1]!];
+      };
+      swap();
+      // it was not negative
+      if (!determinantIsPositive(p, n, real, m * t)) swap();
     }
     all.set(real);
     let at = m * T;
