@@ -202,6 +202,11 @@ def whole() -> Iterator[Draft]:
         yield from _many_rounds(kind, mesh)
     for kind, mesh in {"plane": plane(110, 400, 9), "space": tetrahedra(5), "surface": larger_ring(1)}.items():
         yield from _cuts(kind, mesh)
+        yield _draft(
+            f"mesh_{kind}_cut_whole_steps", mesh, hills(mesh), VALUES[:2], "cuts", "the whole mesh in the file",
+            "distances and topology that layers keep", kind="whole", states=True, precision=[60.0, 20.0, 5.0],
+            keep_topology=True, mesh_error=0.3,
+        )
     for kind, mesh in {"plane": plane(150, 400, 9), "space": tetrahedra(6)}.items():
         yield _random_runs(kind, mesh)
     mesh = far_apart()

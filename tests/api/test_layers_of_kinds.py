@@ -211,32 +211,33 @@ def check_middles(file: IsoFile, kind: str, path: Path) -> None:
 
 @looped(
     ("precision", "within"),
-    [("20,10,5", 5.0), (3.0, 3.0), ("20,5,exact", 0.0), ("exact", 0.0), ("signs", None), (None, None)],
+    [("20,10,5", [20.0, 10.0, 5.0]), (3.0, [3.0]), ("20,5,exact", [20.0, 5.0, 0.0]), ("exact", [0.0]), ("signs", []),
+     (None, [])],
 )
-def test_last_layers_on_meshes_state_their_distance(precision: Any, within: float | None) -> None:
-    """Those of isovalues that are complete, also at the beginning of a file, and no others."""
+def test_layers_on_meshes_state_their_distance(precision: Any, within: list[float]) -> None:
+    """Those that complete a step, at the beginning of a file, too, and no others."""
     data = of_mesh(POINTS, CELLS, precision=precision)
     file = isocodec.open(data, mesh=(POINTS, CELLS))
     layers = file.info.layers
-    last = {layer.isovalue: number for number, layer in enumerate(layers)}
-    assert [layer.within for layer in layers] == [
-        within if number in last.values() else None for number in range(len(layers))
-    ]
+    for number, isovalue in enumerate(RADII):
+        own = [layer.within for layer in layers if layer.isovalue == number and layer.kind != "levels"]
+        assert np.allclose([one for one in own if one is not None], within, atol=1e-6), isovalue
+        assert not within or own[-1] is not None
     for isovalue, found in zip(RADII, file.verify(Mesh(POINTS, CELLS, distances(POINTS))), strict=True):
-        assert within is None or max(found.there, found.back) <= within + 0.01, isovalue  # as finely as it is measured
-    begun = isocodec.open(data[: layers[-1].offset]).info.layers
-    assert [layer.within for layer in begun] == [layer.within for layer in layers][: len(begun)]
-    begun = isocodec.open(data[: layers[last[0]].offset]).info.layers
-    assert not any(layer.within is not None for layer in begun)
+        assert not within or max(found.there, found.back) <= within[-1] + 0.01, isovalue  # as finely as it is measured
+    for end in (layers[-1].offset, layers[len(layers) // 2].offset):
+        begun = isocodec.open(data[:end]).info.layers
+        assert [layer.within for layer in begun] == [layer.within for layer in layers][: len(begun)]
     shorter = isocodec.open(file.edited(layers=1)).info.layers
-    assert [layer.within for layer in shorter] == [None]
+    assert [layer.within for layer in shorter] == [layer.within for layer in layers][:1]
 
 
-def test_distances_in_other_units_are_not_stated() -> None:
-    for unit, within in (("m", 5000.0), ("km", None)):
+def test_distances_in_other_units_are_stated_in_that_of_the_points() -> None:
+    for unit, within in (("m", 5000.0), ("km", 5.0)):
         mesh, notes = Mesh(POINTS, CELLS, distances(POINTS)), {"coordinate_unit": unit}
         file = isocodec.open(isocodec.encode(mesh, RADII[0], precision="5000m", metadata=notes))
-        assert file.info.layers[-1].within == within
+        assert file.info.layers[-1].within == pytest.approx(within)
+        assert file.promise == "within 5000m"
 
 
 CHECKS = {name.removeprefix("check_"): check for name, check in globals().items() if name.startswith("check_")

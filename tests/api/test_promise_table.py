@@ -124,6 +124,11 @@ def check_commands(file: isocodec.IsoFile, one: Any, other: Any, promise: str | 
     assert "ok" not in result.stdout
 
 
+def kept_on(file: isocodec.IsoFile, mesh: isocodec.Mesh) -> bool:
+    (found,) = file.verify(mesh)
+    return bool(found.kept and found.promised and max(found.there, found.back) <= found.promised)
+
+
 def text_of(data: bytes) -> str | None:
     return isocodec.open(data).promise
 
@@ -183,11 +188,22 @@ def test_edits_of_tiles(edit: dict[str, Any], promise: str | None, tmp_path: Pat
     assert text_of(isocodec.open(tmp_path / "a.iso").edited(**edit)) == promise
 
 
-def test_shorter_meshes_and_surfaces_promise_nothing() -> None:
+def test_shorter_meshes_promise_what_their_last_layer_keeps_and_surfaces_nothing() -> None:
     where, cells, heights = points()
     file = isocodec.open(isocodec.encode(isocodec.Mesh(where, cells, heights, progressive=True), VALUE, precision=0.05))
     assert file.promise == "within 0.05 in the unit of its points"
     short = isocodec.open(file.edited(layers=1), mesh=(where, cells))
-    assert short.promise is None and short.contour().cells.size
+    assert short.promise == f"within {file.info.layers[0].within:.4g} in the unit of its points"
+    assert short.contour().cells.size and kept_on(short, isocodec.Mesh(where, cells, heights))
+    steps = isocodec.Mesh(where, cells, heights, unit="mm")
+    file = isocodec.open(isocodec.encode(steps, VALUE, precision="8mm,0.2cm,0.5"), mesh=(where, cells))
+    assert file.promise == "within 8mm, 0.2cm, 0.5 mm"
+    (end,) = [number for number, layer in enumerate(file.info.layers, 1) if round(layer.within or 0, 3) == 2]
+    short = isocodec.open(file.edited(layers=end), mesh=(where, cells))
+    assert short.promise == "within 8, 2 mm" and kept_on(short, steps)
+    alone = isocodec.open(isocodec.open(isocodec.encode(steps, [VALUE, 60.5], precision=2.0)).edited(isovalues=[VALUE]))
+    assert alone.promise == "within 2 mm" and alone.info.layers[-1].within == pytest.approx(2)
+    signs = isocodec.open(isocodec.open(isocodec.encode(steps, VALUE, precision=0.01)).edited(precision="signs"))
+    assert "promises" not in [chunk.type for chunk in signs.info.chunks] and signs.promise == "all signs"
     surface = isocodec.open(isocodec.encode(isocodec.thin(field(None), error=3, layers=3)))
     assert surface.promise == "values within 3 m" and text_of(surface.edited(layers=1)) is None

@@ -14,13 +14,15 @@ function noted(note: string, kind: string, metadata: Record<string, string>): st
   const known: Record<string, string> = { exact: "all values exactly", signs: "all signs" };
   if (kind === "tiles" && known[note]) return known[note];
   if (kind === "tiles" && note.startsWith("step=")) return `values to within ${Number(note.slice(5)) / 2}`;
-  const [distances, at] = note.split(" at ") as [string, string | undefined], last = distances.split(",").filter((each) => each !== "exact").pop();
+  const [distances, at] = note.split(" at ") as [string, string | undefined];
+  const parts = distances.split(",").filter((each) => each !== "exact"), last = parts.at(-1);
   if (!last || !/^[\d.eE+-]+ ?\D*$/.test(last)) return undefined;
   const unit = /[a-zA-Z]$/.test(last), far = unit ? last : cells(last);
   if (kind === "surface" && at) return `contours of ${at.split(" ").join(", ")} within ${far}`;
   if (kind === "tiles") return `within ${far}`;
   const named = metadata[kind === "surface" ? "unit" : "coordinate_unit"] ?? (kind === "surface" ? "" : "in the unit of its points");
-  return `${kind === "surface" ? "values " : ""}within ${unit ? last : `${last} ${named}`.trimEnd()}`;
+  const all = kind === "surface" ? `values within ${last}` : `within ${parts.join(", ")}`;
+  return `${unit ? all : `${all} ${named}`.trimEnd()}${note.endsWith(",exact") ? ", then all values exactly" : ""}`;
 }
 
 /**
@@ -37,5 +39,6 @@ export function promiseOf(kind: "grid" | "mesh" | "surface" | "tiles", metadata:
   }).join(", ") ?? ""));
   const distances = texts.size > 1 ? "distances that differ between isovalues" : texts.values().next().value;
   const topology = stated.length > 0 && stated.every(({ promises }) => promises?.topology);
-  return [distances && (texts.size > 1 ? distances : `within ${distances}`), topology && "topology"].filter(Boolean).join(", ") || undefined;
+  // of a mesh they count units that are not known here
+  return [kind === "grid" && distances && (texts.size > 1 ? distances : `within ${distances}`), topology && "topology"].filter(Boolean).join(", ") || undefined;
 }

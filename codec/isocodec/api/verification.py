@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from isospec.container import DomainKind
 
-from ..errors import InputError, OptionError
+from ..errors import InputError, OptionError, TruncatedError
 from ..field.decoded_samples import DecodedSamples, values_of_steps
 from ..field.framed import Frames
 from ..field.labelling import having, is_of_labels
@@ -26,7 +26,7 @@ from ..field.stretch import in_unit
 from ..field.units import converted, distance_of, unit_of
 from ..stream.file_info import FileInfo
 from ..stream.given import field_of
-from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, noted_exact, of_samples, of_tiles
+from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, of_samples, of_tiles, on_mesh_in_words
 from ..verbs import Choice
 
 if TYPE_CHECKING:
@@ -349,7 +349,7 @@ def verified_mesh(file: Any, field: Any, frame: int | None, within: float | str 
         wrong = None
         if known:  # a mesh in the file has its vertices in another order
             used = np.unique(cells)
-            with suppress(OptionError):
+            with suppress(OptionError, TruncatedError):  # on a cut or on levels there are no signs of all vertices
                 wrong = int((file.above(contour.isovalue, frame=frame) != above)[used].sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
         size = float(np.median(np.sqrt((edges**2).sum(axis=1))))
@@ -368,17 +368,17 @@ def verified_mesh(file: Any, field: Any, frame: int | None, within: float | str 
 def _of_points(
     info: FileInfo, within: float | str | None, points: NDArray[Any], notes: Mapping[str, str], frame: int, number: int
 ) -> _Promise:
-    """The promise of a file on a mesh: of its note, or of all signs or values; or that of a caller."""
-    parts, _ = noted(info.metadata)
-    samples = EXACT if noted_exact(info.metadata) else of_samples(info)
-    if within is None and (samples is not None or not parts):
-        last = [layer.kind for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number)][-1:]
+    """The promise of the last layer of an isovalue of a file on a mesh, or of all signs or values; or a caller's."""
+    own = [layer for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number)][-1:]
+    stated = own[0].within if own else None
+    if within is None and not stated:
+        samples, last = of_samples(info), [layer.kind for layer in own]
         step = info.scale if samples not in (None, EXACT, SIGNS) and last == ["values"] else None
         return _Promise(0.0 if samples == EXACT and last == ["values"] else None, samples, step=step)
-    text = str(within if within is not None else parts[-1]).replace(" ", "")
+    text = str(within if within is not None else asked(info, stated, frame, number) or f"{stated:.9g}").replace(" ", "")
     number_, given = distance_of(text)
     if not given:
-        return _Promise(number_, f"within {text} {notes.get(COORDINATE_UNIT) or 'in the unit of its points'}")
+        return _Promise(number_, on_mesh_in_words([text], notes))
     distance = in_unit(text, points, notes.get(COORDINATE_UNIT), notes.get(CRS))
     same = given == unit_of(notes.get(COORDINATE_UNIT))
     return _Promise(distance, f"within {text}" + ("" if same else f" ({distance:.4g})"), "" if same else text)

@@ -52,7 +52,7 @@ def _print(source: str, info: FileInfo, complete: bool, promise: str | None) -> 
         print(f"{name:{width}}  {text}")
     print("\n" + table(*(_frames(info) if info.frames else _layers(info))))
     if info.kind == "mesh" and any(layer.within is not None for layer in info.layers):
-        print("within: in the unit of the points; files on meshes state it of the last layer of an isovalue only.")
+        print("within: in the unit of the points.")
     if not info.frames and any(layer.bytes is None for layer in info.layers):
         why = "is too small for an index of its layers" if complete else "has no index of its layers, or not all of it"
         print(f"- : unknown, because the file {why}; --statistics decodes the file to find out.")

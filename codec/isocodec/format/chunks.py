@@ -229,7 +229,7 @@ class Promises:
     ----------
     within : dict of int to float
         Distance by number of a layer, counted from 1 within the isovalue: when that layer is complete and no later one
-        has begun, decoded and original curve lie within this many cells of each other.
+        has begun, decoded and original curve lie within this many cells of each other, on a mesh units of positions.
     topology : bool
         Whether each layer, when it is complete, has the topology of the original curve.
     """

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from isospec.container import DomainKind, MeshLayer, unzigzag, write_varint, zigzag
 
 from ..errors import FormatError, OptionError
@@ -50,6 +52,12 @@ class DomainHead:
     multiple: int = 1
     origin: tuple[int, ...] = ()
     extent: tuple[int, ...] = ()
+
+    @property
+    def unit(self) -> float:
+        """Unit of positions and promises, in that of the coordinates: infinite or 0 if that is beyond all floats."""
+        with np.errstate(all="ignore"):
+            return float(np.ldexp(float(self.multiple), self.exponent))
 
 
 def write_domain(head: DomainHead, n: int) -> bytes:

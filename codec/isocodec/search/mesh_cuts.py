@@ -15,7 +15,7 @@ from itertools import combinations, count
 import numpy as np
 from numpy.typing import NDArray
 
-from ..drawing.explicit import crossed_edges
+from ..drawing.explicit import crossed_cells, crossed_edges, draw_cells
 from ..drawing.simplices import simplex_table
 from ..field.samples import Samples
 from ..format.domain import MOST_STEP
@@ -24,7 +24,7 @@ from ..mesh.cut import CellHistory
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.positions import STEPS, parts_of
 from .piece import TOUCH
-from .proof import Target
+from .proof import Target, hausdorff
 
 PITCHES = (0.0, 0.5, 0.7, 1.0, 1.4)
 """Longest parts of edges that are tried, in distances; 0 for the middles of edges, without offsets."""
@@ -325,6 +325,22 @@ def without_crossings(found: Sequence[KeptCut | None], whole: Sequence[Curve]) -
             return kept
         for i in close:
             kept[i] = None
+
+
+def contour_on(
+    cells: NDArray[np.int64], points: NDArray[np.float64], field: Samples, middles: bool = False
+) -> Curve:
+    """The contour of values of the vertices on some cells (T, n + 1); or, as without geometry, in middles of edges."""
+    cells = cells[crossed_cells(cells, field.signs)]
+    edges = crossed_edges(cells, field.signs)
+    ratio = np.full(len(edges), 0.5) if middles else field.along(edges)
+    return draw_cells(points, cells, np.zeros(len(cells), np.bool_), field.signs, edges, ratio)
+
+
+def far_apart(one: Curve, other: Curve, size: float) -> float:
+    """Upper bound of how far two curves lie from each other, both ways: at most 0.01 ``size`` above the truth."""
+    (points, pieces), (others, theirs) = one, other
+    return max(hausdorff(points / size, pieces, others / size, theirs)) * size / SURE
 
 
 def _middles(ratio: NDArray[np.float64], parts: NDArray[np.int64]) -> NDArray[np.float64]:

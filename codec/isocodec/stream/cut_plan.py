@@ -1,4 +1,4 @@
-"""Cuts of a known mesh that isovalues are coded on: within distances, with the topology kept (docs/encoders.md, 6)."""
+"""Cuts of a mesh that isovalues are coded on: within distances, with the topology kept (docs/encoders.md, 6)."""
 
 from __future__ import annotations
 
@@ -58,15 +58,15 @@ def cut_promise_of(options: Options) -> CutPromise | None:
 
 
 def check_cuts(domain: Complex, options: Options, progressive: bool | None, shared: bool) -> None:
-    """Refuse what only cuts promise on a mesh without them; ``shared``: encoder and decoder both have the mesh."""
+    """Refuse what cuts of a mesh cannot promise; ``shared``: encoder and decoder both have the mesh."""
     topology, steps = options.keep_topology, options.precision.steps or ()
     name, code = ("keep_topology", "keep_topology") if topology else (f"precision {options.precision.text!r}", "steps")
-    if not shared:
-        raise OptionError(f"{name} is for meshes that both sides have", code=code,
-                          remedy='give stored="known" (--stored known), or leave it out')
+    if not shared and steps[-1:] == (EXACT,):
+        raise OptionError("exact values after distances are for meshes that both sides have", code="steps",
+                          remedy='give stored="known" (--stored known), or leave exact out')
     if progressive is False:
         raise OptionError(f"{name} needs progressive signs", code=code, remedy="leave progressive out")
-    if not has_hierarchy(domain):
+    if shared and not has_hierarchy(domain):
         raise OptionError(f"{name}: the mesh is too large for its unit", code=code, remedy="leave it out")
     if any(not later < step for step, later in pairwise(steps)):
         raise OptionError("the distances must decrease", code=code, remedy="for example 4, 1, 0.25")

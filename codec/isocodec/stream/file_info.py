@@ -33,8 +33,7 @@ class LayerInfo:
     within : float or None
         How many cells decoded and original curve lie from each other at most, when this layer is complete and no later
         one begun: as the writer promises, or 0 of all values of integers on the full grid. None without a promise. On a
-        mesh in the unit of its points, and only of the last layer of an isovalue: files state no distances of those
-        before.
+        mesh in the unit of its points.
     frame : int
         Number of the frame that it belongs to.
     """

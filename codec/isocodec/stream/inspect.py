@@ -21,7 +21,7 @@ from ..format.surface import read_tin
 from ..limits import Limits
 from .file_info import ChunkInfo, FileInfo, FrameInfo, LayerInfo
 from .outline import holds_surface
-from .promises import promised_on_grid, promised_on_mesh
+from .promises import promised
 from .session import Session
 
 _NAMES = {t.value: t.name.lower() for t in ChunkType}
@@ -209,10 +209,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     elif symbols and kind != "mesh":
         layers = _decoded(data, layers, limits)
         uncertain = {number for number, layer in enumerate(layers) if layer.bytes is None}
-    if kind == "mesh":
-        layers = promised_on_mesh(layers, outline, header, session.complete)
-    else:
-        layers = promised_on_grid(layers, survey.promised, outline, header, uncertain)
+    layers = promised(layers, survey.promised, outline, header, uncertain)
     isovalues, leans = (outline.isovalues, outline.leans) if surface is None else ([], [])
     ends = [*(start for start, _, _ in survey.frames[1:]), session.at]
     frames = [

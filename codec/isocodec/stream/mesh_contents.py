@@ -306,8 +306,7 @@ class MeshContents:
         if head.kind == DomainKind.KNOWN:
             self._domain, self._points = self._known_mesh(head, n)
         else:
-            with np.errstate(over="ignore"):
-                run, unit = self.outline.run_of_domain, float(np.ldexp(float(head.multiple), head.exponent))
+            run, unit = self.outline.run_of_domain, head.unit
             size, data, hold = (head.vertices, head.cells), payload[run:], partial(self._budget.hold, self)
             if head.kind == DomainKind.DELAUNAY:
                 self._budget.check(BYTES_PER_POINT * head.vertices)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
@@ -20,8 +20,8 @@ from ..field.placement import COORDINATE_UNIT, CRS
 from ..field.samples import Samples, isovalue_of
 from ..field.stretch import in_unit
 from ..field.units import distance_of
-from ..format.chunks import write_chunk
-from ..format.domain import MOST_STEP, MeshLayerHead, write_mesh_layer
+from ..format.chunks import Promises, payload_of, write_chunk, write_promises
+from ..format.domain import MOST_STEP, MeshLayerHead, read_domain, read_mesh_layer, write_mesh_layer
 from ..format.frames import FRAME_BEFORE
 from ..format.header import Header
 from ..mesh.coded_points import triangulated
@@ -31,13 +31,12 @@ from ..mesh.hierarchy import Hierarchy, has_hierarchy, hierarchy_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import refitted
-from ..search.mesh_cuts import KeptCut
-from ..search.tolerance import EXACT
+from ..search.mesh_cuts import KeptCut, contour_on, far_apart
 from .container import ContainerEncoder, beginning
 from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
 from .grid_file import Report
 from .leaning import chain
-from .mesh_contents import code_layer
+from .mesh_contents import code_layer, coordinates_of
 from .mesh_file import NEEDED, StoredMesh, known_mesh, mesh_of_cells, mesh_of_points, stored_kind
 from .options import BEST, LEVELS, SEARCHED, Options
 from .promises import PROMISE
@@ -55,6 +54,8 @@ SHORTER = 50
 """Signs come along a walk, unless levels are asked for, where that saves more than such a part of an isovalue."""
 SMALL = 1000
 """Such walks are for isovalues of fewer bytes: the first bytes of larger ones draw the whole curve."""
+MEASURED = 10
+"""Distances of levels are measured to a hundredth of so many median edges."""
 Cuts = Callable[[CellHistory, Samples], Sequence[Cut]]
 """Chooses for an isovalue, from the values there, the cuts of its layers; none for other layers."""
 
@@ -121,25 +122,29 @@ class MeshFrames:
             self.options.check_data(self._fields(each)[0].integer)
         cells = self._given.mesh.cell
         self._edge = float(np.median(np.sqrt(((places[cells[:, 1]] - places[cells[:, 0]]) ** 2).sum(axis=1))))
-        self._shared_mesh = stored == "known"
-        if (cut := cut_promise_of(options)) is not None and cut.stepwise:
-            check_cuts(self._given, options, mesh.progressive, self._shared_mesh)
-        self._shared = mesh.error is None and not self._shared_mesh
-        self._stored = known_mesh(self._given, places) if self._shared_mesh else self._in_file(
-            places, mesh.error, stored in NEEDED
-        )
-        self.domain, self._source = self._stored.domain, self._stored.source
+        known, promise = stored == "known", cut_promise_of(options)
+        if stepwise := promise is not None and promise.stepwise:
+            check_cuts(self._given, options, mesh.progressive, known)
+        self._asked = () if promise is None else promise.distances
+        self._shared = mesh.error is None and not known
+        self._stored = known_mesh(self._given, places) if known else self._in_file(places, mesh.error, stored in NEEDED)
+        self.domain, self._source, off = self._stored.domain, self._stored.source, self._stored.off
         self._step = self._offset_step()
+        # a distance holds for the positions of a mesh in the file and for the curve on it together
+        self._of_cuts = promise if promise is None or not self._shared else replace(
+            promise, distances=tuple(each - off for each in self._asked)
+        )
+        self._stated = [each and each + (0.0 if self._shared else off) for each in self._asked]
+        if self._stated and self._stated[-1]:
+            self._stated[-1] = max(self._stated[-1], off + self._step * self.domain.unit / STEPS / 2)
         self._asked_levels = mesh.progressive
-        wanted = mesh.progressive or (mesh.progressive is None and self._shared_mesh and has_hierarchy(self.domain))
+        wanted = mesh.progressive or stepwise or (mesh.progressive is None and known and has_hierarchy(self.domain))
         self._hierarchy = hierarchy_of(self.domain) if wanted else None
         step = options.precision.step
         self.header = Header((), self._fields(first[0])[0].isovalue, step, Profile.MAIN, cells=self.domain.n)
         self._metadata = {**mesh.metadata, **options.metadata}
-        if options.precision.tolerance is not None:
-            self._metadata[PROMISE] = self._promise(options.precision.tolerance, asked)
-        if options.precision.steps is not None:
-            self._metadata[PROMISE] = asked or options.precision.text
+        if self._asked:
+            self._metadata[PROMISE] = self._note(asked)
         self._before: list[MeshIsovalue] = []
         self.cuts: Cuts | None = None
 
@@ -147,6 +152,12 @@ class MeshFrames:
     def _history(self) -> CellHistory:
         """All cells that the mesh has in all rounds."""
         return history_of(self._hierarchy or hierarchy_of(self.domain))
+
+    @cached_property
+    def _places(self) -> NDArray[np.float64]:
+        """Coordinates of the vertices as decoders have them, (V, d)."""
+        head, _ = read_domain(self._stored.payload, self.domain.n, 0)
+        return self._stored.points if head.digest else coordinates_of(self.domain, head)
 
     def chunks(self, values: ArrayLike) -> list[bytes]:
         """Return the chunks of a frame, the first with the header; if an error is raised, earlier frames are kept.
@@ -192,12 +203,14 @@ class MeshFrames:
             then = self._before[number] if lean == FRAME_BEFORE else None
             begun = partial(MeshIsovalue, self.domain, value, self.options.precision.step, earlier, then)
             if cuts[number]:
-                strands.append(begun())
-                yield from self._on_cuts(strands[-1], fields[number], cuts[number])
+                strand = begun()
+                layers, within = self._on_cuts(strand, fields[number], cuts[number])
             else:
-                strand, chunks = self._shorter(begun, fields[number])
-                strands.append(strand)
-                yield from chunks
+                strand, layers = self._shorter(begun, fields[number])
+                within = self._measured(fields[number], layers)
+            strands.append(strand)
+            yield from self._promises(within)
+            yield from layers
 
     def _fields(self, values: NDArray[Any]) -> list[Samples]:
         """Prepare the values of a frame at the vertices of the mesh, for each isovalue."""
@@ -214,9 +227,9 @@ class MeshFrames:
         """Store the mesh; ``few``: only what contours of the given frames need."""
         if error is not None and not (math.isfinite(error) and error > 0):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
-        off, tolerance = error or MESH_SHARE * self._edge, self.options.precision.tolerance
-        if error is None and tolerance is not None:
-            off = min(off, TOLERANCE_SHARE * tolerance)
+        off = error or MESH_SHARE * self._edge
+        if error is None and self._asked:
+            off = min(off, TOLERANCE_SHARE * self._asked[-1])
         # for each frame, how many isovalues the value of each vertex exceeds
         exceeded: list[NDArray[np.uint16]] = [
             np.sum([one.signs for one in self._fields(frame)], axis=0, dtype=np.uint16)
@@ -236,30 +249,48 @@ class MeshFrames:
     def _offset_step(self) -> int:
         """Compute the longest part of an edge, in steps of offsets; 0 without offsets."""
         precision = self.options.precision
-        if precision.exact or precision.signs or precision.step is not None:
+        if precision.exact or precision.signs or precision.step is not None or 0.0 in self._asked:
             return 0
-        tolerance = precision.tolerance or EDGE_SHARE * self._edge
-        if precision.steps is not None:
-            tolerance = precision.steps[-1]
-            if tolerance == EXACT:
-                return 0
-        if precision.tolerance is not None and self._shared:
+        tolerance = self._asked[-1] if self._asked else EDGE_SHARE * self._edge
+        if self._asked and self._shared:
             tolerance -= self._stored.off
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
 
-    def _promise(self, tolerance: float, asked: str) -> str:
-        """The note of a promise: points are within the tolerance, and a mesh in the file may be off, too."""
-        off = max(self._stored.off + self._step * self.domain.unit / STEPS / 2, tolerance)
-        if not asked:
-            return f"{off:.12g}"
-        number, unit = distance_of(asked)
-        return f"{number * off / tolerance:.12g}{unit}"
+    def _note(self, asked: str) -> str:
+        """The note of a promise: distances as they were asked for, longer where a mesh in the file is off beside."""
+        texts = asked.split(",") if asked else [f"{each:.12g}" for each in self._asked]
+        out = []
+        for text, distance, stated in zip(texts, self._asked, self._stated, strict=True):
+            number, unit = distance_of(text) if distance else (0.0, "")
+            out.append(f"{number * stated / distance:.12g}{unit}" if distance else "exact")
+        return ",".join(out)
+
+    def _promises(self, within: Mapping[int, float]) -> Iterator[bytes]:
+        """Yield the chunk with the distances that layers keep, in the unit of the points, and the topology."""
+        topology = self.options.keep_topology
+        if within or topology:
+            of_positions = {layer: distance / self.domain.unit for layer, distance in within.items()}
+            yield write_chunk(ChunkType.PROMISES, write_promises(Promises(of_positions, topology)), ancillary=True)
+
+    def _measured(self, field: Samples, layers: Sequence[bytes]) -> dict[int, float]:
+        """The distance of the last layer as it was asked for, and those of levels before as they are, by number."""
+        if not self._asked:
+            return {}
+        original = contour_on(self.domain.mesh.cell, self._stored.points, field)
+        within = {}
+        for number, layer in enumerate(layers[:-1], 1):
+            head, _ = read_mesh_layer(payload_of(layer), 0)
+            if head.kind == MeshLayer.LEVELS and self._hierarchy is not None:
+                drawn = contour_on(self._hierarchy.cells(head.rounds), self._places, field, middles=True)
+                within[number] = far_apart(drawn, original, MEASURED * self._edge)
+        within[len(layers)] = self._stated[-1]
+        return {number: far for number, far in within.items() if math.isfinite(far)}
 
     def _cuts_of(self, fields: Sequence[Samples]) -> list[list[Cut]]:
         """Choose cuts of the mesh for each isovalue of a frame; none where signs of the whole mesh take fewer bytes."""
         if self.cuts is not None:
             return [list(self.cuts(self._history, field)) for field in fields]
-        promise = cut_promise_of(self.options) if self._shared_mesh else None
+        promise = self._of_cuts
         least = SEARCHED * self._edge
         small = promise is not None and not promise.stepwise and promise.distances[-1] < least
         if promise is None or small or self._hierarchy is None or (self._asked_levels and not promise.stepwise):
@@ -268,7 +299,7 @@ class MeshFrames:
         def whole(field: Samples) -> int:
             return sum(map(len, self._shorter(partial(MeshIsovalue, self.domain, field.isovalue), field)[1]))
 
-        plan = CutPlan(self.domain, self._stored.points, self._history, promise, least, self._try)
+        plan = CutPlan(self.domain, self._places, self._history, promise, least, self._try)
         return plan.cuts(fields, whole, self._step)
 
     def _try(self) -> None:
@@ -277,17 +308,25 @@ class MeshFrames:
         if self._report is not None:
             self._report(self._tried, 0)
 
-    def _on_cuts(self, strand: MeshIsovalue, field: Samples, cuts: Sequence[Cut]) -> Iterator[bytes]:
-        """Yield the chunks of an isovalue on cuts of the mesh, each with its geometry; the last one as it is asked for.
+    def _on_cuts(
+        self, strand: MeshIsovalue, field: Samples, cuts: Sequence[Cut]
+    ) -> tuple[list[bytes], dict[int, float]]:
+        """Code an isovalue on cuts of the mesh, each with its geometry, the last one as it is asked for.
+
+        Returns the chunks of its layers, and the distances of those that complete a cut, by number.
         """
+        layers, within = list[bytes](), dict[int, float]()
         for number, cut in enumerate(cuts, 1):
             inside = cut.inside if isinstance(cut, KeptCut) else cut
-            yield self._layer(strand, MeshLayerHead(MeshLayer.CUT), field.signs, inside)
+            layers.append(self._layer(strand, MeshLayerHead(MeshLayer.CUT), field.signs, inside))
             if isinstance(cut, KeptCut) and cut.step and strand.edges is not None and len(strand.edges):
                 numbers = cut.numbers(self.domain.mesh, strand.edges[:, :2])
-                yield self._layer(strand, MeshLayerHead(MeshLayer.OFFSETS, step=cut.step), numbers)
+                layers.append(self._layer(strand, MeshLayerHead(MeshLayer.OFFSETS, step=cut.step), numbers))
             elif number == len(cuts) and not isinstance(cut, KeptCut):
-                yield from self._geometry(strand, field)
+                layers += self._geometry(strand, field)
+            if self.cuts is None and number <= len(self._stated) and self._stated[number - 1]:
+                within[len(layers)] = self._stated[number - 1]
+        return layers, within
 
     def _shorter(self, begun: Callable[[], MeshIsovalue], field: Samples) -> tuple[MeshIsovalue, list[bytes]]:
         """Code an isovalue level by level, or along a walk where that is much shorter; return it, and its chunks."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from isospec.container import DomainKind
@@ -11,7 +12,7 @@ from isospec.container import DomainKind
 from ..errors import OptionError
 from ..field.placement import COORDINATE_UNIT
 from ..field.sampled import UNIT
-from ..field.units import distance_of, unit_of
+from ..field.units import distance_of
 from ..format.chunks import Promises
 from ..format.header import Header
 from ..format.kinds import LayerKind
@@ -26,6 +27,8 @@ STEP = "step="
 AT = " at "
 """Precedes, in the note of a surface, the isovalues whose contours it was made for."""
 SIGNS, EXACT = "all signs", "all values exactly"
+CUT, LEVELS = "cut", "levels"
+"""Kinds of layers on a mesh: the last one of each cut is to keep a distance; those of levels are measured."""
 
 
 def noted(metadata: Mapping[str, str]) -> tuple[list[str], list[float]]:
@@ -48,15 +51,6 @@ def noted_exact(metadata: Mapping[str, str]) -> bool:
     return metadata.get(PROMISE, "").endswith(",exact")
 
 
-def noted_at_last(metadata: Mapping[str, str]) -> float | None:
-    """The last distance in the note of a file on a mesh, in the unit of its points; None without a note, or if it has
-    another unit.
-    """
-    parts, _ = noted(metadata)
-    number, unit = distance_of(parts[-1]) if parts else (None, "")
-    return number if unit in ("", unit_of(metadata.get(COORDINATE_UNIT))) else None
-
-
 def last_promise(metadata: dict[str, str], keep: bool = False) -> dict[str, str]:
     """The notes without that of promises; or, if it is to be kept, with the last distance alone."""
     parts, _ = noted(metadata)
@@ -64,41 +58,26 @@ def last_promise(metadata: dict[str, str], keep: bool = False) -> dict[str, str]
     return {**out, PROMISE: parts[-1]} if keep and parts else out
 
 
-def promised_on_grid(
+def promised(
     layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Promises], outline: Outline, header: Header,
-    uncertain: set[int],
+    uncertain: Collection[int] = (),
 ) -> list[LayerInfo]:
     """The layers with what is promised of each, but for those that may not be complete."""
-    counts: Counter[tuple[int, int]] = Counter()
+    domain, counts, cut = outline.domain, Counter[tuple[int, int]](), set[tuple[int, int]]()
+    unit = 1.0 if domain is None else domain.unit
     out = []
     for number, layer in enumerate(layers):
         strand = layer.frame, layer.isovalue
         counts[strand] += 1
-        within = promises[strand].within.get(counts[strand]) if strand in promises else None
-        if within is None and (layer.kind, layer.level, layer.plane) == (LayerKind.VALUES, outline.full_level, 0):
-            within = 0.0 if header.scale is None else None
-        out.append(replace(layer, within=None if number in uncertain else within))
-    return out
-
-
-def promised_on_mesh(
-    layers: Sequence[LayerInfo], outline: Outline, header: Header, complete: bool
-) -> list[LayerInfo]:
-    """The layers of a file on a mesh, the last one of each isovalue that is complete with the distance of the note."""
-    last, cut = {}, set()
-    for number, layer in enumerate(layers):
-        strand = layer.frame, layer.isovalue
-        last[strand] = number
-        cut |= {strand} if layer.kind == "cut" else set()
-    if not complete:
-        last.pop((outline.frame, outline.number), None)
-    known = outline.domain is not None and outline.domain.kind == DomainKind.KNOWN
-    distance, exact = noted_at_last(outline.metadata), noted_exact(outline.metadata)
-    out = list(layers)
-    for strand, number in last.items():
-        values = layers[number].kind == "values" and header.scale is None
-        zero = values and known and (exact or strand not in cut)
-        out[number] = replace(layers[number], within=0.0 if zero else None if exact else distance)
+        cut |= {strand} if layer.kind == CUT else set()
+        within = promises[strand].within.get(counts[strand], 0.0) * unit if strand in promises else 0.0
+        if domain is None:
+            whole = (layer.level, layer.plane) == (outline.full_level, 0)
+        else:
+            whole = domain.kind == DomainKind.KNOWN and (noted_exact(outline.metadata) or strand not in cut)
+        exact = layer.kind == LayerKind.VALUES and whole and header.scale is None
+        stated = within if 0 < within < math.inf else 0.0 if exact else None
+        out.append(replace(layer, within=None if number in uncertain else stated))
     return out
 
 
@@ -108,12 +87,20 @@ def cells_in_words(number: float | str) -> str:
     return f"{text} cell{'' if text == '1' else 's'}"
 
 
+def on_mesh_in_words(distances: Sequence[float | str], notes: Mapping[str, str]) -> str:
+    """Distances on a mesh in words."""
+    texts = [one if isinstance(one, str) else f"{one:.4g}" for one in distances]
+    unit = "" if distance_of(texts[-1])[1] else notes.get(COORDINATE_UNIT) or "in the unit of its points"
+    return f"within {', '.join(texts)} {unit}".rstrip()
+
+
 def asked(info: FileInfo, within: float | None, frame: int = 0, number: int = 0) -> str:
     """Find the text that asked for a distance in cells that a file promises, if that was in the world, or not in whole
     thousandths, to which a chunk rounds up; else nothing.
     """
     parts, _ = noted(info.metadata)
-    own = [layer.within for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number) and layer.within]
+    own = [layer.within for layer in info.layers
+           if (layer.frame, layer.isovalue) == (frame, number) and layer.within and layer.kind != LEVELS]
     if within is None or within not in own or own.index(within) >= len(parts):
         return ""
     return parts[own.index(within)]
@@ -135,7 +122,7 @@ def of_samples(info: FileInfo) -> str | None:
     last = layers[-1]
     whole = info.domain is not None or last.level == len(info.shape) * cube_exponent(info.shape)
     geometry = {LayerKind.VALUES, LayerKind.OFFSETS} & {layer.kind for layer in layers}
-    coarser = any(layer.kind == "cut" for layer in layers)
+    coarser = last.within != 0.0 and any(layer.kind == CUT for layer in layers)
     if not whole or coarser:
         return None
     if last.kind == LayerKind.VALUES and last.plane == 0:
@@ -163,23 +150,27 @@ def promise_of(info: FileInfo) -> str | None:
             return f"contours of {', '.join(f'{value:g}' for value in contours)} within {far}"
         if info.kind == "tiles":
             return f"within {last if distance_of(last)[1] else cells_in_words(last)}"
-        what = "values within " if info.kind == "surface" else "within "
-        unit = info.metadata.get(UNIT if info.kind == "surface" else COORDINATE_UNIT) or ""
-        missing = "" if info.kind == "surface" else "in the unit of its points"
-        then = f", then {EXACT}" if noted_exact(info.metadata) else ""
-        return (what + last if distance_of(last)[1] else f"{what}{last} {unit or missing}".rstrip()) + then
+        if info.kind == "surface":
+            unit = "" if distance_of(last)[1] else info.metadata.get(UNIT, "")
+            return f"values within {last} {unit}".rstrip()
+        return on_mesh_in_words(parts, info.metadata) + (f", then {EXACT}" if noted_exact(info.metadata) else "")
     samples = of_samples(info)
-    strands: dict[tuple[int, int], list[float | None]] = {}
+    strands: dict[tuple[int, int], list[LayerInfo]] = {}
     for layer in info.layers:
-        strands.setdefault((layer.frame, layer.isovalue), []).append(layer.within)
+        strands.setdefault((layer.frame, layer.isovalue), []).append(layer)
     # after a promise that is not the last layer's the curve may be farther away
-    steps = {tuple(filter(None, own)) if samples or own[-1] is not None else () for own in strands.values()}
+    steps = {
+        tuple(layer.within for layer in own if layer.within and (layer.kind != LEVELS or layer is own[-1]))
+        if samples or own[-1].within is not None else () for own in strands.values()
+    }
     if len(steps) != 1:
         return "differs between isovalues or frames: see the layers" if steps else None
-    texts = []
-    for within in steps.pop():
+    texts, distances = [], steps.pop()
+    for within in distances:
         text = asked(info, within)
         in_world = text and distance_of(text)[1]
         texts.append(f"{text} ({cells_in_words(within)})" if in_world else cells_in_words(text or within))
     found = f"within {', '.join(texts)}" if texts else ""
+    if texts and info.kind == "mesh":
+        found = on_mesh_in_words(distances, info.metadata)
     return ", then ".join(filter(None, [found, samples])) or None

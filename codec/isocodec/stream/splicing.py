@@ -186,8 +186,8 @@ def signs_of(data: bytes) -> bytes:
     parts = parts_of(data)
     for strands in parts.frames:
         for strand in strands:
-            layers = [chunk for chunk in strand.chunks if payload_of(chunk)[0] in _SIGNS]
-            strand.chunks[:] = layers
+            layers = [chunk for chunk in strand.chunks if not chunk[0] & ANCILLARY]  # without promises
+            strand.chunks[:] = [chunk for chunk in layers if payload_of(chunk)[0] in _SIGNS]
     return _joined(parts.header, parts.info, parts.shared, parts.frames, last_promise(parts.info.metadata))
 
 

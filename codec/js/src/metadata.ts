@@ -4,7 +4,8 @@ export type Metadata = Record<string, string>;
 
 export interface Promises {
   topology: boolean;
-  /** Layers, counted from 1 within the isovalue, and the distance in samples that each keeps. */
+  /** Layers, counted from 1 within the isovalue, and the distance that each keeps: in samples, on a mesh in units of
+   * positions. */
   distances: { layer: number; distance: number }[];
 }
 
