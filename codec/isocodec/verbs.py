@@ -269,7 +269,7 @@ _CODED = ("tile", "frames", "layers", "order", "effort", "stored", "mesh_error",
 """Options of .iso files that other formats do not have."""
 _CONVERTED = ("what", "layer", "attribute", "in_samples", "simplify")
 """Options of other formats."""
-_OF_WHOLE = ("labels", "order", "effort", "keep_topology", "layers", "frames", "interval", "periodic")
+_OF_WHOLE = ("order", "effort", "keep_topology", "layers", "frames", "interval", "periodic")
 """Options that do not apply to tiles."""
 
 

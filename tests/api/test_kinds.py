@@ -22,7 +22,7 @@ from isocodec.stream.options import EncodeOptions, ProfileName
 from tables import looped
 
 KINDS = ("grid", "series", "mesh", "surface", "tiles")
-MOST_IMPOSSIBLE = 12
+MOST_IMPOSSIBLE = 11
 OPERATIONS = (
     "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
     "statistics", "verify", "notebook", "layers", "size", "window", "isovalues", "profile", "merge", "decoder",

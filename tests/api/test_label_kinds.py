@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from functools import cache
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -30,10 +31,10 @@ from tables import looped
 matplotlib = Late("matplotlib")
 
 LABELS = (3, -2, 300)
-KINDS = {"one": LABELS[:1], "several": LABELS, "series": LABELS}
+KINDS = {"one": LABELS[:1], "several": LABELS, "series": LABELS, "tiles": LABELS}
 """Labels of each kind of file; a third of the samples has others, or none."""
 SHAPES = {2: (7, 8), 3: (6, 5, 4)}
-CASES = [("one", 3), ("several", 2), ("several", 3), ("series", 2)]
+CASES = [("one", 3), ("several", 2), ("several", 3), ("series", 2), ("tiles", 2)]
 PLACED = {2: Placement([[0, 30, 500015], [-20, 3, 4e6]], crs="EPSG:32631"), 3: None}
 
 
@@ -90,6 +91,10 @@ class Case:
 @cache
 def encoded(kind: str, n: int, precision: Any = None) -> bytes:
     each = [Field(values, labels=KINDS[kind], placement=PLACED[n]) for values in arrays(n)]
+    if kind == "tiles":
+        with TemporaryDirectory() as folder:
+            isocodec.save(Path(folder, "a.iso"), each[0], tile=32, precision=precision)
+            return Path(folder, "a.iso").read_bytes()
     return isocodec.encode(Frames(each) if kind == "series" else each[0], precision=precision)
 
 
@@ -147,12 +152,13 @@ def refused(call: Callable[[], object], says: str) -> None:
 
 
 def view(case: Case, file: IsoFile, **options: Any) -> list[Contour]:
-    """The contours of the last frame, in both ways."""
+    """The contours of the last frame, and each alone, which has the same points on edges unless these were moved."""
     frame = file.frames - 1
     found = file.contours(frame=frame, **options)
     for contour in found:
         alone = file.contour(contour.isovalue, frame=frame, **options)
-        assert np.array_equal(alone.points, contour.points) and np.array_equal(alone.cells, contour.cells)
+        assert len(on_edges(alone)) == len(on_edges(contour))
+        assert options.get("smooth") or on_edges(alone) == on_edges(contour)
     return found
 
 
@@ -199,12 +205,16 @@ def member_valid(case: Case) -> None:
 
 def member_labels(case: Case) -> None:
     holds(case.file, case)
-    assert case.file.labels().dtype == (np.uint8 if case.kind == "one" else np.int16)
+    assert case.file.labels().dtype == np.int16
     refused(lambda: case.file.labels(frame=2), "no frame 2")
-    assert np.array_equal(case.file.labels(max_bytes=len(case.data)), case.truth())
-    assert np.array_equal(isocodec.open(case.data[:-1]).labels(partial=True), case.truth())
-    for size in range(len(case.data) // 3, len(case.data), 29):
-        right_or_refused(isocodec.open(case.data[:size]), case)
+    if case.kind == "tiles":
+        with pytest.raises(OptionError, match="max_bytes does not apply to curves in tiles"):
+            case.file.labels(max_bytes=99)
+    else:
+        assert np.array_equal(case.file.labels(max_bytes=len(case.data)), case.truth())
+        assert np.array_equal(isocodec.open(case.data[:-1]).labels(partial=True), case.truth())
+        for size in range(len(case.data) // 3, len(case.data), 29):
+            right_or_refused(isocodec.open(case.data[:size]), case)
     if case.n == 2:  # searches take long in space
         right_or_refused(isocodec.open(encoded(case.kind, case.n, 1.0)), case)
 
@@ -239,6 +249,10 @@ def view_window(case: Case) -> None:
 
 def view_smooth(case: Case) -> None:
     """Points move along their edges, so that samples stay on their sides."""
+    if case.kind == "tiles":
+        with pytest.raises(OptionError, match="smooth does not apply to curves in tiles"):
+            case.file.contours(smooth=True)
+        return
     for contour, plain in zip(view(case, case.file, smooth=True), view(case, case.file, smooth=False), strict=True):
         moved = contour.points - plain.points
         along = (plain.points % 1 > 0).sum(axis=1) == 1
@@ -329,7 +343,12 @@ def package_merge(case: Case) -> None:
         other: Any = Frames(values) if case.kind == "series" else values[0]
         for order in (1, -1):
             files = [case.data, isocodec.encode(other, 0.5)][::order]
-            refused(lambda files=files: isocodec.merge(files), "labels cannot be merged")  # type: ignore[misc]
+            refused(lambda files=files: isocodec.merge(files), "cannot be in one file")  # type: ignore[misc]
+    each = [Field(values, labels=[1], placement=PLACED[case.n]) for values in case.frames]
+    more = isocodec.encode(Frames(each) if case.kind == "series" else each[0])
+    for files, labels in (([case.data, more], (*case.labels, 1)), ([more, case.data], (1, *case.labels))):
+        holds(isocodec.open(isocodec.merge(files)), case, labels)
+    refused(lambda: isocodec.merge([case.data, case.data]), "another one in a file before it")
 
 
 def package_bands(case: Case) -> None:

@@ -116,7 +116,7 @@ def check(data: bytes, name: str, wanted: list[list[isocodec.Contour]], whole: i
             found = file.contours(frame=number)
             assert all(one.complete for one in found) and all(map(same, found, wanted[number]))
             last = file.contour(info.isovalues[-1], frame=number)
-            assert last.complete and same(last, wanted[number][-1])
+            assert last.complete and (info.noun == "label" or same(last, wanted[number][-1]))  # those meet
         else:
             with pytest.raises(TruncatedError):
                 file.contour(frame=number)

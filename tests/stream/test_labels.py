@@ -39,18 +39,18 @@ def test_labels_come_back(profile: str, seed: int, axes: int) -> None:
     for contour, label in zip(file.contours(), labels, strict=True):
         alone = isocodec.decode(isocodec.encode(field == label, 0.5, precision="signs"))
         assert contour.isovalue == label
-        assert np.array_equal(np.sort(contour.points, axis=0), np.sort(alone.points, axis=0))
+        assert np.array_equal(np.sort(file.contour(label).points, axis=0), np.sort(alone.points, axis=0))
         assert np.array_equal(file.above(label), field == label)
 
 
 def test_types_and_what_is_left_out() -> None:
-    assert isocodec.open(isocodec.encode(isocodec.Field(ZONES, labels=[1, 3]))).labels().dtype == np.uint8
+    assert isocodec.open(isocodec.encode(isocodec.Field(ZONES, labels=[1, 3]))).labels().dtype == ZONES.dtype
     assert np.array_equal(
         isocodec.open(isocodec.encode(isocodec.Field(ZONES, labels=[3, 1]))).labels(), np.where(ZONES == 2, 0, ZONES),
     )
     below = np.where(ZONES == 1, -300, ZONES)
     back = isocodec.open(isocodec.encode(isocodec.Field(below, labels=[-300, 2]))).labels()
-    assert back.dtype == np.int16 and np.array_equal(back, np.where(ZONES == 3, 0, below))
+    assert np.array_equal(back, np.where(ZONES == 3, 0, below))
     halves = ZONES / 2
     assert np.array_equal(
         isocodec.open(isocodec.encode(isocodec.Field(halves, labels=[0.5, 1.0, 1.5]))).labels(), halves,
@@ -81,8 +81,13 @@ def test_refused() -> None:
     with pytest.raises(OptionError, match="not labels"):
         isocodec.open(isocodec.encode(HILLS, 80.5)).labels()
     data = isocodec.encode(isocodec.Field(ZONES, labels=[1, 2]))
-    with pytest.raises(InputError, match="labels cannot be merged"):
-        isocodec.merge([data, isocodec.encode(isocodec.Field(ZONES, labels=[3]))])
+    for other, error, says in (
+        (isocodec.Field(ZONES[::-1], labels=[3]), InputError, "file 2 have another one"),
+        (isocodec.Field(ZONES[1:], labels=[3]), InputError, "file 2 differs from the first in its shape"),
+        (ZONES == 3, InputError, "labels and isovalues cannot be in one file"),
+    ):
+        with pytest.raises(error, match=says):
+            isocodec.merge([data, isocodec.encode(other)])
 
 
 @pytest.mark.parametrize(("labels", "more", "options"), [

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..drawing.contour import Contour
 from ..errors import FormatError, InputError, OptionError
-from ..field.labelling import caption
+from ..field.labelling import caption, is_of_labels
 from ..io import cost
 from ..io.formats import (
     USUAL,
@@ -207,10 +207,10 @@ def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneB
     kind = _KINDS[wanted.what or "curve"]
     if kind == "areas" and file.info.mask_bytes is not None:
         view["through_holes"] = True
-    several = kind != "areas"
+    several, of_labels = kind != "areas", is_of_labels(file.metadata)
     every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
     if every and suffix in suffixes_of(Thing(kind, len(file.shape) or None, several)):
-        in_turn = "within" not in view and not wanted.capped and wanted.simplify is None
+        in_turn = "within" not in view and not wanted.capped and wanted.simplify is None and not of_labels
         if isinstance(file, SampledFile) and in_turn:
             chosen = Viewed(**view)
             drawings = Drawings(file.received(None, chosen), chosen)
@@ -219,6 +219,9 @@ def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneB
             contours = [*drawings]
         else:
             contours = file.contours(**view)
+    elif of_labels and kind == "areas" and "layers" not in view:
+        number = 0 if wanted.isovalue is None else file.info.number_of(wanted.isovalue)
+        contours = file.contours(**view)[number : number + 1]
     else:
         contours = [file.contour(wanted.isovalue, **view)]
     check(f"_{suffix}", Thing(kind, contours[0].n, several and len(contours) > 1), wanted)

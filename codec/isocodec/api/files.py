@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..drawing.meeting import meeting
 from ..drawing.window import clipped, reaching
 from ..errors import FormatError, IsoError, OptionError, TruncatedError
-from ..field.labelling import is_of_labels
+from ..field.labelling import is_of_labels, type_of
 from ..format.events import FrameRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import LayerKind
 from ..limits import Limits
+from ..stream.cropped_source import box_of
 from ..stream.decoder import Decoder
 from ..stream.file_info import FileInfo, LayerInfo
 from ..stream.inspect import inspect, kind_of
@@ -31,8 +33,6 @@ if TYPE_CHECKING:
     from ..tiles.tiled import TiledFile
     from ..tin.tin import Tin
 
-_INTEGERS, _FLOATS = ("u1", "i1", "u2", "i2", "u4", "i4", "i8"), ("f2", "f4")
-"""Types of labels that are tried, the smallest first; others are f8."""
 _NOT_BESIDE_GRIDS = ("smooth", "through_holes", "within")
 """Parameters of a view that apply to grids alone."""
 
@@ -94,7 +94,9 @@ class IsovalueFile(WholeFile):
         if view.layers is not None or view.within is not None:
             return [self._contour(isovalue, view) for isovalue in self.info.isovalues]
         decoder = self.received(None, view)
-        return [clipped(one, view.window) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
+        labels = decoder.grid.partition() if self.kind in ("grid", "series") else None
+        drawn = _drawn(decoder, range(len(decoder.isovalues)), view)
+        return [clipped(one, view.window) for one in (meeting(drawn, labels) if labels else drawn)]
 
     def _above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         decoder, number = self.decoded(isovalue, view)
@@ -175,7 +177,14 @@ class SampledFile(IsovalueFile):
         if not is_of_labels(self.info.metadata):
             raise OptionError("the isovalues of the file are not labels", code="labels", remedy="use above")
         decoder = self.received(None, view)
-        return labelled(map(decoder.grid.above, range(len(decoder.isovalues))), decoder.isovalues)
+        out: NDArray[Any] | None = None
+        for number, label in enumerate(decoder.isovalues):
+            inside = decoder.grid.above(number)
+            if out is None:
+                out = np.zeros(inside.shape, type_of(decoder.isovalues, self.info.metadata))
+            out[inside] = label
+        assert out is not None
+        return out
 
 
 class MeshFile(IsovalueFile):
@@ -329,7 +338,19 @@ class TileFile(IsoFile):
             raise OptionError(f"the file has no frame {frame}", code="frame", remedy=ONE_FRAME)
 
     def _contours(self, view: Viewed) -> list[Contour]:
+        if is_of_labels(self.metadata) and not {"layers", "within", "max_bytes", "partial"} & {*view.view}:
+            # in one piece, where all labels of a cell are known
+            low = np.array(box_of(self.shape, view.window, self.tiled.limits)[0])
+            return [
+                clipped(replace(one, points=one.points + low, shape=self.shape, placement=self.placement,
+                                metadata=dict(self.metadata), origin_above=None if low.any() else one.origin_above),
+                        view.window)
+                for one in self._in_one_piece(view)._contours(Viewed())
+            ]
         return [*self._windows(range(len(self.tiled.isovalues)), view)]
+
+    def _labels(self, view: Viewed) -> NDArray[Any]:
+        return self._in_one_piece(view)._labels(Viewed())
 
     def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
         yield self._contours(self._viewed(smooth=smooth, partial=partial))
@@ -367,21 +388,6 @@ class TileFile(IsoFile):
         return self.whole().statistics()
 
 
-def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> NDArray[Any]:
-    """Labels of samples (0 for none), in the smallest type that holds all of them exactly."""
-    labels = np.array([0.0, *isovalues])
-    kinds = _FLOATS if (labels % 1).any() else _INTEGERS
-    with np.errstate(invalid="ignore", over="ignore"):
-        kind = next((kind for kind in kinds if np.array_equal(labels.astype(kind), labels)), "f8")
-    out: NDArray[Any] | None = None
-    for label, inside in zip(labels[1:].astype(kind), above, strict=True):
-        if out is None:
-            out = np.zeros(inside.shape, kind)
-        out[inside] = label
-    assert out is not None
-    return out
-
-
 def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessellation:
     """Keep the cells of a mesh that reach into a window, as `clipped` does."""
     if window is None:
@@ -416,9 +422,11 @@ def frames_of(
             if decoder.frames > drawn:
                 drawn += 1
                 before = isinstance(event, FrameRead)
-                surface = decoder.contents is None or decoder.contents.kind == "surface"
-                count = 0 if surface else len(decoder.isovalues)
-                yield [decoder.contour(i, smooth=smooth, before=before) for i in range(count)]
+                kind = "surface" if decoder.contents is None else decoder.contents.kind
+                count = 0 if kind == "surface" else len(decoder.isovalues)
+                found = [decoder.contour(i, smooth=smooth, before=before) for i in range(count)]
+                labels = decoder.grid.partition(before=before) if kind == "grid" else None
+                yield meeting(found, labels) if labels else found
     if not partial:
         decoder.close()
 

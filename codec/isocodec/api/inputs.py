@@ -149,7 +149,8 @@ class Observed:
 
     def in_tiles(self, found: SampleCounts) -> None:
         """Take over what was counted while the tiles were encoded."""
-        self._fields = [_Seen(found.low, found.high, found.missing, self.what.values.dtype, False)]
+        self._fields = [_Seen(found.low, found.high, found.missing, self.what.values.dtype,
+                              self.what.labels is not None)]
         self._tied = found.ties
 
     def _see(self, field: Field) -> Field:

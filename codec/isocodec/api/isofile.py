@@ -194,7 +194,11 @@ class IsoFile:
         ))
 
     def contours(self, **view: Unpack[ViewOptions]) -> list[Contour]:
-        """Decode the curves or surfaces of all isovalues, in the order of the file; see `contour`."""
+        """Decode the curves or surfaces of all isovalues, in the order of the file; see `contour`.
+
+        On the full grid those of labels share their borders, and meet where three or more labels do; that of one label
+        alone, which `contour` decodes, leaves a gap there.
+        """
         return self._contours(self._viewed(**view))
 
     def each_frame(self, *, smooth: bool | None = None, partial: bool = False) -> Iterator[list[Contour]]:
@@ -281,7 +285,7 @@ class IsoFile:
         Returns
         -------
         NDArray
-            The labels of the file, 0 elsewhere, in the shape of the field and the smallest type that holds them.
+            The labels of the file, 0 elsewhere, in the shape of the field and the type of what was encoded.
 
         Raises
         ------

@@ -25,6 +25,7 @@ from .recoding import Held, held_by, same_again
 
 if TYPE_CHECKING:
     from ..stream.options import ProfileName
+    from .isofile import IsoFile
 
 
 def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limits: Limits | None = None) -> bytes:
@@ -33,11 +34,11 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     Parameters
     ----------
     files : sequence of bytes, paths, URLs or file objects
-        Files of the same field (with the same shape, placement and missing samples) with different isovalues; series
-        with the same frames; or files of values on the same mesh.
+        Files of the same field (with the same shape, placement and missing samples) with different isovalues, or of
+        labels that no sample has two of; series with the same frames; or files of values on the same mesh.
     profile : str, optional
-        Profile of the result; ``main`` by default for files of grids, which are re-encoded. Series and meshes, which
-        are not, keep theirs.
+        Profile of the result; ``main`` by default for files of grids, which are re-encoded. Series, meshes and labels,
+        which are not, keep theirs.
     limits : Limits, optional
         Limits for decoding each file.
 
@@ -51,7 +52,7 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     ------
     InputError
         If the files are not of the same field: they differ in shape, placement, missing samples or step of values, or a
-        sample lies above one isovalue but not above a lower one.
+        sample lies above one isovalue but not above a lower one, or has two labels.
     OptionError
         If two files have the same isovalue, or a file cannot be re-encoded (see `IsoFile.edited`); or if series or
         meshes, which are not, do not have the profile.
@@ -63,15 +64,19 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     kinds = [file.kind for file in opened]
     if "surface" in kinds:
         raise impossible("merge", "surface")
-    if any(is_of_labels(file.info.metadata) for file in opened):
-        raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
+    of_labels = [is_of_labels(file.info.metadata) for file in opened]
+    if any(of_labels) and not all(of_labels):
+        raise InputError("labels and isovalues cannot be in one file", code="merge",
+                         remedy="merge files of labels alone")
     whole = [file.whole() if isinstance(file, TileFile) else file for file in opened]
     _check_one_place([each.info.metadata for each in whole])
-    if {"mesh", "series"} & set(kinds):
+    if all(of_labels):
+        _check_apart(whole)
+    if all(of_labels) or {"mesh", "series"} & set(kinds):
         others = {file.info.profile for file in whole} - {profile}
         if profile is not None and others:
             raise OptionError(
-                f"profile {profile!r} does not apply where series or meshes are merged: they keep theirs, "
+                f"profile {profile!r} does not apply where series, meshes or labels are merged: they keep theirs, "
                 f"{' and '.join(sorted(others))}", code="profile", remedy="leave it out, or re-encode each file first",
             )
         return spliced([file.data for file in whole])
@@ -100,6 +105,24 @@ def _check_one_place(metadata: Sequence[Mapping[str, str]]) -> None:
         for note in (PLACEMENT, CRS):
             if first.get(note) != other.get(note):
                 raise InputError(f"file {number} differs from the first in {note}", code="merge")
+
+
+def _check_apart(files: Sequence[IsoFile]) -> None:
+    """Refuse files of labels in which a sample has several."""
+    first, *others = [(file.shape, file.frames) for file in files]
+    for number, other in enumerate(others, start=2):
+        if other != first:
+            raise InputError(f"file {number} differs from the first in its shape or frames", code="merge")
+    for frame in range(files[0].frames):
+        taken = np.zeros(files[0].shape, np.bool_)
+        for number, file in enumerate(files, start=1):
+            mine = np.zeros_like(taken)
+            for label in file.isovalues:
+                mine |= file.above(label, frame=frame)
+            if (mine & taken & file.valid()).any():
+                raise InputError(f"samples with a label in file {number} have another one in a file before it",
+                                 code="merge", remedy="encode the labels together")
+            taken |= mine
 
 
 def _check_one_field(all_held: Sequence[Held]) -> None:

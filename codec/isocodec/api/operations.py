@@ -21,7 +21,6 @@ IMPOSSIBLE: dict[tuple[str, str], str] = {
                           "in order",
     ("labels", "mesh"): "only files of grids have labels; this file holds curves on a mesh",
     ("labels", "surface"): "only files of grids have labels; this file holds a triangulated surface",
-    ("labels", "tiles"): "only files of grids have labels; this file holds curves in tiles",
     ("isovalues", "surface"): "a triangulated surface has no stored isovalues to choose from; a contour can be drawn "
                               "at any value",
     ("merge", "surface"): "triangulated surfaces cannot be merged: a file holds only one",

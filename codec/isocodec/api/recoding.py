@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
-from ..field.labelling import is_of_labels
+from ..field.labelling import is_of_labels, of_some
 from ..field.placement import Placement, read_placement
 from ..format.events import End, FrameRead
 from ..format.header import Header
@@ -39,7 +39,8 @@ def extracted(
     from ..tiles.extraction import Extract
 
     part = Extract(tiled, window)
-    numbers = list(range(len(tiled.isovalues))) if isovalues is None else [tiled.number_of(one) for one in isovalues]
+    numbers = [*range(len(tiled.isovalues))] if isovalues is None else sorted({*map(tiled.number_of, isovalues)})
+    part.notes = of_some(part.notes, [tiled.isovalues[number] for number in numbers])
     head, promise = tiled.head, _of_note(tiled, window)
     if promise is None or head.stages[-1].adaptive:
         taken = part.strands(numbers)

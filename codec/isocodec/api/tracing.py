@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
+from ..drawing.meeting import Partition, meeting
 from ..errors import InputError
 from ..field.framed import Frames
 from ..field.meshed import Mesh
@@ -48,6 +49,7 @@ class Traced(OneByOne):
         super().__init__(isovalues, shape, len(shape) or 2 + tetrahedra, progress)
         self._what, self._through_holes, self._options = what, through_holes, options
         self.valid: NDArray[np.bool_] | None = None
+        self._labels: list[Contour] | None = None
         drawn = self._coded if isinstance(what, Mesh) else self._on_grid(what, asked)
         self._draw = self._coded if options else drawn
         # errors come before anything is written
@@ -83,7 +85,11 @@ class Traced(OneByOne):
             contour = original(replace(field, gone=None) if self._through_holes else field, measured=False)
             return replace(contour, placement=where, metadata=dict(notes), origin_above=bool(field.signs.flat[0]))
 
-        return drawn
+        several = field.labels is not None and len(self.isovalues) > 1
+        labels = Partition.of((one.signs for one in samples), self.valid) if several else None
+        if labels is None:
+            return drawn
+        return dict(zip(self.isovalues, meeting([*map(drawn, self.isovalues)], labels), strict=True)).__getitem__
 
     def _coded(self, isovalue: float) -> Contour:
         from .encoding import encode
@@ -91,7 +97,10 @@ class Traced(OneByOne):
 
         what: Any = self._what
         if isinstance(what, Field) and what.labels is not None:
-            what = replace(what, labels=(isovalue,))
+            if self._labels is None:
+                self._labels = whole_file(encode(what, **self._options), None).contours(
+                    through_holes=self._through_holes)
+            return self._labels[self.isovalues.index(isovalue)]
         mesh = (what.points, what.cells) if isinstance(what, Mesh) and what.cells is not None else None
-        data = encode(what, None if getattr(what, "labels", None) else isovalue, **self._options)
+        data = encode(what, isovalue, **self._options)
         return whole_file(data, None, mesh).contour(through_holes=self._through_holes)

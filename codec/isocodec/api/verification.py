@@ -135,7 +135,8 @@ def _begun(
     values, gone = without_holes(known.values, known.mask)
     if known.placement is not None:
         gone = without_folds(known.placement, values.shape, gone)
-    contours = file.contours(frame=frame)
+    contours = [file.contour(one, frame=frame) for one in file.isovalues] if is_of_labels(file.info.metadata) else (
+        file.contours(frame=frame))
     return values, gone, contours, _placement(known, contours[0].placement, file.info.metadata)
 
 

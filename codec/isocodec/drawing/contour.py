@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import MissingExtraError, OptionError
 from ..extras import optional
-from ..field.labelling import noun_of
+from ..field.labelling import has_names, name_of, noun_of
 from ..field.placement import Placement
 from ..field.reference_system import system_of
 from .areas import areas_of, geometry_of, lifted, polygons
@@ -308,7 +308,8 @@ class Contour:
     def to_geodataframe(self) -> Any:
         """Convert an isocontour to a ``geopandas.GeoDataFrame`` in the reference system of the file.
 
-        There is a row for each line, with ``isovalue`` (``label`` of a file of labels), ``closed`` and ``complete``.
+        There is a row for each line, with ``isovalue`` (``label`` and, if labels have names, ``name`` of a file of
+        labels), ``closed`` and ``complete``.
 
         Raises
         ------
@@ -324,12 +325,20 @@ class Contour:
         owner = np.repeat(np.arange(len(walks)), [len(walk) for walk in walks])
         places = np.concatenate([whole.along(walk) for walk in walks]) if walks else np.zeros((0, 2))
         columns = {
-            noun_of(self.metadata): np.full(len(walks), float(self.isovalue)),
+            **self.columns(len(walks)),
             "closed": np.array([len(walk) > 2 and walk[0] == walk[-1] for walk in walks], np.bool_),
             "complete": np.full(len(walks), self.complete),
         }
         return geopandas.GeoDataFrame(columns, geometry=shapely.linestrings(places, indices=owner),
                                       crs=system_of(self.placement))
+
+    def columns(self, rows: int) -> dict[str, Any]:
+        """Columns of a table: the isovalue, or the label and, if the file names any, its name."""
+        notes = self.metadata
+        out: dict[str, Any] = {noun_of(notes): np.full(rows, float(self.isovalue))}
+        if has_names(notes):
+            out["name"] = [name_of(self.isovalue, notes)] * rows
+        return out
 
     def to_trimesh(self) -> Any:
         """Convert an isosurface to a ``trimesh.Trimesh``, with its points as vertices, in the same order.

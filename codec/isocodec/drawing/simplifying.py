@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
+from ..field.labelling import is_of_labels
 from ..field.placement import COORDINATE_UNIT, CRS, Placement
 from ..field.stretch import ground_of
 from ..field.units import METRES, distance_of
@@ -68,7 +70,8 @@ class _Lines:
 def simplified(contours: Sequence[Contour], distance: float | str) -> Simplified:
     """Simplify the isocontours of a map together.
 
-    Lines that would cross or jump over another one, or themselves, are simplified less. Ends of open lines stay.
+    Lines that would cross or jump over another one, or themselves, are simplified less. Ends of open lines stay, and so
+    do points where borders of labels meet, which neighbours share.
 
     Parameters
     ----------
@@ -92,28 +95,67 @@ def simplified(contours: Sequence[Contour], distance: float | str) -> Simplified
         raise OptionError("only lines can be simplified, not surfaces", code="simplify",
                           remedy="use --precision, which surfaces have, too")
     whole = [contour.flat.joined for contour in contours]
-    walks = [walk for contour in whole for walk in contour.walks]
+    name = np.split(np.arange(sum(len(contour.points) for contour in whole)),
+                    np.cumsum([len(contour.points) for contour in whole])[:-1])
+    points = np.concatenate([contour.points for contour in whole])
+    if is_of_labels(whole[0].metadata):
+        _, at, which = np.unique(points, axis=0, return_index=True, return_inverse=True)
+        name = [at[which.ravel()[each]] for each in name]
+        walks, uses = _shared(whole, name)
+    else:
+        walks = [(contour, walk) for contour, each in enumerate(whole) for walk in each.walks]
+        uses = [[(line, False) for line, (owner, _) in enumerate(walks) if owner == i] for i in range(len(whole))]
     if not walks:
         return Simplified([*contours], 0.0, unit, 0, 0)
-    first = np.cumsum([0, *map(len, walks)])[:-1]
-    places = np.concatenate([contour.along(walk) for contour in whole for walk in contour.walks])
+    length = [len(walk) for _, walk in walks]
+    first = np.cumsum([0, *length])[:-1]
+    places = np.concatenate([whole[owner].along(walk) for owner, walk in walks])
     if unit:
         ground, number = _on_ground(whole[0], places, first, str(distance)), number * METRES.get(unit, 1.0)
     else:
-        ground = np.concatenate([contour.points[np.concatenate(contour.walks)] for contour in whole if contour.walks])
+        ground = np.concatenate([whole[owner].points[walk] for owner, walk in walks])
     lines = _Lines(places, ground, first)
     kept = _kept(lines, number)
     farthest = float(_Pieces(lines, lines.owner, kept).distances().max()) / METRES.get(unit, 1.0)
-    out, begin = [], 0
-    for contour, given in zip(whole, contours, strict=True):
-        flat = np.concatenate([np.zeros(0, np.int64), *map(np.asarray, contour.walks)]).astype(np.int64)
-        part = kept[(kept >= begin) & (kept < begin + len(flat))]
-        used, number_of = np.unique(flat[part - begin], return_inverse=True)
-        line = lines.owner[part]
-        cells = np.stack([number_of[:-1], number_of[1:]], axis=1)[line[:-1] == line[1:]]
-        out.append(replace(given, points=contour.points[used], cells=cells.astype(np.int64)))
-        begin += len(flat)
+    named = np.concatenate([name[owner][walk] for owner, walk in walks])[kept]
+    parts = np.split(named, np.searchsorted(kept, first[1:]))
+    out = []
+    for own, given in zip(uses, contours, strict=True):
+        cells = [np.stack([parts[line][:-1], parts[line][1:]], axis=1)[:, :: -1 if back else 1] for line, back in own]
+        used, number_of = np.unique(np.concatenate([np.zeros((0, 2), np.int64), *cells]), return_inverse=True)
+        out.append(replace(given, points=points[used], cells=number_of.reshape(-1, 2).astype(np.int64)))
     return Simplified(out, farthest, unit, len(places), len(kept))
+
+
+def _shared(
+    whole: Sequence[Contour], name: Sequence[Numbers]
+) -> tuple[list[tuple[int, list[int]]], list[list[tuple[int, bool]]]]:
+    """Cut the borders of labels where they meet; ``name`` numbers the points of each contour, shared ones alike.
+
+    Returns each line once, as a contour and its points, and the lines of each contour, and whether it has them in the
+    opposite direction.
+    """
+    ends = np.concatenate([np.sort(each[contour.cells], axis=1) for contour, each in zip(whole, name, strict=True)])
+    meet = np.bincount(np.unique(ends, axis=0).ravel(), minlength=sum(map(len, name))) != 2
+    known: dict[tuple[int, ...], int] = {}
+    walks: list[tuple[int, list[int]]] = []
+    uses: list[list[tuple[int, bool]]] = [[] for _ in whole]
+    for owner, (contour, each) in enumerate(zip(whole, name, strict=True)):
+        for walk in contour.walks:
+            if walk[0] == walk[-1]:
+                nodes = np.flatnonzero(meet[each[walk]])
+                start = nodes[0] if len(nodes) else each[walk].argmin()
+                walk = [*walk[start:-1], *walk[: start + 1]]
+            for low, high in pairwise(sorted({0, *np.flatnonzero(meet[each[walk]]).tolist(), len(walk) - 1})):
+                way = walk[low : high + 1]
+                names = tuple(each[way].tolist())
+                back = names[::-1] < names
+                names = names[::-1] if back else names
+                if names not in known:
+                    known[names] = len(walks)
+                    walks.append((owner, way[:: -1 if back else 1]))
+                uses[owner].append((known[names], back))
+    return walks, uses
 
 
 def _on_ground(contour: Contour, places: Points, first: Numbers, distance: str) -> Points:
@@ -180,12 +222,14 @@ class _Pieces:
         these = new[these]
         meet = [(ends[these, a] == ends[those, b]).all(axis=1) for a in (0, 1) for b in (0, 1)]
         wrong = ~np.logical_or.reduce(meet)
+        owner = self._owner[self._kept[at]]
+        wrong |= (meet[0] & meet[3] | meet[1] & meet[2]) & (owner[these] != owner[those])
         shared = np.flatnonzero(~wrong & (these != those))
         wrong[shared] = shapely.overlaps(made[these[shared]], made[those[shared]])
         return self._flags(at[np.append(these[wrong], those[wrong])])
 
     def jumping(self, shapely: Any, fresh: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Find fresh pieces that would leave the first point of a line, and so the whole line, on their other side."""
+        """Find fresh pieces that would leave an end of a line, and so the whole line, on their other side."""
         at = np.flatnonzero(self.shorter & fresh)
         if not len(at):
             return self._flags(at)
@@ -195,7 +239,8 @@ class _Pieces:
         # along the line, and back along the piece
         ring = begin[part] + np.where(step == length[part] - 1, 0, step)
         areas = shapely.polygons(shapely.linearrings(self._lines.places[ring], indices=part))
-        starts = shapely.STRtree(shapely.points(self._lines.places[self._lines.first]))
+        ends = np.append(self._lines.first, self._lines.first - 1)
+        starts = shapely.STRtree(shapely.points(self._lines.places[ends]))
         return self._flags(at[starts.query(areas, predicate="contains")[0]])
 
     def distances(self) -> Points:

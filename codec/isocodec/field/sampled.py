@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import OptionError
-from .labelling import ALL, labels_in
+from .labelling import ALL, labels_in, notes_with
 from .missing import HOLE, WAYS
 from .placement import CRS, PLACEMENT, Placement, placement_of
 
@@ -48,7 +48,8 @@ class Field:
         ``"nearest"`` fill them, as `isocodec.field.missing.filled` does. With labels, ``"below"`` means that missing
         samples have no label.
     notes : mapping of str to str
-        Further facts from the source, as texts or single numbers: the time of a map, the height of a slice.
+        Further facts from the source, as texts or single numbers: the time of a map, the height of a slice; names and
+        colours of labels, ``{"label 3": "liver", "colour 3": "#dd8265"}``.
     remarks : tuple of str
         Statements of the source that were not kept, and why.
 
@@ -113,9 +114,9 @@ class Field:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Notes for a file of this field, except for the matrix of its placement."""
+        """Notes for a file of this field, except for the matrix of its placement, and of labels not encoded."""
         own = {NAME: self.name, UNIT: self.unit, CRS: self.crs}
-        return {**self.notes, **{key: text for key, text in own.items() if text}}
+        return {**notes_with(self.notes, self.labels), **{key: text for key, text in own.items() if text}}
 
     def combined(
         self, mask: ArrayLike | None = None, placement: Placement | ArrayLike | None = None,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, one_line, plain
 from ..field.framed import Frames
+from ..field.labelling import PROBABILITY, about
 from ..field.missing import missing_samples
 from ..field.sampled import Field
 from ..verbs import Choice
@@ -113,7 +114,7 @@ def open_(path: Path, choice: Choice) -> Field | Frames:
     The key is a series by number, description or UID, or a segment of a segmentation by its number or label, which has
     1 within; without a key all segments are read, as labels. Of several volumes in one place, ``frame`` takes one, and
     ``frames`` gives all. Axes are i, j (, k), and values are rescaled as each slice states; integers stay integers if
-    all do so by whole numbers. Fractions of a segment are from 0 to 1. Padding is missing.
+    all do so by whole numbers. Fractions of a segment are a field from 0 to 1. Padding is missing.
 
     Raises `InputError` if slices are missing, lie in one place or at uneven steps, or a choice is left open.
     """
@@ -126,7 +127,7 @@ def open_(path: Path, choice: Choice) -> Field | Frames:
         planes = _named("series", series, None if segmented else choice.key)
         first = planes[0]
         if "SegmentationType" in first.header:
-            field, _ = _segmentation(planes, choice if segmented else replace(choice, key=None))
+            field = _segmentation(planes, choice if segmented else replace(choice, key=None))
             return of_frames(lambda number: field, 1, choice)
         colours = int(first.get("SamplesPerPixel") or 1)
         channel = channel_of(colours, choice.band)
@@ -246,18 +247,31 @@ def _stack(planes: list[_Plane], remarks: list[str]) -> list[_Plane]:
     return max((some for _, some in stacks), key=len)
 
 
-def _segmentation(planes: list[_Plane], choice: Choice) -> tuple[Field, int]:
-    """Read labels of all segments, 1 within one, or fractions of it; with an empty slice added at both ends."""
+def _segmentation(planes: list[_Plane], choice: Choice) -> Field:
+    """Read labels of all segments, 1 within one, or the probability of one; with an empty slice added at both ends."""
     header, paths = planes[0].header, {each.path for each in planes}
     if len(paths) > 1:
         raise InputError(f"holds {len(paths)} segmentations", code="key", remedy="give the file of one")
     numbers = {(str(each.SegmentNumber), str(each.SegmentLabel)): int(each.SegmentNumber)
                for each in header.SegmentSequence}
-    one = choice.key is not None or header.SegmentationType == "FRACTIONAL"
+    share = header.SegmentationType == "FRACTIONAL"
+    one = choice.key is not None or share
     chosen = [_named("segments", numbers, choice.key)] if one else None
-    read = _library("highdicom").seg.segread(planes[0].path)
+    highdicom = _library("highdicom")
+    read = highdicom.seg.segread(planes[0].path)
     volume = read.get_volume(segment_numbers=chosen, combine_segments=not one).squeeze_channel()
-    return of_volume(volume.pad([(1, 1), (0, 0), (0, 0)])[::-1], choice), channel_of(1, choice.band)
+    field = of_volume(volume.pad([(1, 1), (0, 0), (0, 0)])[::-1], choice)
+    channel_of(1, choice.band)
+    segments = [each for each in header.SegmentSequence if chosen is None or int(each.SegmentNumber) in chosen]
+    if share:
+        unit = str(header.get("SegmentationFractionalType") or PROBABILITY).lower()
+        return replace(field, name=str(segments[0].SegmentLabel), unit=unit)
+    notes: dict[str, str] = {}
+    for each in segments:
+        colour = each.get("RecommendedDisplayCIELabValue")
+        shown = colour and np.array(highdicom.color.CIELabColor.from_dicom_value(colour).to_rgb()) / 255
+        notes |= about(1 if one else int(each.SegmentNumber), str(each.SegmentLabel), shown)
+    return replace(field, notes=notes)
 
 
 # ---- places of slices ------------------------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from ..drawing.areas import areas_of, lifted, oriented
 from ..drawing.bands import band_areas
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError, plain
-from ..field.labelling import noun_of
 from ..field.placement import TURN, Placement
 from ..field.reference_system import DEGREES, Transform, short_name, system_of, to_degrees
 from .libraries import library
@@ -62,8 +61,9 @@ def check_names(*names: str) -> None:
 def lines(contours: Iterable[Contour], attribute: str | None = None) -> Any:
     """Make a table with a row for each line of curves: isovalue, ``closed``, ``complete``.
 
-    The column of isovalues is called ``attribute``, or else ``isovalue``, or ``label`` of contours of labels. Each
-    contour is released when its rows are made. Raises `OptionError` for surfaces and names that are taken.
+    The column of isovalues is called ``attribute``, or else ``isovalue``, or ``label`` of contours of labels, beside
+    which ``name`` has their names, if any. Each contour is released when its rows are made. Raises `OptionError` for
+    surfaces and names that are taken.
     """
     return _joined((contour.to_geodataframe() for contour in contours), attribute)
 
@@ -84,7 +84,7 @@ def areas(
         *bounds, shapes = zip(*band_areas(whole, valid), strict=True)
         return table_of(dict(zip(names, np.array(bounds, float), strict=True)), shapes, whole[0].placement)
     return _joined((
-        table_of({noun_of(one.metadata): [float(one.isovalue)], "side": [side], "complete": [one.complete]},
+        table_of({**one.columns(1), "side": [side], "complete": [one.complete]},
                  [lifted(areas_of(one, above=side == "above", valid=valid), one.placement)], one.placement)
         for one in contours
     ), attribute)
@@ -100,7 +100,7 @@ def _joined(tables: Iterable[Any], attribute: str | None) -> Any:
     """Join tables, and name the first column."""
     table = library("pandas", extra="vector", purpose="tables of lines and areas").concat([*tables], ignore_index=True)
     name = attribute if attribute is not None else table.columns[0]
-    check_names(name)
+    check_names(*(each for each in table.columns if each == "name"), name)
     return table.rename(columns={table.columns[0]: name})
 
 

@@ -6,13 +6,15 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from itertools import product
+from itertools import product, zip_longest
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from ..errors import InputError, OptionError, plain
+from ..field.labelling import about
 from ..field.missing import missing_samples
 from ..field.placement import Placement
 from ..field.reference_system import crs_text
@@ -135,7 +137,25 @@ def of_dataset(dataset: Any, choice: Choice) -> Field:
     with _gdal():
         where, remarks = _place_of(dataset)
     at = samples.band - 1
-    return placed_field(samples, None, where, remarks, name=dataset.descriptions[at], unit=dataset.units[at])
+    return placed_field(samples, None, where, remarks, name=dataset.descriptions[at], unit=dataset.units[at],
+                        notes=_labels(dataset, samples.band))
+
+
+def _labels(dataset: Any, band: int) -> dict[str, str]:
+    """Collect names and colours of labels: categories and palette of a band, which rasterio gives by a VRT alone."""
+    if np.dtype(dataset.dtypes[band - 1]).kind not in "ui":
+        return {}
+    copying = library("rasterio.shutil", extra="raster", purpose="reading rasters")
+    with _gdal() as rasterio, rasterio.MemoryFile(ext=_MOSAIC) as file:
+        copying.copy(dataset, file.name, driver="VRT")
+        found = ElementTree.fromstring(file.read()).findall("VRTRasterBand")[band - 1]
+    names = [each.text for each in found.iterfind("CategoryNames/Category")]
+    entries = found.iterfind("ColorTable/Entry")
+    colours = [[int(each.get(f"c{part}", 0)) / 255 for part in (1, 2, 3)] for each in entries]
+    notes: dict[str, str] = {}
+    for label, (name, colour) in enumerate(zip_longest(names, colours)):
+        notes |= about(label, name, colour)
+    return notes
 
 
 def read(path: Any, choice: Choice) -> Field:

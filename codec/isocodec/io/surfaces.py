@@ -15,7 +15,7 @@ from ..drawing.contour import Contour
 from ..drawing.separation import single
 from ..drawing.tessellation import Tessellation
 from ..errors import OptionError
-from ..field.labelling import caption
+from ..field.labelling import caption, colour_of
 from ..field.placement import CRS, Placement, read_placement, unplaced
 from .libraries import library
 from .map_tables import table_of
@@ -128,8 +128,12 @@ def write_trimesh(what: Iterable[Any], path: Path, job: Any) -> None:
     GLB and glTF have x, z, -y, since their y is up, and single precision relative to the middle of each object, which
     the object's node adds again. PLY, STL, OBJ and glTF state where x, y, z run in a body.
     """
-    meshes = {caption(one.isovalue, one.metadata) if isinstance(one, Contour) else "surface": one.to_trimesh()
-              for one in what if len(one.cells)}
+    meshes, colours = dict[str, Any](), dict[str, str | None]()
+    for one in what:
+        if len(one.cells):
+            name = caption(one.isovalue, one.metadata) if isinstance(one, Contour) else "surface"
+            meshes[name] = one.to_trimesh()
+            colours[name] = colour_of(one.isovalue, one.metadata) if isinstance(one, Contour) else None
     _check_some(meshes)
     kind, space = job.name, job.space
     text = {"SPACE": space} if space else {}
@@ -142,6 +146,10 @@ def write_trimesh(what: Iterable[Any], path: Path, job: Any) -> None:
             mesh.vertices = single((mesh.vertices - middle) @ _Y_UP.T)
         elif kind in ("ply", "stl"):
             mesh.vertices = single(mesh.vertices)
+        if colour := colours[name]:
+            visual = library("trimesh.visual", extra="mesh", purpose=f"writing {kind}")
+            shown = visual.material.PBRMaterial(name=name, baseColorFactor=[*bytes.fromhex(colour[1:]), 255])
+            mesh.visual = visual.TextureVisuals(material=shown)
         scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
     # decimals that resolve a hundred-millionth of a cell
     digits = 8 + max(0, math.ceil(-math.log10(job.steps.min())))

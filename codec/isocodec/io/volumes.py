@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, plain
 from ..field.framed import Frames
+from ..field.labelling import about
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from ..verbs import Choice
@@ -117,6 +118,17 @@ def of_itk(image: Any, choice: Choice, unit: str | None = None) -> Field | Frame
     if image.GetDimension() > 2 and not body:
         remarks.append(f"its coordinates are of no body: its space is '{plain(space)}'")
 
+    def named(number: int) -> dict[str, str]:
+        """Names and colours of segments, as 3D Slicer writes them; of a series of layers there are several."""
+        notes: dict[str, str] = {}
+        for key in known if several == 1 or not choice.frames else ():
+            segment = key.removesuffix("_ID")
+            if re.fullmatch(r"Segment\d+_ID", key) and int(known.get(f"{segment}_Layer", 0)) == number:
+                colour = [float(part) for part in known.get(f"{segment}_Color", "").split()]
+                notes |= about(float(known.get(f"{segment}_LabelValue", 1)), known.get(f"{segment}_Name"),
+                               colour or None)
+        return notes
+
     def at(number: int) -> Field:
         part = image
         if apart is not None:
@@ -127,7 +139,8 @@ def of_itk(image: Any, choice: Choice, unit: str | None = None) -> Field | Frame
         steps = np.reshape(part.GetDirection(), (size, size)) * part.GetSpacing()
         matrix = np.column_stack([steps, part.GetOrigin()])
         in_space = in_body(matrix, axes, lps=True, unit=unit or "mm") if size > 2 and body else None
-        return squeezed(sitk.GetArrayFromImage(part).T, in_space or by_matrix(matrix, axes, unit=unit), remarks)
+        return squeezed(sitk.GetArrayFromImage(part).T, in_space or by_matrix(matrix, axes, unit=unit), remarks,
+                        notes=named(number))
 
     return of_frames(at, several, choice)
 

@@ -13,6 +13,7 @@ from ..errors import OptionError, one_line
 from ..field.labelling import is_of_labels, noun_of
 from ..field.reference_system import short_name, system_of, to_degrees
 from ..field.sampled import UNIT
+from .panels import colours_of, legend_text
 from .scene import drawing
 
 Points = NDArray[np.float64]
@@ -168,8 +169,17 @@ def index_lines(isovalues: Sequence[float], every: int = 5) -> list[bool]:
 
 
 def _draw_lines(axes: Any, contours: Sequence[Any]) -> None:
-    """Draw thin lines, and thick index lines with labels where these are straight."""
-    index, labelled = index_lines([one.isovalue for one in contours]), {}
+    """Draw thin lines, and thick index lines with labels where these are straight; of labels a colour each."""
+    values, notes = [one.isovalue for one in contours], contours[0].metadata
+    if is_of_labels(notes):
+        for one, colour in zip(contours, colours_of(values, notes=notes), strict=True):
+            axes.add_collection(drawing("collections").LineCollection(
+                [one.placed[walk] for walk in one.walks], colors=[colour], linewidths=0.7, zorder=2, gid="label",
+                in_layout=False, label=legend_text(one.isovalue, notes)), False)
+        for text in axes.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=_TEXT, frameon=False).get_texts():
+            text.set_parse_math(False)
+        return
+    index, labelled = index_lines(values), {}
     for gid, is_index, colour, width in ("contours", False, _LINE, 0.45), ("index", True, _INDEX, 1.0):
         chosen = [one for one, each in zip(contours, index, strict=True) if each == is_index]
         axes.add_collection(drawing("collections").LineCollection(

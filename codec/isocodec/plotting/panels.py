@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import IsoError, OptionError, one_line
-from ..field.labelling import caption, noun_of
+from ..field.labelling import caption, colour_of, name_of, noun_of
 from ..field.sampled import UNIT
 from .scene import USUAL, draw_surfaces, drawing, rotation, world
 
@@ -61,11 +61,19 @@ def picture_file(figure: Any, suffix: str, **options: Any) -> bytes:
     return buffer.getvalue()
 
 
-def colours_of(isovalues: Sequence[float], solid: bool = False) -> Any:
-    """Colours of isovalues by rank, (V, 4) in 0 .. 1, from violet to a yellow that lines, or shades, still show in."""
+def colours_of(isovalues: Sequence[float], solid: bool = False, notes: Mapping[str, str] | None = None) -> Any:
+    """Colours, (V, 4) in 0 .. 1: of labels those in the notes of a file; of others by rank, from violet to a yellow
+    that lines, or shades, still show in."""
     rising, rank = np.unique(isovalues, return_inverse=True)
     low, high = (0.3, 0.9) if solid else (0.0, 8 / 9)
-    return drawing("cm").viridis(low + rank / max(len(rising) - 1, 1) * (high - low))
+    ranked = drawing("cm").viridis(low + rank / max(len(rising) - 1, 1) * (high - low))
+    own = [colour_of(one, notes or {}) for one in isovalues]
+    return np.array([drawing("colors").to_rgba(one or colour) for one, colour in zip(own, ranked, strict=True)])
+
+
+def legend_text(isovalue: float, notes: Mapping[str, str]) -> str:
+    """An isovalue, or a label with its name, in a legend."""
+    return f"{isovalue:.10g} {one_line(name_of(isovalue, notes), 20)}".rstrip()
 
 
 def contour_picture(contours: Iterable[Any], suffix: str = ".png") -> bytes:
@@ -85,7 +93,8 @@ def contour_picture(contours: Iterable[Any], suffix: str = ".png") -> bytes:
         return panels_picture([StepPanel(every)] if len(every) > 1 else panels, suffix, isovalues=isovalues, side=6)
     figure = drawing("figure").Figure(np.array(first.shape[::-1]) / 72, dpi=72, frameon=False)
     axes = figure.add_axes((0, 0, 1, 1))
-    _draw_curves(axes, every, colours_of(isovalues) if len(every) > 1 else [_INK], max(first.shape) / 600)
+    colours = colours_of(isovalues, notes=first.metadata) if len(every) > 1 else [_INK]
+    _draw_curves(axes, every, colours, max(first.shape) / 600)
     axes.set_aspect("auto")
     axes.set_axis_off()
     return picture_file(figure, suffix)
@@ -115,7 +124,7 @@ def panels_figure(
     columns, rows = min(len(panels), columns), -(-len(panels) // columns)
     whole = side * size[::-1] * [columns, rows] + [several, 0.4 * rows]
     figure = drawing("figure").Figure(np.maximum(whole, 2.2 * several), dpi=150, layout="constrained")
-    colours = dict(zip(isovalues, colours_of(isovalues, solid), strict=True)) if several else {}
+    colours = dict(zip(isovalues, colours_of(isovalues, solid, last.metadata), strict=True)) if several else {}
     for number, (contours, title, meshes) in enumerate(panels, 1):
         axes = figure.add_subplot(rows, columns, number)
         axes.set_title(title, fontsize=7)
@@ -131,7 +140,8 @@ def panels_figure(
         named = sorted(isovalues)[:: -(-len(isovalues) // _NAMED)][::-1]
         unit = one_line(last.metadata.get(UNIT, ""), 20)
         figure.legend(
-            [drawing("lines").Line2D([], [], color=colours[one]) for one in named], [f"{one:.10g}" for one in named],
+            [drawing("lines").Line2D([], [], color=colours[one]) for one in named],
+            [legend_text(one, last.metadata) for one in named],
             loc="outside right upper", fontsize=7, title=noun_of(last.metadata) + f" ({unit})" * bool(unit),
             title_fontsize=7,
         )

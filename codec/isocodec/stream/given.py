@@ -18,7 +18,7 @@ from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
 from ..field.decoded_samples import DecodedSamples, near_values
 from ..field.isovalues import isovalues_of, range_of
-from ..field.labelling import LABELS, having, listed
+from ..field.labelling import OCCUPANCY, PROBABILITY, having, noted
 from ..field.meshed import Mesh
 from ..field.missing import filled
 from ..field.placement import COORDINATE_UNIT, CRS, DEFAULT_ERROR, PLACEMENT, Placement, closed, read_placement
@@ -207,8 +207,8 @@ def _options_of(field: Field, isovalue: object, options: Options) -> Options:
         gone = missing_of(field.values, field.mask)
         precision = in_cells(precision, field.placement, notes, options.metadata, field.shape, gone)
     if field.labels is not None:
-        options = _of_labels(field, replace(options, precision=precision))
-        notes[LABELS] = listed(map(isovalue_of, field.labels))
+        options = of_labels(field, replace(options, precision=precision))
+        notes |= noted([*map(isovalue_of, field.labels)], np.asarray(field.values).dtype)
     return replace(options, precision=precision, metadata=notes)
 
 
@@ -271,7 +271,7 @@ def in_cells(
     return precision.in_cells(cells_of, error)
 
 
-def _of_labels(field: Field, options: Options) -> Options:
+def of_labels(field: Field, options: Options) -> Options:
     """Complete the options for a file of labels, which are coded independently."""
     if options.order == LEVELS:
         raise OptionError("order 'levels' does not apply to labels, which are coded independently", code="order",
@@ -285,6 +285,9 @@ def _of_labels(field: Field, options: Options) -> Options:
     elif not (precision.signs or precision.tolerance is not None):
         raise OptionError(f"precision {precision.text!r} does not apply to labels", code="labels",
                           remedy="use signs or a distance")
+    if field.unit in (PROBABILITY, OCCUPANCY):
+        raise OptionError(f"the values are a field of {field.unit}, not labels", code="labels",
+                          remedy="give an isovalue, such as 0.5")
     if field.placement is not None and (field.placement.coordinates is not None or field.placement.periodic):
         raise OptionError("labels on a grid with coordinates cannot be encoded together", code="labels",
                           remedy="encode the mask of each label separately")

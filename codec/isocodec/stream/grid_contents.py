@@ -16,12 +16,14 @@ from isospec.elements import ELEMENTS
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw, draw_with_ends
 from ..drawing.leaves import Leaves, WholeCells
+from ..drawing.meeting import Partition
 from ..drawing.sample_mask import MaskRows
 from ..drawing.smoothing import rounds_of
 from ..drawing.snapshot import drawing_bytes, known_rows, leaves_of, state_of
 from ..drawing.tessellation import Tessellation, compact, inferred, tessellated
 from ..entropy.range_coder import Coder
 from ..errors import LimitError, OptionError, TruncatedError
+from ..field.labelling import is_of_labels
 from ..field.mapped import Mapped
 from ..field.placement import Placement
 from ..field.samples import interval_value
@@ -316,6 +318,19 @@ class GridContents:
         self._check_samples()
         shape = self._header.shape[::-1] if last_first else self._header.shape
         return MaskRows(shape, np.zeros((1, len(shape)), np.int32), np.ones(1, np.bool_))
+
+    @within_memory("for the labels")
+    def partition(self, *, before: bool = False) -> Partition | None:
+        """Find which label each sample has; None if the file is not of several labels, or not all are known (yet)."""
+        count = len(self.outline.isovalues)
+        if count < 2 or not is_of_labels(self.outline.metadata):
+            return None
+        self._budget.check(3 * math.prod(self._header.shape))
+        try:
+            valid = self.valid() if self._strands.holes else None
+            return Partition.of((self.above(number, before=before) for number in range(count)), valid)
+        except (OptionError, TruncatedError):
+            return None
 
     def crossed(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Crossed leaves of the mesh: positions (V, n), and vertices of simplices (M, n + 1), both int64."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from isospec.container import ChunkType, DomainKind, MeshLayer
 
 from ..errors import InputError, OptionError
-from ..field.labelling import LABELS, is_of_labels, listed
+from ..field.labelling import of_some
 from ..format.chunks import payload_of, write_chunk
 from ..format.frames import FRAME_BEFORE
 from ..format.header import Header, read_header
@@ -132,9 +132,7 @@ def chosen(data: bytes, numbers: Sequence[int]) -> bytes:
         frames.append([
             replace(one, lean=one.lean if one.lean in (None, FRAME_BEFORE) else new[one.lean]) for one in kept
         ])
-    notes = dict(parts.info.metadata)
-    if is_of_labels(notes):
-        notes[LABELS] = listed(parts.info.isovalues[number] for number in numbers)
+    notes = of_some(parts.info.metadata, [parts.info.isovalues[number] for number in numbers])
     return _joined(parts.header, parts.info, parts.shared, frames, notes)
 
 
@@ -178,7 +176,7 @@ def spliced(files: Iterable[bytes]) -> bytes:
         metadata = {**parts.info.metadata, **metadata}
     if len({parts.info.metadata.get(PROMISE) for parts in all_parts}) > 1:
         metadata = last_promise(metadata)
-    return _joined(first.header, first.info, first.shared, frames, metadata)
+    return _joined(first.header, first.info, first.shared, frames, of_some(metadata, values))
 
 
 def signs_of(data: bytes) -> bytes:

@@ -179,6 +179,7 @@ def about(tiling: Tiling) -> bytes:
     return json.dumps({
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
         **asdict(tiling.options), "dtype": tiling.dtype, "cubes": tiling.cubes, "fill": tiling.fill, "version": 2,
+        **({"of_labels": True} if tiling.of_labels else {}),
     }, sort_keys=True).encode() + b"\n"
 
 

@@ -54,6 +54,8 @@ class Tiling:
         In 3-D, exponent of the edge of the cubes that meshes for a tolerance begin with; 0 for the full grid.
     fill : int or float, optional
         Value that takes the place of missing samples.
+    of_labels : bool
+        Whether the isovalues are labels.
     """
 
     grid: TileGrid
@@ -62,6 +64,7 @@ class Tiling:
     dtype: str
     cubes: int = 0
     fill: float | None = None
+    of_labels: bool = False
 
     def __post_init__(self) -> None:
         o = self.options
@@ -182,7 +185,8 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
         for axis in range(values.ndim)
     )
     stages = len(tiling.stages)
-    fields = [check_field(values, isovalue, tiling.options.precision.step, gone) for isovalue in tiling.isovalues]
+    fields = [check_field(values == isovalue, 0.5, None, gone) if tiling.of_labels
+              else check_field(values, isovalue, tiling.options.precision.step, gone) for isovalue in tiling.isovalues]
     header = Header(size, tiling.isovalues[0], tiling.options.precision.step, tiling.profile)
     there = slice(None) if gone is None else ~gone
     kinds = tuple(_kind(field.signs[there]) for field in fields)
@@ -240,7 +244,8 @@ def _counts(window: ArrayLike, index: Index, tiling: Tiling) -> tuple[float, ...
     gone = missing_of(window)[own]
     there = np.asarray(window)[own][~gone]
     low, high = (there.min(), there.max()) if there.size else (math.nan, math.nan)
-    return float(low), float(high), float(gone.sum()), *(float((there == v).sum()) for v in tiling.isovalues)
+    return float(low), float(high), float(gone.sum()), *(
+        0.0 if tiling.of_labels else float((there == v).sum()) for v in tiling.isovalues)
 
 
 def _missing(index: Index, tiling: Tiling, counts: tuple[float, ...]) -> TileSegments:

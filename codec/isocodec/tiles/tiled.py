@@ -18,6 +18,7 @@ from ..drawing.contour import Contour
 from ..drawing.window import bounds_of, clipped
 from ..errors import LimitError, OptionError
 from ..field.isovalues import number_of
+from ..field.labelling import noun_of
 from ..field.placement import read_placement
 from ..format.chunks import write_chunk, write_further, write_metadata, write_turn
 from ..format.header import HEAD_BYTES, Header, write_header
@@ -437,7 +438,7 @@ class TiledFile:
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue, 0 for None; raises `OptionError` if the file has no such isovalue."""
-        return number_of(isovalue, self.isovalues)
+        return number_of(isovalue, self.isovalues, noun_of(self.metadata))
 
 
 def plain(head: Head, tile: GroupSegments, number: int) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +13,12 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
 from ..field.isovalues import isovalues_of
+from ..field.labelling import noted
 from ..field.missing import HOLE, filled
 from ..field.sampled import Field
-from ..field.samples import missing_of
+from ..field.samples import isovalue_of, missing_of
 from ..storage.atomic import check_target, writing
-from ..stream.given import in_cells
+from ..stream.given import in_cells, levels_of, of_labels
 from ..stream.options import Isovalues, Options, Precision
 from ..stream.promises import PROMISE
 from ..verbs import Progress
@@ -113,8 +115,12 @@ def tiling_of(
     shape, dtype = _shape_of(samples)
     options = _options_of(field, shape, dtype, isovalue, options)
     grid = grid_of(shape, _exponent(tile, len(shape)))
+    labels = field.labels if isinstance(field, Field) else None
+    if labels is not None:
+        isovalue = levels_of(field, isovalue, options)
     if isovalue is None and dtype.kind != "b":
-        raise OptionError("no isovalue", code="isovalue", remedy="only a mask (bool) can be encoded without one")
+        raise OptionError("no isovalue", code="isovalue",
+                          remedy="only a mask (bool) or labels can be encoded without one")
 
     def ends() -> tuple[float, float]:
         found = sample_range(slices_of(field), grid, progress)
@@ -122,11 +128,13 @@ def tiling_of(
             raise InputError("all samples are missing", code="missing")
         return found
 
-    tiling = Tiling(grid, (), options, dtype.str)
+    tiling = Tiling(grid, (), options, dtype.str, of_labels=labels is not None)
     tiling = replace(tiling, isovalues=tuple(isovalues_of(0.5 if isovalue is None else isovalue, ends)))
     way = field.missing if isinstance(field, Field) else HOLE
     if way == HOLE:
         return tiling
+    if labels is not None:
+        return replace(tiling, fill=next(value for value in count() if value not in labels))
     # as of a field in one piece: the last of three samples is missing
     fill = filled(np.array([*ends(), 0], dtype), np.array([False, False, True]), way, tiling.isovalues)[2]
     return replace(tiling, fill=fill.item())
@@ -157,9 +165,9 @@ def _options_of(
         precision = Precision(signs=True)
     if not isinstance(field, Field):
         field = Field(np.broadcast_to(np.zeros((), dtype), shape))
-    if field.labels is not None or field.missing == "nearest":
-        raise OptionError("labels, and samples filled by the nearest ones, do not apply to tiles", code="tiles",
-                          remedy="leave labels out; let missing samples be holes, below or above")
+    if field.missing == "nearest":
+        raise OptionError("samples filled by the nearest ones do not apply to tiles", code="tiles",
+                          remedy="let missing samples be holes, below or above")
     notes = {**field.metadata, **options.metadata}
     placement = field.placement
     if placement is not None:
@@ -167,6 +175,10 @@ def _options_of(
             raise OptionError("coordinates and periodic axes do not apply to tiles", code="tiles",
                               remedy="use a matrix")
         notes = {**notes, **{key: text for key, text in placement.notes().items() if key not in notes}}
+    if field.labels is not None:
+        precision = Precision(signs=True) if precision.default else precision
+        options = of_labels(field, replace(options, precision=precision))
+        notes |= noted([*map(isovalue_of, field.labels)], dtype)
     if not options.precision.default:
         notes[PROMISE] = precision.text
         precision = in_cells(precision, placement, notes, options.metadata, shape)
