@@ -101,6 +101,14 @@ def note_of(text: str) -> tuple[str, str]:
     return key, note
 
 
+def sample_of(text: str) -> tuple[str, str]:
+    """Parse the name of values and the file that they come from, ``NAME=FILE``."""
+    name, _, source = text.partition("=")
+    if not (name and source):
+        raise OptionError(f"{text!r} is not a name and a file", code="sample", remedy="for example dose=dose.nii")
+    return name, source
+
+
 # -- records ----------------------------------------------------------------------------------------------------------
 
 
@@ -161,7 +169,15 @@ class OutputOptions(OptionRecord):
                                "or bands]", metavar="NAME")
     attribute: str | None = option("Name of the column of isovalues; of bands LOWER,UPPER.  [default: isovalue; label; "
                                    "lower,upper]", metavar="NAME")
+    sample: tuple[tuple[str, str], ...] = option(
+        "Write the values of the field (or mesh) in FILE at the points, too; in tables their mean along each line. "
+        "Repeatable.", default=(), metavar="NAME=FILE", read=sample_of,
+    )
     in_samples: bool = option("Write coordinates in samples, even if it is known where samples lie.", default=False)
+    like: str | None = option(
+        "DICOM series (a file, or a folder of slices) whose patient, study and frame of reference OUT takes if it is a "
+        ".dcm.", metavar="SERIES",
+    )
     simplify: str | None = option(
         "Leave out points of lines and areas, which stay within this distance (30m, or cells); no line crosses "
         "another.", metavar="D",
@@ -267,7 +283,7 @@ class Decode(Viewed, OutputOptions):
 
 _CODED = ("tile", "frames", "layers", "order", "effort", "stored", "mesh_error", "metadata", "profile")
 """Options of .iso files that other formats do not have."""
-_CONVERTED = ("what", "layer", "attribute", "in_samples", "simplify")
+_CONVERTED = ("what", "layer", "attribute", "sample", "in_samples", "like", "simplify")
 """Options of other formats."""
 _OF_WHOLE = ("order", "effort", "keep_topology", "layers", "frames", "interval", "periodic")
 """Options that do not apply to tiles."""
@@ -445,8 +461,8 @@ class Plot(Choice):
     draw_mesh: bool = option("Also draw the triangles that the curve crosses, or those of the surface.", DRAWING,
                              default=False)
     view: str | None = option(
-        "Look at a surface from front, back, left, right, top or bottom, or from AZIMUTH,ELEVATION in degrees (0,0 is "
-        "the front, 90,0 the side of +x).", DRAWING, metavar="VIEW",
+        "Look at a surface, or a curve in space, from front, back, left, right, top or bottom, or from "
+        "AZIMUTH,ELEVATION in degrees (0,0 is the front, 90,0 the side of +x).", DRAWING, metavar="VIEW",
     )
     map: bool = option("Draw a contour map.", DRAWING, default=False)
     title: str = option("With --map: title of the map.", DRAWING, default="", metavar="TEXT")

@@ -110,7 +110,7 @@ def test_with_a_precision_they_are_those_of_such_a_file(tmp_path: Path, more: li
     assert np.array_equal(one["points"], two["points"]) and np.array_equal(one["cells"], two["cells"])
 
 
-@looped("suffix", sorted({s for o in FORMATS if "contour" in o.holds for s in o.suffixes}))
+@looped("suffix", sorted({s for o in FORMATS if "contour" in o.holds for s in o.suffixes} - {".dcm"}))
 def test_every_format_holds_what_decode_writes(tmp_path: Path, suffix: str) -> None:
     """Of a plane or of space, one isovalue or as many as the format holds; the same counts, and a file that is read."""
     output = next(o for o in FORMATS if "contour" in o.holds and suffix in o.suffixes)

@@ -45,7 +45,7 @@ VALUES = {
     "steps": "2", "title": "t", "view": "top", "every": "20", "capped": "below",
     "limits": "memory=900M,work=100000000,samples=100000", "mesh": "known.npz",
     "key": "a", "nodata": "1", "metadata": "a=b", "layer": "a", "attribute": "a", "simplify": "0.5",
-    "band": "1", "bbox": "0,0,9,9", "threads": "2",
+    "band": "1", "bbox": "0,0,9,9", "threads": "2", "sample": "hills.npy", "like": "grid.iso",
 }
 """A value for each option that takes one."""
 
@@ -85,7 +85,7 @@ def test_each_option_works_with_each_kind_or_is_refused_by_name(
     words.append(option.opts[-1])
     if not option.is_flag:
         value = VALUES[str(option.name)]
-        words.append(files / value if option.name == "mesh" else value)
+        words.append({"mesh": files / value, "sample": f"a={files / value}"}.get(str(option.name), value))
     result = run(*words)
     assert result.exit_code in (0, 2, 3), result.output
     if result.exit_code:
@@ -194,19 +194,20 @@ EFFECTS: dict[str, Callable[[], Any]] = {
 EFFECTIVE = {
     "frame": 1, "layers": 1, "max_bytes": 0, "window": "4:20,4:20", "within": 16, "smooth": None,
     "through_holes": None, "capped": "below", "isovalue": 120.5, "in_samples": None,
-    "partial": None, "layer": "mine", "attribute": "height", "simplify": 2,
+    "partial": None, "layer": "mine", "attribute": "height", "simplify": 2, "sample": "plane.npy",
 }
 """Values that change what is decoded of these; ``max_bytes`` is a quarter of the file."""
 OF_KIND = {
     ("mesh", "window"): "500002:500005,4000002:4000005", ("volume", "window"): "1:4,1:4,1:4", ("mesh", "isovalue"): 3.1,
     ("labels", "isovalue"): 2, ("volume", "isovalue"): 65.5, ("surface", "isovalue"): 120.5,
+    ("volume", "sample"): "space.npy", ("mesh", "sample"): "mesh.npz",
 }
 NO_EFFECT = {
     ("any", "partial"), ("volume", "in_samples"), ("mesh", "in_samples"),
     ("labels", "through_holes"), ("volume", "through_holes"), ("mesh", "layers"),
 }
 """Of whole files, of files without a placement, holes or more than one layer."""
-WITHOUT = ("output", "what", "to", "mesh", "as_json", "limits", "threads")
+WITHOUT = ("output", "what", "to", "mesh", "as_json", "limits", "threads", "like")
 """Options that choose what is decoded, or have tests of their own."""
 (WHAT,) = (each for each in main.commands["decode"].params if each.name == "what")
 
@@ -219,6 +220,10 @@ def effects(tmp_path_factory: pytest.TempPathFactory) -> Path:
         more: dict[str, Any] = {"tile": 32} if kind == "tiles" else {}
         more |= {"precision": "signs"} if kind in ("grid", "series", "tiles", "volume") else {}
         isocodec.save(folder / f"{kind}.iso", what, isovalue, **more)
+    np.save(folder / "plane.npy", ROUND % 7)
+    np.save(folder / "space.npy", BALL[::2, ::2, ::2] % 7)
+    corners = np.array([[0, 0], [10, 0], [0, 10], [10, 10.0]]) + [5e5, 4e6]
+    np.savez(folder / "mesh.npz", points=corners, cells=[[0, 1, 2], [1, 3, 2]], values=[1, 2, 3, 5.0])
     return folder
 
 
@@ -251,6 +256,7 @@ def test_options_of_decode_change_what_is_written_or_are_refused(
     for name, usual in EFFECTIVE.items():
         (option,) = (each for each in main.commands["decode"].params if each.name == name)
         value = OF_KIND.get((kind, name), path.stat().st_size // 4 if name == "max_bytes" else usual)
+        value = f"a={effects / str(value)}" if name == "sample" else value
         result, after = written(path, tmp_path, *asked, option.opts[-1], *([] if value is None else [value]))
         assert result.exit_code in (0, 2, 5), result.output
         if result.exit_code == 0 and after == plain and not {(kind, name), (what, name), ("any", name)} & NO_EFFECT:

@@ -58,7 +58,7 @@ def test_options_that_do_not_fit(tmp_path):
     out = tmp_path / "out.iso"
     fails(2, "encode", path, "--key", "depth", "-o", out)
     fails(3, "encode", path, "--key", "width", "--isovalue", 5, "-o", out)
-    fails(2, "encode", path, "--key", "depth", "--isovalue", 5, "--layers", "topology", "-o", out)
+    fails(2, "encode", path, "--key", "depth", "--isovalue", 5, "--layers", "distortion=1", "-o", out)
     np.save(tmp_path / "field.npy", np.eye(8))
     fails(2, "encode", tmp_path / "field.npy", "--stored", "coded", "--isovalue", 0.5, "-o", out)
     ok("encode", tmp_path / "field.npy", "--isovalue", 0.5, "-o", out)

@@ -10,6 +10,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from dicom_files import slices
 
 import isocodec
 from commands import run
@@ -25,11 +26,14 @@ NAMES = {"contour2": ("curve", "utm"), "contour3": ("surface", "ras"), "areas2":
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_each_suffix_holds_what_it_promises(tmp_path: Path, suffix: str) -> None:
-    """One kind of content each; by content the tables of the other modules."""
+    """One kind of content each, by its name or by an option; by content the tables of the other modules."""
     kind = next(one.holds.split()[-1] for one in FORMATS if suffix in one.suffixes)
-    path, made = written(tmp_path, suffix, NAMES[kind])
+    options = {"like": str(slices(tmp_path / "a", np.ones((2, 3, 4), "u2")))} if suffix == ".dcm" else {}
+    path, made = written(tmp_path, suffix, NAMES[kind], **options)
     assert made.bytes == path.stat().st_size > 0
     assert not [one for one in tmp_path.iterdir() if one.stem not in ("a", "a.nii")]
+    write(bare := tmp_path / "b", content(*NAMES[kind]), OutputOptions(to=suffix, **options))
+    assert bare.read_bytes()[:4] == path.read_bytes()[:4]
 
 
 def test_the_page_of_formats_lists_all() -> None:

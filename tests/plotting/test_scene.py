@@ -9,6 +9,7 @@ import pytest
 
 import isocodec
 from commands import BALL
+from explicit_meshes import torus
 from isocodec.errors import OptionError
 from isocodec.plotting.panels import StepPanel, panels_figure
 from isocodec.plotting.scene import USUAL, rotation, world
@@ -116,3 +117,25 @@ def test_the_box_is_that_of_the_samples_also_of_meshes_and_of_nothing() -> None:
     mesh = isocodec.Mesh(points, Delaunay(points).simplices, points.sum(axis=1), stored="whole")
     assert len(axes_of([isocodec.decode(isocodec.encode(mesh, 1.3))]).collections) == 1
     assert not axes_of([isocodec.decode(isocodec.encode(BALL, 1e6))]).collections
+
+
+def test_curves_on_surfaces_in_space_fade_towards_the_back() -> None:
+    """From the front x runs to the left and z up: lines where the contour lies, the nearest ones strongest, on the
+    triangles of a mesh if there is one."""
+    points, cells = torus(24, 12)
+    mesh = isocodec.Mesh(points, cells, points[:, 2], stored="whole", error=1e-6, crs="EPSG:4978")
+    file = isocodec.open(isocodec.encode(mesh, 0.3))
+    contour, crossed = file.contour(), file.mesh()
+    axes = axes_of([contour], "front")
+    (lines,) = axes.collections
+    wanted = contour.points[contour.cells]
+    order = np.argsort(wanted[:, :, 1].sum(axis=1))
+    segments = np.array(lines.get_segments())
+    assert len(segments) == len(contour.cells)
+    assert np.allclose(segments.sum(axis=1)[:, 1], wanted[order].sum(axis=1)[:, 2])
+    assert np.allclose(np.sort(segments[..., 0], axis=None), np.sort(-wanted[..., 0], axis=None))
+    strength = 1 - lines.get_colors()[:, :3].mean(axis=1)
+    assert (np.diff(strength) >= 0).all() and strength[0] < 0.6 * strength[-1]
+    ground, _ = axes_of([contour], "front", [(crossed.points, crossed.cells)]).collections
+    assert len(ground.get_paths()) == len(crossed.cells)
+    assert panels_figure([StepPanel([contour, contour])], USUAL, [0.3, 0.6], 6, 2.6).legends

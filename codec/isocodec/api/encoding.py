@@ -78,13 +78,14 @@ def encode(
         how far crossings may be off where the curve meets an edge at a slant: 1 to 3 % fewer bytes, up to 25 % where it
         is smooth. Some of that is done for smooth surfaces without being asked for.
     layers : optional
-        For grids. A number: the uniform level of the base; the level of the full grid makes a file of one layer. A
-        criterion, which coarsens the mesh as published: "crossing", "topology", "curvature=K" (mean curvature above
-        which the finest mesh stays, 1 / cells), "distortion=D" (distance in cells from the original curve to the new
-        one), "level=L" (that of a uniform mesh). Or a plan (docs/plans.md): the layers one by one, a sequence of
-        entries ``("base", level)``, ``("refine", rounds)``, ``("values", bits)``, ``("offsets", radix)``, where None
-        means as many as possible; ``("values", None, left)`` leaves ``left`` bits uncoded; ``("adaptive_base", level,
-        mesh)``, ``("adapt", births, mesh)`` with the resulting mesh (`grid.lattice.vertex_set.Chosen`) or the criteria
+        For grids; of these, meshes take the criteria except distortion. A number: the uniform level of the base; the
+        level of the full grid makes a file of one layer. A criterion, which coarsens the mesh as published: "crossing",
+        "topology", "curvature=K" (mean curvature above which the finest mesh stays, 1 / cells; on meshes by the unit of
+        their points), "distortion=D" (distance in cells from the original curve to the new one), "level=L" (that of a
+        uniform mesh). Or a plan (docs/plans.md): the layers one by one, a sequence of entries ``("base", level)``,
+        ``("refine", rounds)``, ``("values", bits)``, ``("offsets", radix)``, where None means as many as possible;
+        ``("values", None, left)`` leaves ``left`` bits uncoded; ``("adaptive_base", level, mesh)``, ``("adapt", births,
+        mesh)`` with the resulting mesh (`grid.lattice.vertex_set.Chosen`) or the criteria
         by which to coarsen it (`grid.layers.plan.Criteria`), ``("leaf_base",)``, ``("offsets", radix, unit)``.
         ``("promise", distance)`` after layers other than values records that their curve lies at most that far from
         the original one, without proof. A mapping gives a separate plan for each isovalue.

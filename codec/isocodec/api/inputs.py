@@ -170,7 +170,8 @@ class Observed:
             out["missing"] = sum(one.missing for one in self._fields)
         if isinstance(self.what, Mesh):
             out["points"] = len(np.asarray(self.what.points))
-            domain = file.info.domain
+            info = getattr(file, "info", None)  # drawings without a file have none
+            domain = info.domain if info else None
             known = None if self.what.cells is None else len(np.asarray(self.what.cells))
             out["cells"] = known if known is not None else domain.cells if domain else 0
         return out

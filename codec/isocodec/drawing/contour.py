@@ -7,15 +7,18 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MissingExtraError, OptionError
 from ..extras import optional
 from ..field.labelling import has_names, name_of, noun_of
+from ..field.meshed import Mesh
 from ..field.placement import Placement
 from ..field.reference_system import system_of
+from ..field.sampled import Field
 from .areas import areas_of, geometry_of, lifted, polygons
 from .capping import capped_mesh
+from .sampling import mean_along, sampled
 from .seam import joined
 
 
@@ -52,6 +55,8 @@ class Contour:
         corner.
     origin_above : bool or None
         Whether the first sample lies above the isovalue; None if that is not known yet.
+    at_points : dict of str to (P,) or (P, k) float64
+        Further values at the points, by name (see `with_values`).
     """
 
     points: NDArray[np.float64]
@@ -63,6 +68,7 @@ class Contour:
     metadata: dict[str, str] = field(default_factory=dict)
     origin_above: bool | None = None
     masked: bool = False
+    at_points: dict[str, NDArray[np.float64]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         pieces = "segments" if self.n == 2 else "triangles"
@@ -110,8 +116,46 @@ class Contour:
         """
         if self.placement is None or not self.placement.closes:
             return self
-        points, cells = joined(self.points, self.cells, self.shape, self.placement.periodic)
-        return replace(self, points=points, cells=cells)
+        return self.part(*joined(self.points, self.cells, self.shape, self.placement.periodic))
+
+    def part(self, kept: NDArray[np.int64], cells: NDArray[np.int64]) -> Contour:
+        """The contour with some of its points, by their numbers (K,), and cells (M, n) between these."""
+        at_points = {name: values[kept] for name, values in self.at_points.items()}
+        return replace(self, points=self.points[kept], cells=cells, at_points=at_points)
+
+    def sample(self, values: ArrayLike | Field | Mesh) -> NDArray[np.float64]:
+        """Interpolate other values at the points: a dose on an organ, a velocity on a vortex.
+
+        Parameters
+        ----------
+        values : array_like, Field or Mesh
+            Numbers in the shape of the grid that the contour was made from, or, for vectors, with a last axis of k
+            components. A Field with a matrix may be of another grid, if the contour has a placement, too: it is sampled
+            in the places of the points. On a mesh: the Mesh, whose values (V,), or (F, V) for F fields, are at its
+            points; this needs PyVista.
+
+        Returns
+        -------
+        (P,) or (P, k) float64
+            On the grid of the contour, linear along the edge of the grid, or diagonal, on which a point lies, and
+            multilinear where it lies on none, as on another grid; on a mesh linear in its cells. NaN where a sample
+            next to the point is missing, and outside the field or the mesh.
+
+        Raises
+        ------
+        InputError
+            If the values are not numbers, have another shape and no place, or have another reference system.
+        MissingExtraError
+            For a mesh, if PyVista is not installed.
+        """
+        return sampled(self, values)
+
+    def with_values(self, **values: ArrayLike | Field | Mesh) -> Contour:
+        """Keep other values at the points, by name, as `sample` takes them; for files and objects made of the contour.
+
+        Tables of lines have their mean along each line, other files and objects the value of each point.
+        """
+        return replace(self, at_points=self.at_points | {name: self.sample(each) for name, each in values.items()})
 
     @property
     def frame(self) -> NDArray[np.float64] | None:
@@ -276,7 +320,7 @@ class Contour:
         Contour
             A closed surface: the points of the isosurface, followed by those of the caps; the triangles of the
             isosurface, followed by those of the caps, which lie in the faces of the grid (from the first sample to the
-            last along each axis). Normals point out of the part.
+            last along each axis). Normals point out of the part. It has no values of `with_values` yet.
 
         Raises
         ------
@@ -288,7 +332,7 @@ class Contour:
             If shapely is not installed.
         """
         points, cells = capped_mesh(self, above, Contour)
-        return replace(self, points=points, cells=cells)
+        return replace(self, points=points, cells=cells, at_points={})
 
     def to_shapely(self) -> Any:
         """Convert an isocontour to a ``shapely.MultiLineString``.
@@ -309,12 +353,12 @@ class Contour:
         """Convert an isocontour to a ``geopandas.GeoDataFrame`` in the reference system of the file.
 
         There is a row for each line, with ``isovalue`` (``label`` and, if labels have names, ``name`` of a file of
-        labels), ``closed`` and ``complete``.
+        labels), ``closed``, ``complete``, and the mean along the line of each of the values of `with_values`.
 
         Raises
         ------
         OptionError
-            For an isosurface.
+            For an isosurface, and for values of several components.
         MissingExtraError
             If geopandas is not installed.
         """
@@ -328,6 +372,8 @@ class Contour:
             **self.columns(len(walks)),
             "closed": np.array([len(walk) > 2 and walk[0] == walk[-1] for walk in walks], np.bool_),
             "complete": np.full(len(walks), self.complete),
+            **{name: [mean_along(whole.along(walk), values[walk]) for walk in walks]
+               for name, values in whole.at_points.items()},
         }
         return geopandas.GeoDataFrame(columns, geometry=shapely.linestrings(places, indices=owner),
                                       crs=system_of(self.placement))
@@ -354,7 +400,8 @@ class Contour:
             raise OptionError("to_trimesh needs a surface", code="dimension", remedy="use to_shapely")
         trimesh = optional("trimesh", extra="mesh", purpose="making a mesh of trimesh")
         whole = self.joined
-        mesh = trimesh.Trimesh(vertices=whole.placed, faces=whole.placed_cells, process=False)
+        mesh = trimesh.Trimesh(vertices=whole.placed, faces=whole.placed_cells, process=False,
+                               vertex_attributes=whole.at_points)
         return mesh.copy()  # what is done to it does not move the contour
 
     def to_pyvista(self) -> Any:
@@ -379,6 +426,7 @@ class Contour:
                 mesh.point_data.active_normals = whole.normals
         if self.placement is not None and self.placement.space:
             mesh.field_data["SPACE"] = [self.placement.space]
+        mesh.point_data.update(whole.at_points)
         mesh.cell_data[noun_of(self.metadata)] = np.full(mesh.n_cells, float(self.isovalue))
         return mesh
 
@@ -389,18 +437,21 @@ class Contour:
         -------
         tuple
             Data, keywords and type, as ``napari.layers.Layer.create`` takes them: ``"shapes"`` with a path for each
-            line, or ``"surface"`` with points, triangles and a value for each point.
+            line, or ``"surface"`` with points, triangles and a value for each point: the first of `with_values` that
+            has one component, or else the isovalue.
         """
         named = {"name": f"{noun_of(self.metadata)} {self.isovalue:.12g}", "metadata": dict(self.metadata)}
         if self.n == 2:
             return self.lines, {**named, "shape_type": "path"}, "shapes"
-        return (self.points, self.cells, np.full(len(self.points), float(self.isovalue))), named, "surface"
+        usual = np.full(len(self.points), float(self.isovalue))
+        values = next((values for values in self.at_points.values() if values.ndim == 1), usual)
+        return (self.points, self.cells, values), named, "surface"
 
     def to_xarray(self) -> Any:
         """Convert to an ``xarray.Dataset``.
 
         Its variables are ``x``, ``y`` (, ``z``) along ``point``, ``index`` with the index coordinates, and ``cells``
-        with indices of points; isovalue, shape and notes are attributes.
+        with indices of points, and the values of `with_values`; isovalue, shape and notes are attributes.
 
         Raises
         ------
@@ -410,8 +461,9 @@ class Contour:
         xarray = optional("xarray", extra="labelled", purpose="making a Dataset")
         columns = {name: ("point", column) for name, column in zip("xyz", self.placed.T, strict=False)}
         about = {"isovalue": float(self.isovalue), "shape": list(self.shape), "complete": int(self.complete)}
+        more = {name: (("point", "component")[: values.ndim], values) for name, values in self.at_points.items()}
         return xarray.Dataset(
-            {"index": (("point", "axis"), self.points), "cells": (("cell", "corner"), self.placed_cells)},
+            {**more, "index": (("point", "axis"), self.points), "cells": (("cell", "corner"), self.placed_cells)},
             coords=columns, attrs={**self.metadata, **about},
         )
 

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 def joined(
     points: NDArray[np.float64], cells: NDArray[np.int64], shape: Sequence[int], axes: Sequence[int]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Replace the points in the last plane along periodic axes by those in the first; returns points and cells."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Replace the points in the last plane along periodic axes by those in the first.
+
+    Returns the numbers of the points that are kept, and the cells between these.
+    """
     number = np.arange(len(points))
     for axis in axes:
         beside = np.delete(points, axis, axis=1)
@@ -22,4 +25,4 @@ def joined(
         # with two axes, a point may be replaced twice
         number = number[number]
     kept, cells = np.unique(number[cells], return_inverse=True)
-    return points[kept], cells.reshape(-1, points.shape[1])
+    return kept, cells.reshape(-1, points.shape[1])

@@ -97,8 +97,8 @@ def simplified(contours: Sequence[Contour], distance: float | str) -> Simplified
     whole = [contour.flat.joined for contour in contours]
     name = np.split(np.arange(sum(len(contour.points) for contour in whole)),
                     np.cumsum([len(contour.points) for contour in whole])[:-1])
-    points = np.concatenate([contour.points for contour in whole])
     if is_of_labels(whole[0].metadata):
+        points = np.concatenate([contour.points for contour in whole])
         _, at, which = np.unique(points, axis=0, return_index=True, return_inverse=True)
         name = [at[which.ravel()[each]] for each in name]
         walks, uses = _shared(whole, name)
@@ -120,10 +120,12 @@ def simplified(contours: Sequence[Contour], distance: float | str) -> Simplified
     named = np.concatenate([name[owner][walk] for owner, walk in walks])[kept]
     parts = np.split(named, np.searchsorted(kept, first[1:]))
     out = []
-    for own, given in zip(uses, contours, strict=True):
+    for own, contour, each, given in zip(uses, whole, name, contours, strict=True):
         cells = [np.stack([parts[line][:-1], parts[line][1:]], axis=1)[:, :: -1 if back else 1] for line, back in own]
         used, number_of = np.unique(np.concatenate([np.zeros((0, 2), np.int64), *cells]), return_inverse=True)
-        out.append(replace(given, points=points[used], cells=number_of.reshape(-1, 2).astype(np.int64)))
+        order = np.argsort(each)
+        part = contour.part(order[np.searchsorted(each, used, sorter=order)], number_of.reshape(-1, 2).astype(np.int64))
+        out.append(replace(part, placement=given.placement))
     return Simplified(out, farthest, unit, len(places), len(kept))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +34,7 @@ def clipped(contour: Contour, window: Window | None) -> Contour:
         return contour
     inside = reaching(contour, window)
     used, number = np.unique(contour.cells[inside], return_inverse=True)
-    return replace(contour, points=contour.points[used], cells=number.reshape(-1, contour.cells.shape[1]))
+    return contour.part(used, number.reshape(-1, contour.cells.shape[1]))
 
 
 def reaching(drawn: Contour | Tessellation, window: Window) -> NDArray[np.bool_]:

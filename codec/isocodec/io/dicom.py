@@ -1,4 +1,4 @@
-"""DICOM: slices and files of many frames, by pydicom; segmentations and volumes, by highdicom.
+"""DICOM: slices and files of many frames, by pydicom; segmentations, volumes and encapsulated STL, by highdicom.
 
 All lie in coordinates to the right, front and top of the body; axes are columns, rows, slices.
 """
@@ -16,15 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, one_line, plain
+from ..drawing.contour import Contour
+from ..drawing.separation import single
+from ..errors import InputError, OptionError, one_line, plain
 from ..field.framed import Frames
 from ..field.labelling import PROBABILITY, about
 from ..field.missing import missing_samples
+from ..field.placement import LPS, Placement
 from ..field.sampled import Field
 from ..verbs import Choice
 from .arrays import channel_of
 from .libraries import choose, library, reading
-from .places import EVEN, as_integers, by_matrix, in_body, kept_axes
+from .masks import volume_matrix
+from .places import BODY_TURN, EVEN, as_integers, by_matrix, in_body, kept_axes
 from .volumes import of_frames, squeezed
 
 SUFFIXES = (".dcm", ".dicom", ".ima")
@@ -49,6 +53,9 @@ _TIMES = (
     "ComplexImageComponent", "FrameType", "ImageType",
 )
 """Attributes that distinguish volumes in one place."""
+_STL = "1.2.840.10008.5.1.4.1.1.104.3"
+"""Class of files of an encapsulated STL."""
+_MOST_LABEL = 65535
 
 
 def _library(name: str) -> Any:
@@ -323,3 +330,104 @@ def _times(heaps: list[list[_Plane]]) -> tuple[str, list[list[_Plane]]]:
 
 def _sortable(value: Any) -> Any:
     return str(value) if isinstance(value, Sequence) else value
+
+
+# ---- writing ---------------------------------------------------------------------------------------------------------
+
+
+def write_segmentation(values: Array, place: Placement | None, path: Path, like: str) -> None:
+    """Write a mask (s0, s1, s2) of uint8, or labels, as a segmentation of a body, which lies where its samples do.
+
+    ``like`` is a series of the patient in the same frame of reference. Segments have the numbers of the labels; they
+    are BINARY where these are 1, 2, .. without a gap, and else a LABELMAP. Raises `OptionError` if the samples do not
+    lie in a body, if nothing is marked, or if labels are not integers from 1 to 65535.
+    """
+    highdicom, codes = _library("highdicom"), _library("pydicom.sr.codedict").codes
+    numbers, matrix = np.unique(values[values != 0]), _in_lps(place)
+    if not len(numbers):
+        raise OptionError("no sample is marked, and a segmentation cannot hold that", code="empty")
+    if (numbers % 1).any() or numbers[0] < 1 or numbers[-1] > _MOST_LABEL:
+        raise OptionError(f"labels of a segmentation are integers from 1 to {_MOST_LABEL}", code="labels",
+                          remedy="write .nrrd")
+    how = highdicom.AlgorithmIdentificationSequence("isocodec", codes.DCM.EdgeDetection, "1")
+    tissue = codes.SCT.Tissue
+    segments = [
+        highdicom.seg.SegmentDescription(int(number), f"label {number:.0f}", tissue, tissue, "SEMIAUTOMATIC", how)
+        for number in numbers
+    ]
+    volume = highdicom.Volume(np.ascontiguousarray(values.T).astype(np.uint16), matrix[:, [2, 1, 0, 3]], "PATIENT")
+    binary = np.array_equal(numbers, np.arange(1, len(numbers) + 1))
+    made = highdicom.seg.Segmentation(
+        _series(like), volume, "BINARY" if binary else "LABELMAP", segments, series_instance_uid=highdicom.UID(),
+        series_number=1, sop_instance_uid=highdicom.UID(), instance_number=1, **_MAKER,
+    )
+    made.save_as(path)
+
+
+def write_stl(contours: Any, path: Path, like: str) -> None:
+    """Write a surface in a body as an encapsulated STL, in mm to the left, back and top, in single precision.
+
+    ``like`` is as of `write_segmentation`. Raises `OptionError` if the surface does not lie in a body, or is empty.
+    """
+    highdicom = _library("highdicom")
+    contour: Contour
+    (contour,) = contours
+    _in_lps(contour.placement)
+    if not len(contour.cells):
+        raise OptionError("there are no cells, and the format cannot hold that", code="empty",
+                          remedy="choose an isovalue within the data, or write .vtp")
+    mesh, first = contour.to_trimesh(), _series(like)[0]
+    turn = np.eye(3) if contour.placement is not None and contour.placement.crs == LPS else BODY_TURN
+    mesh.vertices = single(mesh.vertices @ turn)
+    data = mesh.export(file_type="stl")
+    made = highdicom.SOPClass(
+        first.StudyInstanceUID, highdicom.UID(), 1, highdicom.UID(), _STL, 1, "M3D",
+        transfer_syntax_uid="1.2.840.10008.1.2.1", specific_character_set=first.get("SpecificCharacterSet"),
+        **{name: first[attribute].value or None for name, attribute in _PATIENT.items()}, **_MAKER,
+    )
+    made.FrameOfReferenceUID, made.PositionReferenceIndicator = first.FrameOfReferenceUID, ""
+    made.AcquisitionDateTime, made.BurnedInAnnotation, made.DocumentTitle = "", "NO", ""
+    made.ConceptNameCodeSequence, made.ModelModification, made.ModelMirroring = [], "NO", "NO"
+    made.MeasurementUnitsCodeSequence = [highdicom.sr.CodedConcept("mm", "UCUM", "millimeter")]
+    made.MIMETypeOfEncapsulatedDocument = "model/stl"
+    made.EncapsulatedDocument, made.EncapsulatedDocumentLength = data + b"\0" * (len(data) % 2), len(data)
+    made.save_as(path)
+
+
+_MAKER = {"manufacturer": "isocodec", "manufacturer_model_name": "isocodec", "software_versions": "1",
+          "device_serial_number": "1"}
+_PATIENT = {
+    "patient_id": "PatientID", "patient_name": "PatientName", "patient_birth_date": "PatientBirthDate",
+    "patient_sex": "PatientSex", "accession_number": "AccessionNumber", "study_id": "StudyID",
+    "study_date": "StudyDate", "study_time": "StudyTime", "referring_physician_name": "ReferringPhysicianName",
+}
+"""Attributes of patient and study, by the names that highdicom has for them; a file may lack any."""
+
+
+def _series(like: str) -> list[Any]:
+    """Read the headers of a series; raises `InputError` if a folder holds several, or they have no frame of reference.
+    """
+    pydicom, path = _library("pydicom"), Path(like)
+    if not path.exists():
+        raise InputError(f"there is no file or folder {plain(like)}", code="like", remedy="give a DICOM series")
+    with reading("DICOM"):
+        found = {plane.path: plane for plane in _planes(path, [])}
+        if len({plane.header.SeriesInstanceUID for plane in found.values()}) > 1:
+            raise InputError(f"{plain(like)} holds several series", code="like", remedy="give a folder of one")
+        headers = [pydicom.dcmread(each, stop_before_pixels=True) for each in found]
+        if not headers[0].get("FrameOfReferenceUID"):
+            raise InputError(f"{plain(like)} has no frame of reference", code="like", remedy="give a series that has")
+    for header in headers:
+        for attribute in {*_PATIENT.values()} - {*header.dir()}:
+            setattr(header, attribute, "")
+    return headers
+
+
+def _in_lps(place: Placement | None) -> Array:
+    """Matrix (4, 4) of samples to the left, back and top; raises `OptionError` if they do not lie in a body."""
+    if place is None or place.space is None or place.matrix is None:
+        raise OptionError("DICOM needs samples in a body, in even steps", code="placement",
+                          remedy="encode DICOM, NIfTI or NRRD, or with --crs right-anterior-superior")
+    matrix = volume_matrix(place)
+    assert matrix is not None
+    return np.asarray(np.diag([*np.diag(BODY_TURN), 1]) @ matrix)

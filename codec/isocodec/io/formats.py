@@ -20,14 +20,16 @@ from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
-from ..errors import IsoError, OptionError, one_line
+from ..errors import InputError, IsoError, OptionError, one_line
+from ..field.framed import Frames
 from ..field.placement import Placement
 from ..field.reference_system import is_named, short_name
 from ..storage.atomic import beside
 from ..verbs import OutputOptions
+from . import dicom, masks, surfaces
 from . import map_tables as tables
-from . import masks, surfaces
 from .libraries import library
+from .opener import Choice, about, load
 
 Kind = Literal["contour", "areas", "mask", "labels", "mesh", "tin"]
 """Curves or surfaces; polygons beside curves or between them; bools of samples, or labels; the simplices under a
@@ -112,6 +114,8 @@ class Format(NamedTuple):
         latitude; or coordinates are in samples.
     single : bool
         Whether coordinates have single precision.
+    at_points : bool
+        Whether files can hold further values at the points of contours, or in tables their mean along each line.
     """
 
     suffixes: Mapping[str, str]
@@ -122,6 +126,7 @@ class Format(NamedTuple):
     several: bool = False
     states: str = ""
     single: bool = False
+    at_points: bool = False
 
     def fits(self, thing: Thing) -> bool:
         """Whether files can hold a content, judged by what is known of it."""
@@ -148,6 +153,9 @@ class Job:
         self.steps = np.ones(1)
         self._placed = self._some = False
         self._farthest = 0.0
+        self._sources = dict(options.sample)
+        self._samples = {name: _sampled(source) for name, source in options.sample}
+        self._unknown = {*self._samples}
 
     @property
     def space(self) -> str | None:
@@ -172,7 +180,7 @@ class Job:
             return one
 
         def turned(contour: Contour) -> Contour:
-            contour = noted(contour)
+            contour = noted(self._valued(contour))
             # higher values lie on the left of lines
             mirrored = contour.n == 2 and contour.mirrored and self.form.states != "samples"
             return replace(contour, cells=contour.cells[:, ::-1].copy()) if mirrored else contour
@@ -190,8 +198,22 @@ class Job:
         pieces = [noted(surfaces.Simplices.of_tin(what, in_samples))]
         return what if self.form.states == "samples" else pieces
 
+    def _valued(self, contour: Contour) -> Contour:
+        """Add to a contour the values of other files at its points."""
+        for name, values in self._samples.items():
+            with about(self._sources[name]):
+                contour = contour.with_values(**{name: values})
+            if not np.isnan(contour.at_points[name]).all():
+                self._unknown.discard(name)
+        return contour
+
     def remarks(self) -> tuple[str, ...]:
-        """One line for each loss of the format in coordinates that was not asked for."""
+        """One line for each loss in values or coordinates that was not asked for."""
+        left_out = [f"{name}: {each}" for name, field in self._samples.items() for each in field.remarks]
+        nowhere = [f"{name}: no point lies next to samples that are not missing" for name in sorted(self._unknown)]
+        return (*left_out, *nowhere, *self._losses())
+
+    def _losses(self) -> tuple[str, ...]:
         states, placement, suffix, options = self.form.states, self.placement, self.suffix, self.options
         if not self._some or states == "samples":
             return ()
@@ -216,6 +238,18 @@ class Job:
                 self._placed and lost > LOST * self.steps.min(),
         }
         return tuple(text for text, given in losses.items() if given)
+
+
+def _sampled(source: str) -> Any:
+    """Read a field, or a mesh with values, whose values are asked for at the points of contours."""
+    with about(source):
+        try:
+            found = load(source, Choice())
+        except OSError as error:
+            raise InputError(f"cannot be opened ({error.strerror or error})", code="sample") from error
+        if isinstance(found, Frames):
+            raise InputError("is a series, which cannot be sampled", code="frames", remedy="give a file of one frame")
+        return found
 
 
 # ---- Writers --------------------------------------------------------------------------------------------------------
@@ -245,7 +279,8 @@ def _as_arrays(what: Any, path: Path, job: Job) -> None:
     """Write points in samples, in the order of the array's axes, and the placement, if there is one."""
     if isinstance(what, Iterable):
         (contour,) = what
-        arrays: Any = {name: np.asarray(getattr(contour, name)) for name in ("points", "cells", "isovalue", "shape")}
+        own = {name: np.asarray(getattr(contour, name)) for name in ("points", "cells", "isovalue", "shape")}
+        arrays: Any = {**contour.at_points, **own}
         if contour.bent:
             arrays["placed"] = contour.placed
     else:
@@ -263,6 +298,14 @@ def _as_picture(what: Iterable[Contour], path: Path, job: Job) -> None:
     path.write_bytes(contour_picture(what, job.suffix))
 
 
+def _as_dicom(what: Any, path: Path, job: Job) -> None:
+    like = str(job.options.like)
+    if isinstance(what, SampleMask):
+        dicom.write_segmentation(what.values, job.placement, path, like)
+    else:
+        dicom.write_stl(what, path, like)
+
+
 def _in_white(values: NDArray[np.uint8], _: object, path: Path) -> None:
     pillow = library("PIL.Image", extra="pictures", purpose="writing .png")
     pillow.fromarray(values * np.uint8(255)).save(path)
@@ -273,11 +316,12 @@ _OF_SAMPLES: Mapping[str, Callable[..., None]] = {
     "npy": lambda values, _, path: np.save(path, values),
 }
 _SHAPES, _MAPS, _GRIDS = "contour2 areas2", "contour2 areas2 mesh2 tin2", "mask2 mask3 labels2 labels3"
-_PYOGRIO: Any = {"write": _as_table, "libraries": ("pyogrio", "geopandas"), "extra": "vector", "several": True}
+_PYOGRIO: Any = {"write": _as_table, "libraries": ("pyogrio", "geopandas"), "extra": "vector", "several": True,
+                 "at_points": True}
 _TRIMESH: Any = {"holds": "contour3 mesh2 tin2", "write": surfaces.write_trimesh, "libraries": ("trimesh",),
                  "extra": "mesh"}
 _PYVISTA: Any = {"write": surfaces.write_pyvista, "libraries": ("pyvista",), "extra": "vtk", "several": True,
-                 "states": "space"}
+                 "states": "space", "at_points": True}
 _VOLUMES: Any = {"holds": _GRIDS, "write": _as_samples, "extra": "volumes", "states": "space"}
 _DRAWN: Any = {"write": _as_picture, "libraries": ("matplotlib",), "extra": "plot", "several": True,
                "states": "samples"}
@@ -289,23 +333,30 @@ FORMATS: tuple[Format, ...] = (
     Format({".parquet": "Parquet"}, _MAPS, states="crs", **_PYOGRIO | {"libraries": ("geopandas", "pyarrow")}),
     Format({".csv": "CSV"}, _MAPS, **_PYOGRIO),
     Format({".pmtiles": "PMTiles", ".mbtiles": "MBTiles"}, _SHAPES, states="crs", **_PYOGRIO),
-    Format({".dxf": "DXF"}, _SHAPES, **_PYOGRIO),
+    Format({".dxf": "DXF"}, _SHAPES, **_PYOGRIO | {"at_points": False}),
     Format({".vtp": ""}, "contour2 contour3 mesh2 tin2", **_PYVISTA),
     Format({".vtu": "grid", ".vtk": ""}, "contour2 contour3 mesh2 mesh3 tin2", **_PYVISTA),
-    Format({".obj": "obj", ".glb": "glb", ".gltf": "gltf"}, several=True, states="space", **_TRIMESH),
+    Format({".glb": "glb", ".gltf": "gltf"}, several=True, states="space", at_points=True, **_TRIMESH),
+    Format({".obj": "obj"}, several=True, states="space", **_TRIMESH),
     Format({".3mf": "3mf"}, several=True, **_TRIMESH | {"libraries": ("trimesh", "networkx", "lxml")}),
     Format({".off": "off"}, **_TRIMESH),
-    Format({".ply": "ply", ".stl": "stl"}, states="space", single=True, **_TRIMESH),
+    Format({".ply": "ply"}, states="space", single=True, at_points=True, **_TRIMESH),
+    Format({".stl": "stl"}, states="space", single=True, **_TRIMESH),
     Format({".tif": "tif"}, "mask2 labels2", _as_samples, ("rasterio",), "raster", states="crs"),
     Format({".nii": "nifti", ".nii.gz": "nifti"}, libraries=("nibabel",), **_VOLUMES),
     Format({".nrrd": "itk", ".mha": "itk"}, libraries=("SimpleITK",), **_VOLUMES),
+    Format({".dcm": "dcm"}, "mask3 labels3 contour3", _as_dicom, ("highdicom", "pydicom", "trimesh"), "dicom",
+           states="space", single=True),
     Format({".npy": "npy"}, f"mask1 {_GRIDS} tin2", _as_samples, states="samples"),
-    Format({".npz": ""}, "contour2 contour3 tin2", _as_arrays, states="samples"),
+    Format({".npz": ""}, "contour2 contour3 tin2", _as_arrays, states="samples", at_points=True),
     Format({".png": ""}, "contour2 contour3", **_DRAWN),
     Format({".svg": ""}, "contour2", **_DRAWN),
     Format({".png": "png"}, "mask2", _as_samples, ("PIL",), "pictures", states="samples"),
 )
 SUFFIXES: tuple[str, ...] = tuple(dict.fromkeys(suffix for one in FORMATS for suffix in one.suffixes))
+_TAKEN = ("isovalue", "label", "normals", "points", "cells", "shape", "placed", "placement", "crs", "file",
+          *tables.TAKEN)
+"""Names, in lower case, that files have for something else than values at points."""
 PICTURES = (".png", ".pdf", ".svg")
 """Suffixes of steps and contour maps."""
 
@@ -345,12 +396,22 @@ def check(
     refused = {
         "layer": options.layer is not None and name not in tables.LAYERED,
         "attribute": options.attribute is not None and (chosen.write is not _as_table or name in tables.UNNAMED),
+        "like": options.like is not None and chosen.write is not _as_dicom,
+        "sample": bool(options.sample) and not (chosen.at_points and thing.kind == "contour"),
     }
     if wrong := [name for name, given in refused.items() if given]:
         raise OptionError(f"--{wrong[0]} does not apply to {thing.text} in {suffix}", code=wrong[0],
-                          remedy="leave it out")
+                          remedy="leave it out" if wrong[0] != "sample" else "one of " + ", ".join(dict.fromkeys(
+                              each for one in FORMATS if one.at_points and one.fits(thing) for each in one.suffixes)))
+    if options.like is None and chosen.write is _as_dicom:
+        raise OptionError("DICOM needs a series of the patient, whose study and frame of reference it takes",
+                          code="like", remedy="give --like SERIES")
     if options.attribute is not None:
         tables.check_names(*options.attribute.split(",", 1))
+    names = [options.attribute or "isovalue", *(name for name, _ in options.sample)]
+    if twice := [name for name in names[1:] if name.lower() in _TAKEN or names.count(name) > 1]:
+        raise OptionError(f"values at points cannot have the name {twice[0]!r} (--sample): it is taken", code="sample",
+                          remedy="choose another name")
     for module in chosen.libraries:
         if find_spec(module) is None:
             library(module, extra=chosen.extra, purpose=f"writing {suffix}")

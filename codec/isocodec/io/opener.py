@@ -27,7 +27,7 @@ from . import arrays, clouds, dicom, images, labelled, rasters, volumes, vtk
 from .in_turn import InTurn
 from .stores import is_store
 
-__all__ = ["SUFFIXES", "Choice", "is_described", "load", "of_object", "read"]
+__all__ = ["SUFFIXES", "Choice", "about", "is_described", "load", "of_object", "read"]
 
 Found: TypeAlias = Field | Frames | Mesh
 _GRIB = (".grib", ".grib2", ".grb", ".grb2")
@@ -119,7 +119,7 @@ def load(source: Any, choice: Choice, lazy: bool = False) -> Found:
     if not copied and not isinstance(source, str | os.PathLike):
         return of_object(source, choice)
     name = source if isinstance(source, str | os.PathLike) else getattr(source, "name", "")
-    with ExitStack() as held, _about(name):
+    with ExitStack() as held, about(name):
         if not copied:
             return _of_path(os.fspath(source), choice)
         found = _of_path(str(held.enter_context(local(source, _recognised))), choice)
@@ -276,7 +276,7 @@ def _recognised(name: str, first: bytes) -> str | None:
 
 
 @contextmanager
-def _about(name: Any) -> Iterator[None]:
+def about(name: Any) -> Iterator[None]:
     """Let errors of ours name the input that they are about, unless they name one already."""
     try:
         yield

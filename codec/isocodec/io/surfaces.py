@@ -143,6 +143,10 @@ def write_trimesh(what: Iterable[Any], path: Path, job: Any) -> None:
         if kind in ("glb", "gltf"):
             middle = mesh.bounds.mean(axis=0)
             matrix[:3, 3] = _Y_UP @ middle
+            for key, values in mesh.vertex_attributes.items():
+                if np.isnan(values).any():
+                    raise OptionError(f"{key} is missing at {int(np.isnan(values).sum())} points, and glTF has no such "
+                                      "values", code="sample", remedy="write .ply or .vtp")
             mesh.vertices = single((mesh.vertices - middle) @ _Y_UP.T)
         elif kind in ("ply", "stl"):
             mesh.vertices = single(mesh.vertices)

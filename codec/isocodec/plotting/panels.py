@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import IsoError, OptionError, one_line
 from ..field.labelling import caption, colour_of, name_of, noun_of
 from ..field.sampled import UNIT
-from .scene import USUAL, draw_surfaces, drawing, rotation, world
+from .scene import USUAL, draw_in_space, drawing, rotation, world
 
 PICTURES = (".png", ".pdf", ".svg")
 _INK, _SURFACE = (0.10, 0.25, 0.45), (0.62, 0.72, 0.84)
@@ -80,8 +80,7 @@ def contour_picture(contours: Iterable[Any], suffix: str = ".png") -> bytes:
     """Make the picture of contours of a field: curves in one panel, surfaces side by side.
 
     An SVG of curves has the pixels of the field as its unit and no frame, so that the two can be overlaid. Raises
-    `OptionError` if the contours are neither in the plane nor surfaces, and `MissingExtraError` if matplotlib is
-    missing.
+    `MissingExtraError` if matplotlib is missing.
     """
     every = [*contours]
     first, isovalues = every[0], [one.isovalue for one in every]
@@ -116,11 +115,9 @@ def panels_figure(
 ) -> Any:
     """Draw panels; parameters as of `panels_picture`."""
     last = panels[-1].contours[0]
-    solid, several = last.n == 3, len(isovalues) > 1
-    if not solid and last.points.shape[1] != 2:
-        raise OptionError("a curve on a mesh in space cannot be drawn", code="dimension", remedy="decode it to .vtp")
+    solid, in_space, several = last.n == 3, last.points.shape[1] == 3, len(isovalues) > 1
     size = np.ptp(last.points, axis=0)[::-1] if not last.shape else np.linalg.norm(world(last), axis=0) * last.shape
-    size = np.ones(2) if solid else np.maximum(size / max(size.max(), 1e-300), 0.25)
+    size = np.ones(2) if in_space else np.maximum(size / max(size.max(), 1e-300), 0.25)
     columns, rows = min(len(panels), columns), -(-len(panels) // columns)
     whole = side * size[::-1] * [columns, rows] + [several, 0.4 * rows]
     figure = drawing("figure").Figure(np.maximum(whole, 2.2 * several), dpi=150, layout="constrained")
@@ -132,8 +129,8 @@ def panels_figure(
         if len(panels) > 1:
             axes.set(xticks=[], yticks=[])
         own = [colours.get(one.isovalue, _SURFACE if solid else _INK) for one in contours]
-        if solid:
-            draw_surfaces(axes, contours, own, view, bool(meshes))
+        if in_space:
+            draw_in_space(axes, contours, own, view, meshes)
         else:
             _draw_curves(axes, contours, own, 0.7 if len(contours) <= _NAMED else 0.45, meshes)
     if several:

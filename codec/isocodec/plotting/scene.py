@@ -1,4 +1,5 @@
-"""Pictures of surfaces: parallel projection by matplotlib, with triangles sorted by depth and shaded smoothly.
+"""Pictures of surfaces, and of curves in space: parallel projection by matplotlib, triangles and segments sorted by
+depth, triangles shaded smoothly.
 
 A picture has world coordinates x, y and z, with z upwards; the front is at +y, as for a patient in a volume whose
 coordinates are right, front and up. With a placement, these are the coordinates of the file. Without one, axes 0, 1, 2
@@ -28,6 +29,8 @@ _LIGHT = np.array([-0.4, 0.5, 1]) / np.sqrt(1.41)
 """Direction to the light, over the viewer's left shoulder."""
 _SHADOW, _VEIL = 0.3, 0.35
 """Light in the shadow; opacity of surfaces around another one."""
+_BEHIND, _GROUND = 0.3, (0.9, 0.9, 0.9)
+"""Strength of the farthest segments of curves; colour of the surface that curves lie on."""
 
 
 def drawing(module: str) -> Any:
@@ -54,15 +57,22 @@ def rotation(view: str) -> Points:
 
 def world(contour: Any) -> Points:
     """Matrix from samples to the world of a picture, where the shortest step has length 1, the longest 100 at most."""
+    axes = contour.points.shape[1]
     if contour.placement is None or contour.placement.matrix is None:
-        return -np.eye(3)[::-1] if contour.shape and contour.n == 3 else np.eye(contour.n)
-    matrix = contour.placement.matrix[:, : contour.n]
+        return -np.eye(3)[::-1] if contour.shape and axes == 3 else np.eye(axes)
+    matrix = contour.placement.matrix[:, :axes]
     steps = np.linalg.norm(matrix, axis=0)
     return np.asarray(matrix / steps * np.minimum(steps / steps.min(), 100))
 
 
-def draw_surfaces(axes: Any, contours: Sequence[Any], colours: Sequence[Any], view: str, edges: bool = False) -> None:
-    """Draw surfaces of one field, the innermost opaque and those around it seen through, in the box of their samples.
+def draw_in_space(
+    axes: Any, contours: Sequence[Any], colours: Sequence[Any], view: str,
+    meshes: Sequence[tuple[Points, NDArray[np.int64]]] = (),
+) -> None:
+    """Draw surfaces or curves of one field in the box of their samples, and with meshes their triangles.
+
+    The innermost surface is opaque, and those around it are seen through; curves fade towards the back, and lie on the
+    triangles of their meshes.
     """
     turn = (rotation(view) @ world(contours[0])).T
     points = np.concatenate([one.points for one in contours])
@@ -74,10 +84,25 @@ def draw_surfaces(axes: Any, contours: Sequence[Any], colours: Sequence[Any], vi
             axes.plot(*box[[a, b], :2].T, color="0.75", linewidth=0.5, zorder=1)
     pairs = [(one, colour) for one, colour in zip(contours, colours, strict=True) if len(one.cells)]
     pairs.sort(key=lambda pair: np.ptp(pair[0].points, axis=0).sum())
+    for mesh, cells in meshes if contours[0].n == 2 else ():
+        _paint(axes, mesh @ turn, cells, _GROUND, True, False)
     for number, (contour, colour) in enumerate(pairs):
-        _paint(axes, contour.points @ turn, contour.cells, colour, edges, number > 0)
+        if contour.n == 2:
+            _trace(axes, contour.points @ turn, contour.cells, colour, box[:, 2])
+        else:
+            _paint(axes, contour.points @ turn, contour.cells, colour, bool(meshes), number > 0)
     axes.set_aspect("equal")
     axes.set_axis_off()
+
+
+def _trace(axes: Any, points: Points, cells: NDArray[np.int64], colour: Any, depths: Points) -> None:
+    """Draw the segments of a curve from back to front, within the depths of a box."""
+    ends = points[cells[np.argsort(points[cells, 2].sum(axis=1))]]
+    near = (ends[:, :, 2].mean(axis=1) - depths.min()) / max(np.ptp(depths), 1e-300)
+    strength = (_BEHIND + (1 - _BEHIND) * near)[:, None]
+    axes.add_collection(drawing("collections").LineCollection(
+        ends[:, :, :2], colors=1 - strength * (1 - np.array(colour[:3])), linewidths=0.9, capstyle="round", zorder=3,
+    ))
 
 
 def _paint(axes: Any, points: Points, cells: NDArray[np.int64], colour: Any, edges: bool, veil: bool) -> None:

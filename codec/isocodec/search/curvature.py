@@ -13,7 +13,8 @@ _LEAST = 1e-12
 
 
 def curvature(contour: Contour) -> NDArray[np.float64]:
-    """Curvature of a curve, or mean curvature of a surface (half the sum of both), at its points, in 1 / cells.
+    """Curvature of a curve, or mean curvature of a surface (half the sum of both), at its points, in 1 / cells (on a
+    mesh by the unit of its points).
 
     Along a curve the estimator is that of T. Lewiner, J. D. Gomes, H. Lopes and M. Craizer (*Curvature and torsion
     estimators based on parametric curve fitting*, 2005): parabolas through the point, over the length of arc, fitted to
@@ -25,17 +26,17 @@ def curvature(contour: Contour) -> NDArray[np.float64]:
     -------
     (P,) float64
     """
-    return along(contour) if contour.points.shape[1] == 2 else across(contour)
+    return along(contour) if contour.n == 2 else across(contour)
 
 
 def along(contour: Contour) -> NDArray[np.float64]:
-    """Curvature of polylines at their points."""
-    points, count = contour.points, len(contour.points)
+    """Curvature of polylines, in the plane or in space, at their points."""
+    points, (count, d) = contour.points, contour.points.shape
     step = np.full((2, count), -1)
     step[0, contour.cells[:, 0]] = contour.cells[:, 1]
     step[1, contour.cells[:, 1]] = contour.cells[:, 0]
     # sums over the neighbours: moments of the length of arc, and those with the way to the neighbour
-    moments, ways = np.zeros((3, count)), np.zeros((2, count, 2))
+    moments, ways = np.zeros((3, count)), np.zeros((2, count, d))
     for side, sign in enumerate((1.0, -1.0)):
         at, arc = np.arange(count), np.zeros(count)
         for _ in range(SIDE):
@@ -57,7 +58,9 @@ def along(contour: Contour) -> NDArray[np.float64]:
     first = (c[:, None] * u - b[:, None] * v) * scale[:, None]
     second = (a[:, None] * v - b[:, None] * u) * scale[:, None]
     speed = np.maximum(np.linalg.norm(first, axis=1), _LEAST)
-    return np.where(good, np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed**3, 0.0)
+    area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) if d == 2 else np.linalg.norm(
+        np.cross(first, second), axis=1)
+    return np.where(good, area / speed**3, 0.0)
 
 
 def across(contour: Contour) -> NDArray[np.float64]:

@@ -285,10 +285,6 @@ def within(
 
 def reduced(promise: Promise, criterion: str, parameter: float | None, topology: bool) -> Plan:
     """A base on a mesh reduced under one criterion, as published; under distortion as `within` begins."""
-    if criterion in ("crossing", "topology") and parameter is not None:
-        raise OptionError(f"the criterion {criterion} takes no number", code="criterion")
-    if criterion in ("curvature", "distortion", "level") and parameter is None:
-        raise OptionError(f"the criterion {criterion} needs a number", code="criterion")
     reduction = promise.reduction()
     match criterion, parameter:
         case "crossing", _:
@@ -306,9 +302,4 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
             reduction.reduce(topology=topology, curvature=promise.curvature(), kappa=parameter)
         case "distortion", float():
             reduction.reduce(topology=topology, distortion=parameter, original=promise.target(parameter))
-        case _:
-            raise OptionError(
-                f"unknown criterion {criterion!r}", code="criterion",
-                remedy="crossing, curvature, distortion, topology or level",
-            )
     return [("adaptive_base", 0, reduction.chosen)]

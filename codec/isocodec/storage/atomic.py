@@ -82,7 +82,7 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = False) -> Iterator[Path]:
     """Yield a path for a library to write to; the file, and all that the library puts beside it, then take their place.
 
-    A target that is an open file, a pipe or a device receives the bytes of the file, whose path has ``suffix``. With
+    The path has ``suffix``. A target that is an open file, a pipe or a device receives the bytes of the file. With
     ``keep``, the library begins with a copy of the file that exists. Raises `OSError` as the system reports it, or if
     there are several files for an open one; all files are then unchanged.
     """
@@ -92,7 +92,8 @@ def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = 
         check_target(target)  # type: ignore[arg-type]
     folder = Path(mkdtemp(".part", ".isocodec-", None if real is None else real.parent))
     with undoing(partial(rmtree, folder, ignore_errors=True)):
-        path = folder / (f"isocodec{suffix}" if real is None else real.name)
+        name = "isocodec" if real is None else real.name
+        path = folder / (name if name.lower().endswith(suffix) else name + suffix)
         if keep and real is not None and real.exists():
             if any(real.with_name(real.name + log).exists() for log in ("-wal", "-journal")):
                 raise OSError(errno.EBUSY, "another program has the file open: close it there", str(target))
@@ -110,7 +111,7 @@ def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = 
         else:
             mask = os.umask(0o077)  # it can be read only by setting it
             os.umask(mask)
-            places = [real.with_name(one.name) for one in made]
+            places = [real if one == path else real.with_name(one.name) for one in made]
             for one, place in zip(made, places, strict=True):
                 check_target(place)
                 one.chmod(place.stat().st_mode & 0o7777 if place.exists() else 0o666 & ~mask)

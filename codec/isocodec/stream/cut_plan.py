@@ -1,4 +1,5 @@
-"""Cuts of a mesh that isovalues are coded on: within distances, with the topology kept (docs/encoders.md, 6)."""
+"""Cuts of a mesh that isovalues are coded on: within distances, with the topology kept, under a criterion
+(docs/encoders.md, 6)."""
 
 from __future__ import annotations
 
@@ -10,12 +11,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..drawing.contour import Contour
 from ..errors import OptionError
 from ..field.samples import Samples
 from ..mesh.complex import Complex
 from ..mesh.cut import CellHistory
-from ..mesh.hierarchy import has_hierarchy
+from ..mesh.hierarchy import Hierarchy, has_hierarchy
 from ..mesh.isovalue import MeshIsovalue
+from ..search.curvature import curvature
 from ..search.mesh_cuts import KeptCut, MeshContour, without_crossings
 from ..search.mesh_topology import safe_nodes
 from ..search.tolerance import EXACT
@@ -58,9 +61,14 @@ def cut_promise_of(options: Options) -> CutPromise | None:
 
 
 def check_cuts(domain: Complex, options: Options, progressive: bool | None, shared: bool) -> None:
-    """Refuse what cuts of a mesh cannot promise; ``shared``: encoder and decoder both have the mesh."""
-    topology, steps = options.keep_topology, options.precision.steps or ()
+    """Refuse what cuts of a mesh cannot do; ``shared``: encoder and decoder both have the mesh."""
+    topology, steps, criterion = options.keep_topology, options.precision.steps or (), options.layers.criterion
     name, code = ("keep_topology", "keep_topology") if topology else (f"precision {options.precision.text!r}", "steps")
+    if criterion is not None and not topology:
+        name, code = f"layers {criterion!r}", "layers"
+    if criterion is not None and not shared:
+        raise OptionError(f"layers {criterion!r} is for meshes that both sides have", code="layers",
+                          remedy='give stored="known" (--stored known), or leave it out')
     if not shared and steps[-1:] == (EXACT,):
         raise OptionError("exact values after distances are for meshes that both sides have", code="steps",
                           remedy='give stored="known" (--stored known), or leave exact out')
@@ -70,6 +78,38 @@ def check_cuts(domain: Complex, options: Options, progressive: bool | None, shar
         raise OptionError(f"{name}: the mesh is too large for its unit", code=code, remedy="leave it out")
     if any(not later < step for step, later in pairwise(steps)):
         raise OptionError("the distances must decrease", code=code, remedy="for example 4, 1, 0.25")
+
+
+def cut_under(
+    options: Options, domain: Complex, points: NDArray[np.float64], hierarchy: Hierarchy, history: CellHistory,
+    field: Samples,
+) -> NDArray[np.bool_]:
+    """Find the nodes, (N,), that stay under the criterion of the options, as of grids, and with the topology if asked.
+
+    Raises `OptionError` if the criterion is a level that the mesh does not have.
+    """
+    criterion, number = options.layers.criterion, options.layers.parameter or 0.0
+    inside = np.zeros(len(history.vertex), np.bool_)
+    if criterion == "topology" or options.keep_topology:
+        inside |= ~safe_nodes(history, field.signs)
+    if criterion == "level":
+        levels = len(hierarchy.rounds)
+        if not (number.is_integer() and number <= levels):
+            raise OptionError(f"the level {number:g} is not an integer up to that of the whole mesh, {levels}",
+                              code="criterion")
+        gone = sum(len(each.vertex) for each in hierarchy.rounds[: levels - int(number)])
+        inside[gone:] = True
+    if criterion in ("crossing", "curvature"):
+        contour = MeshContour(domain, history, points, field, 1.0)
+        crossed = np.zeros(len(history.cell), np.bool_)
+        crossed[contour.mixed] = True
+        if criterion == "curvature":
+            drawn = contour.original
+            bent = curvature(Contour(drawn.points, drawn.pieces, field.isovalue, ()))[drawn.pieces].mean(axis=1)
+            crossed[:] = False
+            crossed[drawn.owner[bent > number]] = True
+        inside[history.maker[crossed & (history.maker >= 0)]] = True
+    return inside
 
 
 class CutPlan:

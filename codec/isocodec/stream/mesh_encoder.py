@@ -33,7 +33,7 @@ from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import refitted
 from ..search.mesh_cuts import KeptCut, contour_on, far_apart
 from .container import ContainerEncoder, beginning
-from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of
+from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of, cut_under
 from .grid_file import Report
 from .leaning import chain
 from .mesh_contents import code_layer, coordinates_of
@@ -122,10 +122,11 @@ class MeshFrames:
             self.options.check_data(self._fields(each)[0].integer)
         cells = self._given.mesh.cell
         self._edge = float(np.median(np.sqrt(((places[cells[:, 1]] - places[cells[:, 0]]) ** 2).sum(axis=1))))
-        known, promise = stored == "known", cut_promise_of(options)
-        if stepwise := promise is not None and promise.stepwise:
+        known, promise, self._criterion = stored == "known", cut_promise_of(options), options.layers.criterion
+        stepwise = promise is not None and promise.stepwise
+        if stepwise or self._criterion:
             check_cuts(self._given, options, mesh.progressive, known)
-        self._asked = () if promise is None else promise.distances
+        self._asked = promise.distances if promise is not None and self._criterion in (None, "crossing") else ()
         self._shared = mesh.error is None and not known
         self._stored = known_mesh(self._given, places) if known else self._in_file(places, mesh.error, stored in NEEDED)
         self.domain, self._source, off = self._stored.domain, self._stored.source, self._stored.off
@@ -290,6 +291,11 @@ class MeshFrames:
         """Choose cuts of the mesh for each isovalue of a frame; none where signs of the whole mesh take fewer bytes."""
         if self.cuts is not None:
             return [list(self.cuts(self._history, field)) for field in fields]
+        if self._criterion is not None:
+            if self._hierarchy is None:
+                self._hierarchy = hierarchy_of(self.domain)
+            return [[cut_under(self.options, self.domain, self._stored.points, self._hierarchy, self._history, field)]
+                    for field in fields]
         promise = self._of_cuts
         least = SEARCHED * self._edge
         small = promise is not None and not promise.stepwise and promise.distances[-1] < least
@@ -416,9 +422,13 @@ def level_heads(hierarchy: Hierarchy) -> list[MeshLayerHead]:
 
 def _check_options(options: Options) -> None:
     """Refuse options that do not apply to meshes."""
-    precision = options.precision
+    precision, criterion = options.precision, options.layers.criterion
+    if criterion == "distortion":
+        raise OptionError("distortion does not apply to meshes", code="layers",
+                          remedy=f"precision={options.layers.parameter:g} keeps that distance on the coarsest mesh")
     options.check_unused("meshes", {
-        "layers": not options.layers.default, f"profile {options.profile!r}": options.entropy != Profile.MAIN,
+        "layers": not options.layers.default and criterion is None,
+        f"profile {options.profile!r}": options.entropy != Profile.MAIN,
         f"order {options.order!r}": options.order == LEVELS, f"precision {precision.text!r}": precision.smooth,
         "effort": options.effort == BEST,
     })

@@ -263,6 +263,10 @@ class Layers:
             raise OptionError(
                 f"the criterion's parameter is {parameter}; it must be a number, 0 or greater", code="criterion"
             )
+        if name in ("crossing", "topology") and parameter is not None:
+            raise OptionError(f"the criterion {name} takes no number", code="criterion")
+        if name in ("curvature", "distortion", "level") and parameter is None:
+            raise OptionError(f"the criterion {name} needs a number", code="criterion")
         return cls(criterion=name, parameter=parameter)
 
     @property
