@@ -66,9 +66,6 @@ def check_cuts(domain: Complex, options: Options, progressive: bool | None, shar
     name, code = ("keep_topology", "keep_topology") if topology else (f"precision {options.precision.text!r}", "steps")
     if criterion is not None and not topology:
         name, code = f"layers {criterion!r}", "layers"
-    if criterion is not None and not shared:
-        raise OptionError(f"layers {criterion!r} is for meshes that both sides have", code="layers",
-                          remedy='give stored="known" (--stored known), or leave it out')
     if not shared and steps[-1:] == (EXACT,):
         raise OptionError("exact values after distances are for meshes that both sides have", code="steps",
                           remedy='give stored="known" (--stored known), or leave exact out')
