@@ -19,6 +19,7 @@ SOURCES = {
     "test_kernel_library": ("tools/kernels/", "codec/isocodec/kernel/"),
     "test_labelled": ("codec/isocodec/io/", "codec/isocodec/tiles/workers.py"),
     "test_packaging": ("pyproject.toml", "tools/kernels/"),
+    "test_spec_figures": ("spec/", "tools/spec_figures.py"),
     "test_terminal": ("codec/isocodec/cli/", "codec/isocodec/errors.py", "codec/isocodec/io/"),
     "test_typing": ("codec/isocodec/__init__.py", "codec/isocodec/api/"),
     "test_wasm": ("tools/kernels/", "codec/isocodec/entropy/", "codec/isocodec/grid/", "codec/isocodec/kernel/"),

@@ -12,12 +12,12 @@ from isocodec.grid.layers.plan import Entry
 from isocodec.stream.container import closed
 from isocodec.stream.encoder import SeriesFrames
 from isocodec.stream.options import Layers, Options
-from isospec.container import ChunkType
+from isospec.container import ChunkType, Operation
 
-from .adaptive import SPACES
+from .adaptive import SPACES, random_run
 from .draft import Draft, encoded_series, within
-from .fields import Integers, noise, waves
-from .streams import Chunk, File, split
+from .fields import Integers, balls, noise, waves
+from .streams import Chunk, File, split, steps_of
 
 SHAPES = ((17, 14), (9, 8, 10))
 HIGH, VALUE = 255, 85.5
@@ -66,6 +66,12 @@ def whole() -> Iterator[Draft]:
         yield Draft(
             f"{space}_frames_main_finer", finer, len(shape), ("series of frames", "frames: after a coarse one")
         )
+        file, frame = split(encode_plans(frames[:1], base, base)), Chunk(ChunkType.FRAME, b"")
+        program = steps_of((Operation.BASE_AND_REFINE, 2))
+        yield Draft(
+            f"{space}_frames_main_between", random_run(file.with_chunks(*file.chunks, frame, frame), program, 3),
+            len(shape), ("series of frames", "frames: one without layers", "the file ends too early"),
+        )
         yield encoded_series(
             f"{space}_frames_main_adapted", frames, VALUE, "frames: adaptive meshes", profile="main",
             precision="signs", keep_topology=True,
@@ -82,6 +88,11 @@ def whole() -> Iterator[Draft]:
     smooth = _moving(WIDE, 3, 0)
     yield encoded_series(
         "plane_frames_main_wide", smooth, VALUE, "frames: softened signs of several blocks", profile="main",
+        precision="signs",
+    )
+    spot = [balls(WIDE, [((2 * (29 + t), 40), 9)]) for t in range(3)]
+    yield encoded_series(
+        "plane_frames_main_spot", spot, -0.5, "frames: softened signs beside a block without vertices", profile="main",
         precision="signs",
     )
     smooth = _moving((18, 11, 9), 3, 0)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from isocodec import Decoder
-from isocodec.format.chunks import write_further, write_turn
+from isocodec.format.chunks import CHECKSUM_BYTES, write_further, write_turn
 from isocodec.format.events import IsovalueRead
 from isospec.container import (
     ALL,
@@ -22,7 +22,8 @@ from isospec.container import (
 
 from .adaptive import SOME, SPACES, Steps, adapt_to, base_on, random_run
 from .draft import Draft, encoded, within
-from .fields import Integers, noise, waves
+from .dump import COMPLETE, CUT_OFF, dump
+from .fields import Integers, noise, random_numbers, waves
 from .meshes import exponent, random_mesh, uniform
 from .streams import Chunk, split, steps_of
 
@@ -86,12 +87,13 @@ def whole() -> Iterator[Draft]:
         )
         for name, step, apart, about in (
             ("between_steps", 0.3, (10.0, 10.5, 9.25), "no whole steps apart"),
+            ("below_zero", 0.3, (0.0, -0.5, 0.75), "zero and below"),
             ("tenths", 0.1, (10.1, 10.6, 11.1, 9.7), "tenths apart, which binary64 has not"),
             ("steps_far", 2.0**-36, (10.0, 1e6, 10.5), "too many steps apart for values to tell of each other"),
         ):
             yield encoded(
-                f"{space}_isovalues_{name}", field / 8, apart, f"isovalues of scaled data: {about}",
-                precision=f"step={step!r}",
+                f"{space}_isovalues_{name}", field / 8 - 10 * (name == "below_zero"), apart,
+                f"isovalues of scaled data: {about}", precision=f"step={step!r}",
             )
         yield encoded(
             f"{space}_isovalues_steps_in_part", field / 8, tuple(v / 8 for v in part),
@@ -141,6 +143,8 @@ def planned() -> Iterator[Draft]:
              [base_on(field, mesh), adapt_to(field, fine), ("values", None)]),
             ("adaptive_on_adaptive", "two adaptive meshes", [base_on(field, mesh), adapt_to(field, fine)],
              [base_on(field, mesh, 2), adapt_to(field, fine | uniform(shape, 2)), ("refine", None)]),
+            ("values_twice", "values before and after refinement", [*GRID, ("values", 3)],
+             [("base", 2), ("refine", 1), ("values", 2), ("refine", None), ("values", None)]),
             ("offsets_on_coarse", "offsets of equal edges on coarse meshes", [base_on(field, fine), ("offsets", 27, 0)],
              [base_on(field, fine), ("offsets", 9, 0), ("offsets", 27, 0)]),
             ("offsets_on_values", "offsets leaning on values", [*GRID, ("values", None)], [*GRID, ("offsets", 9)]),
@@ -280,6 +284,36 @@ def turns() -> Iterator[Draft]:
         yield Draft(f"{space}_turns_random", data, len(shape), features)
 
 
+def shared() -> Iterator[Draft]:
+    """Isovalues that share models with one that leans on them or on which they lean, before it has layers (5.9.2)."""
+    for shape in SHAPES:
+        space, field = SPACES[len(shape)], _mixed(shape)
+        file = split(encoded("any", field, VALUE, precision="signs").data)
+        (layers,) = file.chunks
+
+        def further(number: int, lean: int) -> Chunk:
+            return Chunk(ChunkType.ISOVALUE, write_further(number, VALUE + 5 * number, lean))
+
+        def turn(number: int) -> Chunk:
+            return Chunk(ChunkType.TURN, write_turn(range(number, number + 1)))
+
+        # isovalue 1 has layers before 0, on which it leans; 2 begins with copies of its models, 3 shares those of 0
+        begun = (further(1, 0), turn(1), layers, further(2, 1), further(3, 0), turn(0))
+        program = steps_of((Operation.BASE, 1))
+        runs = (bytes(random_numbers(seed, size, 8)) for seed in range(97, 997) for size in range(12, 3, -1))
+        every = (Chunk(ChunkType.LAYERS, program + run) for run in runs)
+        first = next(each for each in every if dump(bytes(file.with_chunks(*begun, each))).exit_code == COMPLETE)
+        for number, name in ((2, "copied"), (3, "shared")):
+            start = bytes(file.with_chunks(*begun, first, turn(number), Chunk(ChunkType.LAYERS, program + bytes(99))))
+            start = start[: -CHECKSUM_BYTES - 99]
+            data = next(
+                start + run for seed in range(997, 1997)
+                if dump(start + (run := bytes(random_numbers(seed, 7, 8)))).exit_code == CUT_OFF
+            )
+            about = (f"isovalues: models {name}", "a run of random bytes", "the file ends too early")
+            yield Draft(f"{space}_isovalues_models_{name}", data, len(shape), about)
+
+
 def strange() -> Iterator[Draft]:
     """Runs of random bytes for an isovalue that leans on a proper one: no encoder writes that, every decoder reads it.
 
@@ -319,5 +353,5 @@ def off_the_box() -> Iterator[Draft]:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (off_the_box, whole, planned, cuts, chunks, decimals, turns, strange):
+    for group in (off_the_box, whole, planned, cuts, chunks, decimals, turns, shared, strange):
         yield from group()

@@ -12,7 +12,7 @@ from isocodec.field.mapped import Coordinate
 from isocodec.format.coordinate_record import CoordinatesRecord, write_coordinates
 from isocodec.format.header import Header, write_header
 from isocodec.grid.passes.node_run import NodeGrid, encode_run
-from isospec.container import ChunkType
+from isospec.container import ChunkType, write_varint
 
 from .adaptive import SPACES
 from .draft import Draft
@@ -66,7 +66,9 @@ def _odd(shape: tuple[int, ...]) -> Iterator[bytes]:
     yield good[:2] + bytes.fromhex("7ff0000000000000") + good[10:]
     yield good[:10] + bytes(8) + good[18:]
     yield good[: 17 * n]
-    yield good[:1] + bytes([9]) + good[2:18] + b"\x00" + good[18:]
+    for period in (b"\x00", b"\x80\x07", write_varint(1 << 32)):
+        yield good[:1] + bytes([9]) + good[2:18] + period + good[18:]
+    yield good[:1] + bytes([9]) + good[2:18] + b"\x87"
     yield good + bytes(5)
 
 

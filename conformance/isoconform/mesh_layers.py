@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import isocodec
-from isocodec.format.domain import MeshLayerHead, read_domain, write_mesh_layer
+from isocodec.format.domain import MeshLayerHead, read_domain, write_domain, write_mesh_layer
 from isocodec.mesh.complex import Complex, complex_of
 from isocodec.mesh.cut import CellHistory, history_of
 from isocodec.mesh.hierarchy import Hierarchy, hierarchy_of
@@ -30,6 +31,8 @@ class Layers:
     mesh : (points, cells)
     isovalue : float
         That of the header.
+    exponent : int, optional
+        Of the unit of positions, instead of the encoder's.
 
     Attributes
     ----------
@@ -38,17 +41,24 @@ class Layers:
     history : CellHistory
     """
 
-    def __init__(self, mesh: Mesh, isovalue: float) -> None:
-        nothing = isocodec.Mesh(*mesh, np.zeros(len(mesh[0]), np.int64), progressive=False)
-        self._begun = split(isocodec.encode(nothing, isovalue, precision="signs"))
-        head, _ = read_domain(self._begun.chunks[0].payload, mesh[1].shape[1] - 1, 0)
-        self.domain: Complex = complex_of(*mesh, head.exponent)[0]
+    def __init__(self, mesh: Mesh, isovalue: float, exponent: int | None = None) -> None:
+        n = mesh[1].shape[1] - 1
+        begun = mesh if exponent is None else (mesh[0][mesh[1][0]], np.arange(n + 1)[None])
+        nothing = isocodec.Mesh(begun[0], begun[1], np.zeros(len(begun[0]), np.int64), progressive=False)
+        file = split(isocodec.encode(nothing, isovalue, precision="signs"))
+        head, _ = read_domain(file.chunks[0].payload, n, 0)
+        self.domain: Complex = complex_of(*mesh, head.exponent if exponent is None else exponent)[0]
+        if exponent is not None:
+            head = replace(
+                head, exponent=exponent, vertices=len(mesh[0]), cells=len(mesh[1]), digest=self.domain.digest
+            )
+        self._begun = file.with_chunks(Chunk(ChunkType.DOMAIN, write_domain(head, n)))
         self.hierarchy: Hierarchy = hierarchy_of(self.domain)
         self.history: CellHistory = history_of(self.hierarchy)
 
     def file(self, *chunks: Chunk) -> bytes:
         """A file with its header, its domain and further chunks."""
-        return bytes(self._begun.with_chunks(self._begun.chunks[0], *chunks))
+        return bytes(self._begun.with_chunks(*self._begun.chunks, *chunks))
 
     def isovalue(
         self, value: float, earlier: Sequence[MeshIsovalue] = (), before: MeshIsovalue | None = None

@@ -71,6 +71,15 @@ def whole() -> Iterator[Draft]:
         "tin_notes_behind", bytes(file.with_chunks(*file.chunks, notes)), 2,
         (EXPLICIT, SURFACE, "an ancillary chunk behind the surface"),
     )
+    # three points on a circle, and one that lies a unit of the radius' square beyond
+    far = (1 << 27) - 1
+    near = np.array([[0, 0], [0, 2 * far], [2 * far, 0], [2 * far, 2 * far], [2 * far, far], [far, 2 * far], [0, far],
+                     [far + 1, 0]])
+    wide = replace(grid, extent=(2 * far + 1, 2 * far + 1), counts=(8,))
+    yield Draft(
+        "tin_nearly_circle", bytes(_file(wide, near, np.arange(8))), 2,
+        (EXPLICIT, SURFACE, "four points nearly on a circle, far apart"),
+    )
     line = np.array([[0, 0], [1, 0], [2, 0], [3, 0], [1, 5]])
     yield Draft(
         "tin_border", bytes(_file(replace(grid, extent=(4, 6), counts=(5,)), line, line[:, 0])), 2,

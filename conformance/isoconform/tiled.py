@@ -25,7 +25,7 @@ from .isovalues import HIGH
 from .special import UNKNOWN
 from .streams import Chunk, split
 from .tiled_damage import in_parts
-from .tiled_file import CODED, GROUP, Block, Run, TiledFile
+from .tiled_file import CODED, GROUP, Block, Run, TiledFile, summed
 
 EDGE = 32
 """Steps along a side of the tiles of all vectors, the least that there is."""
@@ -38,8 +38,8 @@ def _tiled(name: str, field: ArrayLike, isovalue: float | Sequence[float], about
     """A vector as the reference encoder writes it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "tiled.iso"
-        defaults = {"profile": "baseline", "precision": "exact" if "step" not in options else None}
-        save(path, field, isovalue, tile=EDGE, **{**defaults, **options})
+        defaults = {"profile": "baseline", "precision": "exact" if "step" not in options else None, "tile": EDGE}
+        save(path, field, isovalue, **{**defaults, **options})
         data = path.read_bytes()
         file = Tiles(ranges_of(data))
         file.head = replace(file.head, metadata={})  # but for what it promises
@@ -87,6 +87,8 @@ def encoded() -> Iterator[Draft]:
         "plane_descending", waves((33, 20), HIGH, 4), (VALUE + 4.5, VALUE), "isovalues in descending order",
         precision="signs",
     )
+    yield _tiled("plane_tenths", waves((33, 20), HIGH, 4) / 8, 2.7, "a scale of 0.3", precision="step=0.3")
+    yield _tiled("plane_128", waves((150, 20), HIGH, 4), VALUE, "sides of two bytes", precision="signs", tile=128)
     yield _tiled("plane_adaptive", 40 * waves((70, 101), HIGH, 4), 40 * VALUE, "an adaptive stage", precision=1.0)
     yield _tiled(
         "space_adaptive", balls((33, 66, 36), [((34, 60, 40), 23), ((30, 90, 30), 12)]), -0.5,
@@ -339,6 +341,13 @@ def only_wrong() -> Iterator[tuple[str, str, str, bytes]]:
     yield "block_all", "12.3", "one block of too many tiles", bytes(written(2, 11, 2))
     yield "leaf_sum", "12.4", "another checksum of a leaf directory", file.head(_changed(root, at)) + behind
     yield "group_sum", "12.5", "another checksum of a group", _with_leaf(file, _changed(leaf, len(leaf) - 1))
+    yield "leaf_number", "12.5", "a number not in its shortest form", _with_leaf(file, b"\x80" + leaf)
+    yield "leaf_number_long", "12.5", "a number of ten bytes", _with_leaf(file, b"\xff" * 9 + b"\1" + leaf)
+    coded = next(i for i, run in enumerate(runs) if run.kind == CODED)
+    ahead = b"".join(map(bytes, runs[:coded])) + write_varint(CODED)
+    yield "leaf_far", "12.5", "a segment of 2**40 bytes", _with_leaf(file, ahead + write_varint(1 << 40) + leaf)
+    head = file.head(root)[: -len(root) - CHECKSUM_BYTES - 1]
+    yield "metadata_long", "12.3", "metadata longer than the head", summed(head + b"\x7f" + root) + behind
     yield "leaf_leftover", "12.5", "bytes behind a leaf directory's checksums", _with_leaf(file, leaf + b"\0")
     yield "sizes_last", "12.4", "a last area shorter than its segments", file.head(_less(root)) + behind
     yield "run_last", "12.5", "a last run with a tile too many", bytes(
@@ -366,5 +375,5 @@ def drafts() -> Iterator[Draft]:
     yield Draft("tiled_cut_far", data, 2, ("file in tiles", "tiles: a leaf directory of 2**45 bytes, as the root says"))
     later = bytes(replace(file, version=2))[:20]
     yield Draft("tiled_cut_version", later, 2, ("file in tiles", "tiles: a later version that ends within its head"))
-    for name, size in (("head", 20), ("leaf", len(plain) // 2), ("segment", len(plain) - 1)):
+    for name, size in (("start", 6), ("head", 20), ("leaf", len(plain) // 2), ("segment", len(plain) - 1)):
         yield Draft(f"tiled_cut_{name}", plain[:size], 2, ("file in tiles", f"tiles: ends within a {name}"))

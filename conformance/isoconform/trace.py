@@ -6,7 +6,7 @@ The process has to run kernels as plain Python (see `plain`).
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import prod
@@ -85,6 +85,23 @@ def context_name(number: int) -> tuple[str, str]:
             rest %= below
         return f"{spoken}({', '.join(map(str, values))})" if values else spoken, element
     raise ValueError(f"no context has the number {number}")
+
+
+@contextmanager
+def replaced(instead: Iterable[tuple[Callable[..., Any], Callable[..., Any]]]) -> Iterator[None]:
+    """Put functions of the reference decoder in the place of others, wherever these are used."""
+    before = []
+    for module in [m for name, m in sys.modules.items() if name.startswith("isocodec.")]:
+        for name, thing in list(vars(module).items()):
+            for old, new in instead:
+                if thing is old:
+                    setattr(module, name, new)
+                    before.append((module, name, old))
+    try:
+        yield
+    finally:
+        for module, name, old in before:
+            setattr(module, name, old)
 
 
 def _place(position: Sequence[int]) -> str:
@@ -204,15 +221,5 @@ class Tracer:
         instead: list[tuple[Callable[..., int], Callable[..., int]]] = [
             (emit, heard), (code, coded), (blended, mixed), (counted, counted_on), (decided, by_opinions),
         ]
-        replaced = []
-        for module in [m for name, m in sys.modules.items() if name.startswith("isocodec.")]:
-            for name, thing in list(vars(module).items()):
-                for old, new in instead:
-                    if thing is old:
-                        setattr(module, name, new)
-                        replaced.append((module, name, old))
-        try:
+        with replaced(instead):
             yield
-        finally:
-            for module, name, old in replaced:
-                setattr(module, name, old)

@@ -1,4 +1,4 @@
-"""The specification as pages: its parts stay in ``spec/``."""
+"""The specification as pages: its parts and figures stay in ``spec/``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,17 @@ import re
 from pathlib import Path
 from typing import Any
 
+from mkdocs.structure.files import File, Files
+
 SPECIFICATION = Path(__file__).resolve().parents[2] / "spec"
+
+
+def on_files(files: Files, config: Any, **_: Any) -> Files:
+    """Put the specification's figures beside its pages."""
+    for figure in sorted((SPECIFICATION / "figures").glob("*.svg")):
+        name = f"specification/figures/{figure.name}"
+        files.append(File.generated(config, name, abs_src_path=str(figure)))
+    return files
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:

@@ -76,7 +76,7 @@ class _Varints:
         first, self.next = self.next, self.next + count
         wrong_ = np.searchsorted(self._wrong, first)
         if wrong_ < len(self._wrong) and self._wrong[wrong_] < self.next:
-            raise wrong("a number is not well formed", "varint", self._at + self.place, "3.2.1")
+            raise wrong("a number is not well formed", "varint", self._at + self.place, "12.5")
         if self.next > len(self.values):
             raise wrong("a directory ends too early", "directory", self._at + self._length, "12.4")
         return self.values[first : self.next]

@@ -68,7 +68,10 @@ class Reader:
 
     def notes(self) -> dict[str, str]:
         """Read notes: their length, and a JSON object (clause 3.7.2)."""
-        return read_metadata(self.bytes(self.number()))
+        size = self.number()
+        if size > self.end - self.at:
+            raise wrong("metadata longer than the head", "metadata", self.base + self.at, "12.3")
+        return read_metadata(self.bytes(size))
 
     def _early(self) -> FormatError:
         return wrong("a directory ends too early", "directory", self.base + self.end, "12.4")

@@ -245,7 +245,7 @@ export class Base {
         const earlier = t.earlier(x, y, z);
         let sign = t.follows(earlier, x, y, z);
         if (sign < 0) {
-          const context = SEED + ((earlier < 0 ? 0 : earlier & 1) * 4 + signs) * 2 + this.seed;
+          const context = SEED + ((earlier & 1) * 4 + signs) * 2 + this.seed;
           const seed = (): number => t.main ? t.main.seed(context, x, y, z, t.grid.edge(this.level), earlier) : t.coder.bit(context);
           while ((sign = seed()) < 0) yield;
           this.seed = sign;

@@ -77,7 +77,7 @@ export function leafVertices(t: Tube, leaves: Ints, i: number, p: Int32Array): n
   for (let j = 0; j <= n; j++) {
     for (let a = 0; a < 3; a++) {
       const x = d[4 * i + 1 + a]! + (off[o + 3 * j + a]! * c) / 2;
-      p[3 * j + a] = x < 0 ? 0 : x > last[a]! ? last[a]! : x;
+      p[3 * j + a] = x > last[a]! ? last[a]! : x;
     }
     if (t.store.get(p[3 * j]!, p[3 * j + 1]!, p[3 * j + 2]!) & SIGN) signs |= 1 << j;
   }

@@ -302,7 +302,6 @@ export class Offsets {
       let crossing = own, leaf = all.edgeLeaves[2 * own + side]!;
       for (let j = 0; j < 2 && leaf >= 0; ) {
         crossing = all.leafEdges[2 * leaf]! === crossing ? all.leafEdges[2 * leaf + 1]! : all.leafEdges[2 * leaf]!;
-        if (crossing < 0) break;
         if (this.place[crossing]! >= 0) met[2 * side + j++] = this.place[crossing]!;
         leaf = all.edgeLeaves[2 * crossing]! === leaf ? all.edgeLeaves[2 * crossing + 1]! : all.edgeLeaves[2 * crossing]!;
       }

@@ -199,7 +199,7 @@ export class Rounds {
       const marks = store.get(px, py, pz);
       total += (marks & EXPLICIT ? 1 : 0) - (marks & OUT ? 1 : 0);
     }
-    return total < 0 ? 0 : total > 7 ? 7 : total;
+    return Math.min(total, 7);
   }
 
   /** Slots of a cube (5.5.2); sets the middle of slot `i`. */

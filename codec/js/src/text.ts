@@ -3,7 +3,7 @@ import type { Coordinates } from "./coordinates.js";
 import type { Decoder } from "./decoder.js";
 import { IsoError } from "./errors.js";
 import { coordinatesOf } from "./nodes.js";
-import { KNOWN, SIGN } from "./store.js";
+import { SIGN } from "./store.js";
 import type { Place } from "./tiles/directory.js";
 import type { TiledFile } from "./tiles/file.js";
 import type { Tube } from "./tube.js";
@@ -20,7 +20,6 @@ function vertices(t: Tube, lines: string[]): void {
   const { data, length } = t.known, { n, store, values } = t;
   for (const i of sorted(data, length, 3)) {
     const x = data[i]!, y = data[i + 1]!, z = data[i + 2]!, flags = store.get(x, y, z);
-    if (!(flags & KNOWN)) continue;
     let line = n === 2 ? `v ${x} ${y}` : `v ${x} ${y} ${z}`;
     line += flags & SIGN ? " 1" : " 0";
     const id = values ? values.id(x, y, z) : -1;
@@ -119,5 +118,5 @@ export async function tiledText(file: TiledFile): Promise<string> {
 /** The lexicographic order of indices. */
 function before({ index: p }: Place, { index: q }: Place): number {
   const a = p.findIndex((x, i) => x !== q[i]);
-  return a < 0 ? 0 : p[a]! - q[a]!;
+  return p[a]! - q[a]!;
 }

@@ -127,11 +127,10 @@ export class Tube {
       z < 0 ? 0 : z > lastZ ? lastZ : z);
   }
 
-  /** A lattice point becomes known, if it is not. */
+  /** A lattice point of the root cube becomes known, if it is not. */
   learn(x: number, y: number, z: number, sign: number): void {
     const [lastX, lastY, lastZ] = this.grid.last;
-    const px = x < 0 ? 0 : x > lastX ? lastX : x, py = y < 0 ? 0 : y > lastY ? lastY : y;
-    const pz = z < 0 ? 0 : z > lastZ ? lastZ : z;
+    const px = x > lastX ? lastX : x, py = y > lastY ? lastY : y, pz = z > lastZ ? lastZ : z;
     const at = this.store.make(px, py, pz), flags = this.store.flags;
     if (flags[at]! & KNOWN) return;
     flags[at]! |= KNOWN | (sign ? SIGN : 0);
@@ -142,13 +141,6 @@ export class Tube {
     known.data[known.length + 2] = pz;
     known.length += 3;
     this.meter.vertex();
-  }
-
-  missing(x: number, y: number, z: number): boolean {
-    if (!this.mask) return false;
-    const [lastX, lastY, lastZ] = this.grid.last;
-    return this.mask.missing(x < 0 ? 0 : x > lastX ? lastX : x, y < 0 ? 0 : y > lastY ? lastY : y,
-      z < 0 ? 0 : z > lastZ ? lastZ : z);
   }
 
   /** The sign of a lattice point that is known or follows in the mesh so far (5.5.4(3)). */
@@ -190,9 +182,9 @@ export class Tube {
     const other = this.lean;
     if (!other) return -1;
     const [lastX, lastY, lastZ] = this.grid.last;
-    x = x < 0 ? 0 : x > lastX ? lastX : x;
-    y = y < 0 ? 0 : y > lastY ? lastY : y;
-    z = z < 0 ? 0 : z > lastZ ? lastZ : z;
+    x = x > lastX ? lastX : x;
+    y = y > lastY ? lastY : y;
+    z = z > lastZ ? lastZ : z;
     const flags = other.store.get(x, y, z);
     if (flags & KNOWN) return (flags & SIGN ? 1 : 0) + (this.framed ? 0 : 2);
     if (this.grid.levelOf(x, y, z) >= other.uniform) return -1;
@@ -221,8 +213,7 @@ export class Tube {
     const other = this.lean;
     if (!other?.values || this.shift === undefined) return undefined;
     const [lastX, lastY, lastZ] = this.grid.last;
-    const id = other.values.id(x < 0 ? 0 : x > lastX ? lastX : x, y < 0 ? 0 : y > lastY ? lastY : y,
-      z < 0 ? 0 : z > lastZ ? lastZ : z);
+    const id = other.values.id(x > lastX ? lastX : x, y > lastY ? lastY : y, z > lastZ ? lastZ : z);
     if (id < 0) return undefined;
     const missing = other.values.missing[id]!, number = other.values.number[id]!;
     if (missing >= (sign ? other.values.above : other.values.below)) return undefined;
@@ -233,15 +224,10 @@ export class Tube {
   /** Put a lattice point into `E`. */
   private explain(x: number, y: number, z: number): void {
     const at = this.store.make(x, y, z);
-    if (this.store.flags[at]! & EXPLICIT) return;
     this.store.flags[at]! |= EXPLICIT;
     this.explicit.push(x);
     this.explicit.push(y);
     this.explicit.push(z);
-  }
-
-  inMesh(level: number, x: number, y: number, z: number): boolean {
-    return level < this.uniform || (this.store.get(x, y, z) & EXPLICIT) !== 0;
   }
 
   /** Mark a lattice point as not in the mesh until the next adaptive layer begins. */
@@ -257,9 +243,8 @@ export class Tube {
     this.marks.length = 0;
   }
 
-  /** Parents of a middle (4.7(3)), three coordinates each, appended to `list`. */
+  /** Parents of a middle of a level above 0 (4.7(3)), three coordinates each, appended to `list`. */
   private parents(level: number, x: number, y: number, z: number, list: number[]): void {
-    if (level === 0) return;
     const { view, grid } = this, phase = grid.phases[level % this.n]!;
     view.look(level, x, y, z);
     const d = view.diamond, c = view.edge, from = list.length;
@@ -362,10 +347,9 @@ export class Tube {
     return (above >> anchor) & 1 ? above | (corners & ~known) : above;
   }
 
-  /** Known corners of the diamond in `view` that are known at the earlier isovalue with another sign (7.1(2)). */
+  /** Known corners of the diamond in `view` that are known at the earlier isovalue, which there is, with another sign (7.1(2)). */
   apart(known: number, above: number): number {
-    const { view } = this, other = this.lean;
-    if (!other) return 0;
+    const { view } = this, other = this.lean!;
     let count = 0;
     for (let i = 0; i < view.diamond.corners; i++) {
       if (!((known >> i) & 1)) continue;

@@ -298,6 +298,6 @@ function wholeEdge(t: Tube, px: number, py: number, pz: number, qx: number, qy: 
 
 /** Whether a unit cell of the box is whole (5.10.2). */
 function wholeCell(t: Tube, x: number, y: number, z: number): boolean {
-  for (let i = 0; i < 1 << t.n; i++) if (t.missing(x + (i & 1), y + ((i >> 1) & 1), z + (i >> 2))) return false;
+  for (let i = 0; i < 1 << t.n; i++) if (t.mask!.missing(x + (i & 1), y + ((i >> 1) & 1), z + (i >> 2))) return false;
   return true;
 }

@@ -45,8 +45,8 @@ export class Points {
     const D = sa * A + sb * B + sc * C;
     const most = sa * (Math.abs(ub * vc) + Math.abs(vb * uc)) + sb * (Math.abs(uc * va) + Math.abs(vc * ua)) +
       sc * (Math.abs(ua * vb) + Math.abs(va * ub));
-    if (Math.abs(D) > most * 2 ** -48) return D > 0;
-    if (most < SAFE) return D !== 0 ? D > 0 : this.raised([a, A], [b, B], [c, C], [d, -(A + B + C)]);
+    if (Math.abs(D) > most * 2 ** -48 || most < SAFE && D !== 0) return D > 0;
+    if (most < SAFE) return this.raised([a, A], [b, B], [c, C], [d, -(A + B + C)]);
     const [Ua, Va, Ub, Vb, Uc, Vc] = [ua, va, ub, vb, uc, vc].map(BigInt) as [bigint, bigint, bigint, bigint, bigint, bigint];
     const a2 = Ub * Vc - Vb * Uc, b2 = Uc * Va - Vc * Ua, c2 = Ua * Vb - Va * Ub;
     const exact = (Ua * Ua + Va * Va) * a2 + (Ub * Ub + Vb * Vb) * b2 + (Uc * Uc + Vc * Vc) * c2;

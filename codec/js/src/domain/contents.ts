@@ -133,7 +133,7 @@ export class DomainFile implements Contents {
     const triangles = Array.from({ length: T }, (_, t) => {
       const own = grown.corners.slice(3 * t, 3 * t + 3).map((p) => number[p]!), low = own.indexOf(Math.min(...own));
       return [own[low]!, own[(low + 1) % 3]!, own[(low + 2) % 3]!];
-    }).sort((p, q) => p[0]! - q[0]! || p[1]! - q[1]! || p[2]! - q[2]!);
+    }).sort((p, q) => p[0]! - q[0]! || p[1]! - q[1]!);
     const cells = Int32Array.from(triangles.flat());
     return new Complex(2, 2, V, T, positions, cells, neighboursOf(2, T, cells, meter), meter);
   }

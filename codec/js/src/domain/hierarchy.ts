@@ -96,7 +96,7 @@ export class Hierarchy {
     const key = (v: number): number => Math.imul(v, 2654435761) >>> 0;
     const used = Array.from({ length: V }, (_, v) => v).filter((v) => this.degree[v]);
     this.there = used.length;
-    this.order = Int32Array.from(used.filter((v) => !this.stays[v]).sort((p, q) => key(p) - key(q) || p - q));
+    this.order = Int32Array.from(used.filter((v) => !this.stays[v]).sort((p, q) => key(p) - key(q)));
   }
 
   /** Make rounds until there are `count`; false if there are not so many. */

@@ -23,22 +23,14 @@ export function sumDiv(a: readonly number[], x: readonly number[], c: number): n
   return Number(all % y !== 0n && all < 0n !== y < 0n ? q - 1n : q);
 }
 
-/** The whole part of the square root of a number that is exact. */
-function root(x: number): number {
-  let r = Math.floor(Math.sqrt(x));
-  while (r * r > x) r--;
-  while ((r + 1) * (r + 1) <= x) r++;
-  return r;
-}
-
 /** The whole part of the square root of a sum of squares. */
 export function rootOfSquares(x: number, y: number, z: number): number {
   const sum = x * x + y * y + z * z;
-  if (sum < SAFE) return root(sum);
+  // below 2**52 the root of one less than a square is not rounded up to a whole number
+  if (sum < SAFE / 2) return Math.floor(Math.sqrt(sum));
   const [a, b, c] = [BigInt(x), BigInt(y), BigInt(z)], all = a * a + b * b + c * c;
-  let r = BigInt(Math.floor(Math.sqrt(sum)));
+  let r = BigInt(Math.floor(Math.sqrt(sum))) + 2n;
   while (r * r > all) r--;
-  while ((r + 1n) * (r + 1n) <= all) r++;
   return Number(r);
 }
 

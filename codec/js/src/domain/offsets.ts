@@ -21,9 +21,7 @@ function partsOf(mesh: Complex, a: number, b: number, step: number): number {
   const r = Math.max(bits(D) - 22, 0);
   for (const x of by) q += shr(x, r) ** 2;
   // the root of q * 2**16 from that of q: 256*s + t
-  let s = Math.floor(Math.sqrt(q));
-  while (s * s > q) s--;
-  while ((s + 1) * (s + 1) <= q) s++;
+  const s = Math.floor(Math.sqrt(q));
   const left = 65536 * (q - s * s);
   let t = s ? Math.floor(left / (512 * s)) : 0;
   while (512 * s * t + t * t > left) t--;

@@ -1,12 +1,7 @@
 /** Shapes of cells between integer positions (10.8.2(3), (4)); all numbers are exact below `2**53`. */
 
-/** The whole part of the root of a number below `2**53`. */
-export function root(x: number): number {
-  let r = Math.floor(Math.sqrt(x));
-  while (r * r > x) r--;
-  while ((r + 1) * (r + 1) <= x) r++;
-  return r;
-}
+/** The whole part of the root of a number below `2**52`, which is not rounded up to a whole one. */
+export const root = (x: number): number => Math.floor(Math.sqrt(x));
 
 /** `2**-s` for the least `s` for which `far >> s` is below `2**bits`. */
 export function scaleOf(far: number, bits: number): number {

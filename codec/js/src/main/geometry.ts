@@ -121,7 +121,7 @@ export function offsetRows(offsets: Offsets, t: Tube, symbol: OffsetSymbol): num
   const rest = base + (full ? 676 : 52 * slots);
   rows[seen++] = rest + bits(high - low) + 7 * again;
   rows[seen++] = rest + 14 + bits(Math.floor(((high - low) * 4096) / (P * R)));
-  rows[seen++] = rest + 28 + (cut >> 9 < 0 ? 0 : cut >> 9 > 7 ? 7 : cut >> 9);
+  rows[seen++] = rest + 28 + (cut >> 9);
   if (nearer >= 0) rows[seen++] = rest + 36 + Math.min(bits(nearer), 7);
   if (!full) {
     const e = edges.ends, o = 6 * id;

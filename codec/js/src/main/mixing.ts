@@ -154,7 +154,7 @@ export class Mixing {
 
   /** A seed in a context (5.9.4(2)), which the panel looks at, too, if there is one (7.18.3(4)). */
   seed(context: number, x: number, y: number, z: number, edge: number, earlier: number): number {
-    const { squash, stretch } = this.tables, panel = earlier < 0 ? undefined : this.panel;
+    const { panel, tables: { squash, stretch } } = this;
     if (!panel) return this.t.coder.bit(context);
     panel.look(9, x, y, z, edge, earlier & 1, 1);
     const said = this.opinion(context, stretch), p = squash[logit(65536 * said + this.ask(panel, said)) + 2047]!;

@@ -50,8 +50,7 @@ function frame(n: number, r: number, mx: number, my: number, mz: number): Frame 
 
 /** 7.13(3). */
 function rarity(t: Tube): number {
-  const x = bits(Math.floor((t.known.length / 3 + 1) / (t.born + 1))) - 1;
-  return x < 0 ? 0 : x > 12 ? 12 : x;
+  return Math.min(bits(Math.floor((t.known.length / 3 + 1) / (t.born + 1))) - 1, 12);
 }
 
 /** Rows of a refinement sign (7.12); `corners` is the row of its part for classes of corners. */
