@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import Field, dataclass, field, fields
+from itertools import chain
 from numbers import Integral
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -25,6 +26,8 @@ ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
 """Name of a criterion that finds the least significant point of a triangulation."""
 Number = int | float
 """Integers stay integers, so that an encoder notices those that would be rounded."""
+MOST_VALUES = 4096
+"""Most numbers in a range: as many as a file has isovalues."""
 
 
 def option(text: str, heading: str = OUTPUT, *, default: Any = None, **how: Any) -> Any:
@@ -56,9 +59,29 @@ def number_of(text: str) -> Number:
         raise OptionError(f"{text!r} is not a valid float", code="number") from None
 
 
-def label_of(text: str) -> Any:
-    """Parse a label, or ``all``."""
-    return text if text == "all" else number_of(text)
+def values_of(text: str) -> tuple[Number, ...]:
+    """Parse numbers and ranges, in decimal and with the stop where steps meet it: ``1000,1500``, ``0:1:0.1``."""
+    parts = [_range_of(part) if ":" in part else (number_of(part),) for part in text.split(",")]
+    return tuple(chain.from_iterable(parts))
+
+
+def _range_of(text: str) -> tuple[Number, ...]:
+    from decimal import Decimal
+
+    try:
+        start, stop, step = map(Decimal, text.split(":"))
+        last = (stop - start) / step
+        if 0 <= last < MOST_VALUES:
+            return tuple(number_of(str(start + number * step)) for number in range(int(last) + 1))
+        wrong = f"has {'no' if last < 0 else f'more than {MOST_VALUES:,}'} values"
+    except (ValueError, ArithmeticError):
+        wrong = "is not a range"
+    raise OptionError(f"{text!r} {wrong}", code="range", remedy="give START:STOP:STEP, such as 1000:2000:50")
+
+
+def labels_of(text: str) -> tuple[Any, ...]:
+    """Parse labels and ranges of labels, or ``all``."""
+    return ("all",) if text == "all" else values_of(text)
 
 
 def numbers_of(text: str) -> tuple[float, ...]:
@@ -205,6 +228,10 @@ class Viewed(OptionRecord):
         "Decode a window of samples, from:to for each axis; from a tiled file only this part is read.", PART,
         metavar="A:B,C:D", read=window_of,
     )
+    bbox: Sequence[float] | None = option(
+        "The same by coordinates of the file: least x and y, largest x and y (of volumes with z).", PART,
+        metavar="X,Y,X,Y", read=numbers_of,
+    )
     within: Any = option(
         "Stop refining as soon as mesh cells are at most N samples wide.", PART, metavar="N", read=number_of,
     )
@@ -221,6 +248,7 @@ class Viewed(OptionRecord):
         check_count(self.layers, "layers")
         check_count(self.max_bytes, "max_bytes")
         check_count(self.frame, "frame", 0)
+        self.choose("window", "bbox")
 
     @property
     def view(self) -> dict[str, Any]:
@@ -241,12 +269,13 @@ _KINDS = {
     "surface": "a triangulated surface", "tiles": "curves in tiles",
 }
 _NOT_OF_AREAS = ("capped", "through_holes")
-_NOT_OF_SAMPLES = (*_NOT_OF_AREAS, "layers", "max_bytes", "window", "within", "smooth", "attribute", "simplify")
+_NOT_OF_SAMPLES = (*_NOT_OF_AREAS, "layers", "max_bytes", "window", "bbox", "within", "smooth", "attribute",
+                   "simplify")
 _APART = {
     "curve": (), "areas": _NOT_OF_AREAS, "areas-below": _NOT_OF_AREAS, "bands": _NOT_OF_AREAS,
-    "above": _NOT_OF_SAMPLES, "valid": (*_NOT_OF_SAMPLES, "frame", "isovalue"),
-    "labels": (*_NOT_OF_SAMPLES, "isovalue"), "mesh": (*_NOT_OF_AREAS, "smooth", "attribute", "simplify"),
-    "surface": (*_NOT_OF_AREAS, "window", "within", "frame", "smooth", "isovalue", "attribute", "simplify"),
+    "above": _NOT_OF_SAMPLES, "valid": (*_NOT_OF_SAMPLES, "frame", "isovalues"),
+    "labels": (*_NOT_OF_SAMPLES, "isovalues"), "mesh": (*_NOT_OF_AREAS, "smooth", "attribute", "simplify"),
+    "surface": (*_NOT_OF_AREAS, "window", "bbox", "within", "frame", "smooth", "isovalues", "attribute", "simplify"),
 }
 """Options of decoding that do not apply, by what is decoded."""
 
@@ -260,7 +289,10 @@ class Decode(Viewed, OutputOptions):
                "above (mask), valid (mask of the samples that are not missing), labels, mesh, surface (triangulated).  "
                "[default: curve, or surface if the file holds one]", metavar="WHAT")
     )
-    isovalue: float | None = option("Isovalue to decode.  [default: all that OUT can hold]", PART, metavar="V")
+    isovalues: tuple[Number, ...] = option(
+        "Isovalues to decode: 10,20, or 10:50:10. Repeatable.  [default: all that OUT can hold]", PART, default=(),
+        flag="--isovalue", metavar="V,..", read=values_of,
+    )
     capped: Literal["above", "below"] | None = option(
         "Close a surface in space where it leaves the field, around what lies above or below it.", DRAWING,
     )
@@ -271,7 +303,7 @@ class Decode(Viewed, OutputOptions):
     def __post_init__(self) -> None:
         Viewed.__post_init__(self)
         if self.capped:
-            self.refuse("apply with --capped", "window")
+            self.refuse("apply with --capped", "window", "bbox")
         if self.what:
             self.check_what(self.what)
 
@@ -279,6 +311,14 @@ class Decode(Viewed, OutputOptions):
         """Refuse options that do not apply to what is decoded."""
         self.refuse(f"apply to {what}", *_APART[what])
         self.check_names(what)
+        if what in ("above", "mesh") and len(self.isovalues) > 1:
+            raise OptionError(f"{what} is of one isovalue, and {len(self.isovalues)} are given", code="isovalue",
+                              remedy="give one isovalue")
+
+    @property
+    def isovalue(self) -> Number | None:
+        """The first of the isovalues; None if none is given."""
+        return self.isovalues[0] if self.isovalues else None
 
 
 _CODED = ("tile", "frames", "layers", "order", "effort", "stored", "mesh_error", "metadata", "profile")
@@ -293,21 +333,24 @@ _OF_WHOLE = ("order", "effort", "keep_topology", "layers", "frames", "interval",
 class Encode(Choice, OutputOptions):
     """Request of what to encode, and how; names that `isocodec.encode` has are its parameters."""
 
-    isovalues: tuple[Number, ...] = option("Samples with value > V are inside. Repeatable.", ISOVALUE, default=(),
-                                           flag="--isovalue", metavar="V")
+    isovalues: tuple[Number, ...] = option(
+        "Samples with value > V are inside. Repeatable: 10,20,50, or a range START:STOP:STEP, 0:1:0.1.", ISOVALUE,
+        default=(), flag="--isovalue", metavar="V,..", read=values_of,
+    )
     every: str | None = option("All multiples of S within the range of the data, in one file; with V: V, V + S, "
                                "V + 2 S, ..", ISOVALUE, flag="--interval", metavar="S[,V]", read=every_of)
     labels: tuple[Any, ...] = option(
-        "Inside is value == K; all: of all values but 0. --precision signs by default. Repeatable.", ISOVALUE,
-        default=(), flag="--label", metavar="K", read=label_of,
+        "Inside is value == K; all: of all values but 0. --precision signs by default. Repeatable: 1,2, or 1:9:1.",
+        ISOVALUE, default=(), flag="--label", metavar="K,..", read=labels_of,
     )
     order: str | None = option(
         "levels: the first bytes show all isovalues (default where possible); isovalues: one by one; independent: each "
         "decodable alone.", ISOVALUE, metavar="O",
     )
     precision: str | None = option(
-        "exact (integers); signs (samples inside); a distance in cells or in the world: 0.05, 100m, 0.2mm; falling "
-        "ones: 4,1,0.25,exact; step=S (floats); drawn smooth: '0.2 smooth'.  [default: 0.05]", PRECISION, metavar="P",
+        "exact (integers); step=S (floats); signs (samples inside); a distance in cells or in the world: 0.05, 100m, "
+        "0.2mm; falling ones, also with exact or step=S at last: 4,1,0.25,exact; drawn smooth: '0.2 smooth'.  "
+        "[default: 0.05]", PRECISION, metavar="P",
     )
     keep_topology: bool = option("Keep the topology of the contour in every layer.", PRECISION, default=False)
     effort: Literal["normal", "best"] = option(
@@ -404,8 +447,12 @@ class Edit(OptionRecord):
                               read=size_of)
     window: Sequence[Sequence[float]] | None = option("Keep a window of samples, from:to for each axis.", PART,
                                                       metavar="A:B,C:D", read=window_of)
-    isovalues: tuple[Number, ...] | None = option("Keep this isovalue. Repeatable.", PART, flag="--isovalue",
-                                                  metavar="V")
+    bbox: Sequence[float] | None = option(
+        "The same by coordinates of the file: least x and y, largest x and y (of volumes with z).", PART,
+        metavar="X,Y,X,Y", read=numbers_of,
+    )
+    isovalues: tuple[Number, ...] | None = option("Keep these isovalues: 10,20, or 10:50:10. Repeatable.", PART,
+                                                  flag="--isovalue", metavar="V,..", read=values_of)
     profile: Literal["main", "baseline"] | None = option(
         "Encode the curves again in this profile; no point moves.", PRECISION,
     )
@@ -423,7 +470,8 @@ class Edit(OptionRecord):
             self.refuse("apply to several files: merge them first", *(name for name in names if name != "profile"))
         elif not self.given(*names):
             raise OptionError("nothing to change", code="edit",
-                              remedy="give layers, size, window, isovalues, profile or precision")
+                              remedy="give layers, size, window, bbox, isovalues, profile or precision")
+        self.choose("window", "bbox")
         if self.layers is not None and self.size is not None:
             raise OptionError("layers and size cannot be combined", code="options", remedy="choose one")
 
@@ -452,8 +500,10 @@ class Verify(Choice):
 class Plot(Choice):
     """Request of a picture of a file or a field."""
 
-    isovalues: tuple[Number, ...] = option("Isovalue to draw alone; repeatable with --map.  [default: all]", ISOVALUE,
-                                           default=(), flag="--isovalue", metavar="V")
+    isovalues: tuple[Number, ...] = option(
+        "Isovalue to draw alone; with --map also several: 10,20, or 10:50:10.  [default: all]", ISOVALUE, default=(),
+        flag="--isovalue", metavar="V,..", read=values_of,
+    )
     every: str | None = option("With a field: draw all multiples of S.  [default: about 20 lines]", ISOVALUE,
                                flag="--interval", metavar="S[,V]", read=every_of)
     frame: int | None = option("Frame of a series, from 0.  [default: the first]", PART, metavar="N", least=0)
@@ -484,7 +534,7 @@ class Plot(Choice):
             raise OptionError("--mesh does not apply to fields", code="options")
         self.choose("every", "isovalues")
         if not self.map and len(self.isovalues) > 1:
-            raise OptionError("--isovalue may be given only once, except with --map", code="options")
+            raise OptionError("several isovalues need --map", code="options", remedy="give one isovalue")
         if not 4 <= self.size <= 400:
             raise OptionError(f"a map of {self.size:g} cm", code="size", remedy="give 4 to 400")
         check_notes(self.metadata)
@@ -495,8 +545,8 @@ class Thin(Choice):
     """Request to thin a terrain, a picture or points: the parameters of `isocodec.thin`."""
 
     contours: tuple[Number, ...] | None = option(
-        "If OUT is .iso: keep the contour of V, and hardly any other points. Repeatable.", SURFACE, flag="--isovalue",
-        metavar="V",
+        "If OUT is .iso: keep the contours of these values, and hardly any other points: 10,20, or 10:50:10. "
+        "Repeatable.", SURFACE, flag="--isovalue", metavar="V,..", read=values_of,
     )
     layers: int = option("If OUT is .iso: store the points in N layers at most, so that any beginning of the file "
                          "gives a good surface.", SURFACE, default=1, metavar="N", least=1)

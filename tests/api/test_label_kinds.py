@@ -348,7 +348,12 @@ def package_merge(case: Case) -> None:
     more = isocodec.encode(Frames(each) if case.kind == "series" else each[0])
     for files, labels in (([case.data, more], (*case.labels, 1)), ([more, case.data], (1, *case.labels))):
         holds(isocodec.open(isocodec.merge(files)), case, labels)
-    refused(lambda: isocodec.merge([case.data, case.data]), "another one in a file before it")
+    if case.kind == "series":
+        both = isocodec.open(isocodec.merge([case.data, case.data]))
+        assert both.frames == 2 * case.file.frames
+        assert (both.labels(frame=both.frames - 1) == case.file.labels(frame=case.file.frames - 1)).all()
+    else:
+        refused(lambda: isocodec.merge([case.data, case.data]), "another one in a file before it")
 
 
 def package_bands(case: Case) -> None:
@@ -364,8 +369,11 @@ CELLS: dict[str, Callable[[Case], None]] = {
 }
 AS_OTHERS = {
     *(f"member {name}" for name in ("size", "data", "promise", "shape", "frames", "metadata", "placement", "crs",
-                                    "complete", "contours", "each_frame", "surface", "statistics", "mesh_given")),
-    *(f"view {name}" for name in ("frame", "layers", "max_bytes", "within", "through_holes", "partial", "progress")),
+                                    "complete", "contours", "each_frame", "surface", "statistics", "mesh_given",
+                                    "window_around")),
+    *(f"view {name}" for name in ("frame", "layers", "max_bytes", "within", "through_holes", "partial", "progress",
+                                  "bbox")),
+    "edit bbox",
     "package save", "package open", "package decode",
 }
 """Rows in which files of labels are like any other: test_kinds has them."""

@@ -23,11 +23,13 @@ GRID = {
     "1m": "within 1m (2 cells)", "50cm": "within 50cm (1 cell)", "4,1": "within 4 cells, 1 cell",
     "4,exact": "within 4 cells, then all values exactly", "4m,1m": "within 4m (8 cells), 1m (2 cells)",
     "1,0.4m": "within 1 cell, 0.4m (0.8 cells)", "exact": "all values exactly", "signs": "all signs",
-    "step=0.5": "values to within 0.25",
+    "step=0.5": "values to within 0.25", "4,1,step=0.5": "within 4 cells, 1 cell, then values to within 0.25",
+    "4m,step=0.5": "within 4m (8 cells), then values to within 0.25",
 }
 MESH = {
     None: None, 0.05: "within 0.05 mm", "400um": "within 400um", "0.4mm": "within 0.4mm", "exact": "all values exactly",
     "signs": "all signs", "step=0.5": "values to within 0.25",
+    "4,step=0.5": "within 4 mm, then values to within 0.25",
 }
 STORED = {None: None, 0.05: "within 0.05 mm", "0.4mm": "within 0.4mm"}
 TILES = {precision: text and text.replace(" (2 cells)", "").replace(" (1 cell)", "") for precision, text in GRID.items()
@@ -156,14 +158,15 @@ def test_edits_promise_what_is_true(precision: Any, edit: dict[str, Any], promis
     assert kept(edited) == {None if promise is None else True}
 
 
+@looped("last", ["exact", "step=0.5"])
 @looped("layers", range(1, 18, 3))
-def test_the_first_layers_of_steps(layers: int) -> None:
+def test_the_first_layers_of_steps(layers: int, last: str) -> None:
     """Only where a step ends something is promised."""
-    data = encoded(field(None), VALUE, precision="2m,0.5m,exact")
+    data = encoded(field(last), VALUE, precision=f"2m,0.5m,{last}")
     whole = isocodec.open(data).info.layers
     short = isocodec.open(data).edited(layers=min(layers, len(whole)))
     within = whole[min(layers, len(whole)) - 1].within
-    (found,) = isocodec.open(short).verify(field(None))
+    (found,) = isocodec.open(short).verify(field(last))
     assert found.promised == within and found.kept is (None if within is None else True)
     assert (text_of(short) is None) is (within is None)
 

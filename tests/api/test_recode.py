@@ -163,7 +163,7 @@ def test_files_that_cannot_be() -> None:
             isocodec.open(data).edited(profile="baseline")
         with pytest.raises(OptionError if data is not mesh else InputError, match=merged):
             isocodec.merge([isocodec.encode(HILLS, 90.5), data])
-    with pytest.raises(InputError, match="differs from the first in kind"):
+    with pytest.raises(InputError, match="differs from the first in its frames"):
         isocodec.merge([isocodec.encode(HILLS, 90.5), series])
     with pytest.raises(OptionError, match="precision 'exact' does not apply to edits"):
         isocodec.open(series).edited(precision="exact")

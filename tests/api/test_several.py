@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ import pytest
 import isocodec
 from commands import HILLS, fails, ok, run
 from isocodec.errors import OptionError, TruncatedError
+from isocodec.verbs import values_of
 from libraries import Late
+from tables import looped
 
 shapely = Late("shapely")
 
@@ -90,6 +93,59 @@ def test_multiples_of_an_interval(tmp_path: Path) -> None:
     holed = HILLS.astype(np.float32)
     holed[3:5, 7] = np.nan
     assert multiples(holed, 20, tmp_path, "--missing", "nearest") == multiples(HILLS, 20, tmp_path)
+
+
+RANGES = {
+    "40,60.5": [40, 60.5], "40:80:20": [40, 60, 80], "40:79:20": [40, 60], "80:40:-20": [80, 60, 40],
+    "0.1:0.3:0.1": [0.1, 0.2, 0.3], "-0.1:0.1:0.1": [-0.1, 0.0, 0.1], "40:40:1": [40], "1e1:2e1:5": [10, 15, 20],
+    "9007199254740991:9007199254740992:1": [2**53 - 1, 2**53], "5,40:60:20,1.5": [5, 40, 60, 1.5],
+}
+
+
+@pytest.mark.parametrize("text", RANGES)
+def test_lists_and_ranges(text: str) -> None:
+    """In decimal, as they are written, and as Python's own arithmetic of fractions has them."""
+    found = values_of(text)
+    assert [*found] == RANGES[text] and all(isinstance(one, int) == ("." not in repr(one)) for one in found)
+
+
+@looped("text", ["1:2", "1:2:0", "1:2:nan", "inf:inf:1", "0:1:inf", "a:b:c", "1:2:3:4", ":2:1", "5:1:1", "1:5:-1",
+                 "0:1e9:1", "0:1e400:1", "0:1:1e-400", "sNaN:1:1", "0:4096:1", "", "1,,2", "1,2,"])
+def test_ranges_that_are_none(text: str) -> None:
+    with pytest.raises(OptionError):
+        values_of(text)
+    assert len(values_of("0:4095:1")) == 4096
+
+
+def test_every_command_takes_lists_and_ranges(tmp_path: Path) -> None:
+    path, iso = tmp_path / "hills.npy", tmp_path / "all.iso"
+    np.save(path, HILLS)
+    some = ["--isovalue", "40", "--isovalue", "60:80:20"]
+
+    def isovalues(*arguments: object) -> list[float]:
+        return list(json.loads(ok(*arguments, *some, "--json"))["isovalues"])
+
+    assert isovalues("encode", path, "-o", tmp_path / "some.iso") == [40, 60, 80]
+    assert isovalues("encode", path, "-o", tmp_path / "some.gpkg") == [40, 60, 80]
+    assert isovalues("plot", path, "-o", tmp_path / "some.svg", "--map") == [40, 60, 80]
+    ok("encode", path, "-o", iso, "--isovalue", "20:100:20")
+    assert isovalues("edit", iso, "-o", tmp_path / "some.iso") == [40, 60, 80]
+    for options in ([], ["--simplify", 1], ["--within", 4], ["--layers", 3], ["--what", "bands"]):
+        assert isovalues("decode", iso, "-o", tmp_path / "some.geojson", *options) == [40, 60, 80]
+    assert "one isovalue" in fails(2, "decode", iso, "-o", tmp_path / "above.npy", "--what", "above", *some)
+    assert "several contours" in fails(2, "decode", iso, "-o", tmp_path / "some.npz", *some)
+    assert "several isovalues need --map" in fails(2, "plot", iso, "-o", tmp_path / "some.svg", *some)
+    ok("thin", path, "-o", tmp_path / "tin.iso", "--tolerance", 2, *some)
+    assert "contours of 40, 60, 80" in (isocodec.open(tmp_path / "tin.iso").promise or "")
+    shown = ok("encode", path, "-o", tmp_path / "labels.iso", "--label", f"{HILLS[0, 0]},{HILLS[12, 12]}")
+    assert "2 labels" in shown
+
+
+@looped("given", [range(40, 81, 20), np.arange(40, 81, 20), np.arange(40.0, 81, 20), (40, 60, 80), [40.0, 60, 80]])
+def test_sequences_in_python(given: Any) -> None:
+    file = isocodec.open(isocodec.encode(HILLS, given))
+    assert file.isovalues == (40, 60, 80)
+    assert isocodec.open(file.edited(isovalues=given[1:])).isovalues == (60, 80)
 
 
 def test_intervals_that_fit_no_file(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ KINDS: dict[str, Callable[[], Any]] = {
 OUTPUTS = {"decode": "o.npz", "edit": "o.iso", "plot": "o.png"}
 """Commands that open a file and write one."""
 VALUES = {
-    "isovalue": "80.5", "isovalues": "80.5", "frame": "0", "layers": "1", "max_bytes": "1M", "window": "4:20,4:20",
+    "isovalues": "80.5", "frame": "0", "layers": "1", "max_bytes": "1M", "window": "4:20,4:20",
     "within": "2", "what": "mesh", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
     "steps": "2", "title": "t", "view": "top", "every": "20", "capped": "below",
     "limits": "memory=900M,work=100000000,samples=100000", "mesh": "known.npz",
@@ -193,13 +193,14 @@ EFFECTS: dict[str, Callable[[], Any]] = {
 """Fields, so that each option changes something of what is decoded."""
 EFFECTIVE = {
     "frame": 1, "layers": 1, "max_bytes": 0, "window": "4:20,4:20", "within": 16, "smooth": None,
-    "through_holes": None, "capped": "below", "isovalue": 120.5, "in_samples": None,
-    "partial": None, "layer": "mine", "attribute": "height", "simplify": 2, "sample": "plane.npy",
+    "bbox": "500135,3999650,500615,3999960", "through_holes": None, "capped": "below", "isovalues": 120.5,
+    "in_samples": None, "partial": None, "layer": "mine", "attribute": "height", "simplify": 2, "sample": "plane.npy",
 }
 """Values that change what is decoded of these; ``max_bytes`` is a quarter of the file."""
 OF_KIND = {
-    ("mesh", "window"): "500002:500005,4000002:4000005", ("volume", "window"): "1:4,1:4,1:4", ("mesh", "isovalue"): 3.1,
-    ("labels", "isovalue"): 2, ("volume", "isovalue"): 65.5, ("surface", "isovalue"): 120.5,
+    ("mesh", "window"): "500002:500005,4000002:4000005", ("volume", "window"): "1:4,1:4,1:4",
+    ("mesh", "bbox"): "500002,4000002,500005,4000005", ("mesh", "isovalues"): 3.1,
+    ("labels", "isovalues"): 2, ("volume", "isovalues"): 65.5, ("surface", "isovalues"): 120.5,
     ("volume", "sample"): "space.npy", ("mesh", "sample"): "mesh.npz",
 }
 NO_EFFECT = {

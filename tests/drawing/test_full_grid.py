@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import isocodec
 from brute import ball, noise
 from drawings import as_set, check_manifold, euler, leaves_of, torus
 from isocodec.drawing.drawing import draw
 from libraries import Late
+from tables import heavy
 
 measure = Late("skimage.measure")
+DATA = Path(__file__).parents[2] / "demo" / "data"
 
 
 # --- n = 2, full grid ------------------------------------------------------------------------------------------------
@@ -125,3 +129,32 @@ def test_euler_characteristic_and_normals_of_smooth_fields(field, characteristic
     nearest = tuple(np.round((a + b + c) / 3).astype(int).T)
     gradient = np.stack(np.gradient(field), axis=-1)[nearest]
     assert ((normal * gradient).sum(-1) < 0).all()
+
+
+SADDLES = {"jacksboro_fault_dem": (500.5, 0.003), "coins": (107.5, 0.027), "camera": (128.5, 0.027)}
+"""Isovalues, and the share of crossed cells that pages state."""
+
+
+@pytest.mark.parametrize("name", ["jacksboro_fault_dem", "coins", *heavy("camera")])
+def test_lines_of_contourpy_are_farther_in_saddles_alone(name):
+    """By shapely: within the promise of 0.05 cells away from saddles, within 0.71 cells and that in them."""
+    contourpy, shapely = pytest.importorskip("contourpy"), pytest.importorskip("shapely")
+    isovalue, share = SADDLES[name]
+    field = np.load(DATA / f"{name}.npz")["values"].astype(np.int64)
+    above = field > isovalue
+    corners = [above[:-1, :-1], above[:-1, 1:], above[1:, 1:], above[1:, :-1]]
+    count = np.sum(corners, axis=0)
+    saddle = (count == 2) & (corners[0] == corners[2])
+    assert saddle.sum() / ((count > 0) & (count < 4)).sum() == pytest.approx(share, abs=0.0005)
+    contour = isocodec.decode(isocodec.encode(field, isovalue, precision=0.05))
+    lines = contourpy.contour_generator(z=field.astype(float)).lines(isovalue)
+    tree = shapely.STRtree(shapely.linestrings([piece for line in lines for piece in itertools.pairwise(line)]))
+    ends = contour.points[contour.cells]
+    for part in (0.0, 0.25, 0.5, 0.75):
+        at = ends[:, 0] + part * (ends[:, 1] - ends[:, 0])
+        _, far = tree.query_nearest(shapely.points(at[:, ::-1]), return_distance=True, all_matches=False)
+        near = np.zeros(len(at), np.bool_)
+        for move in np.ndindex(3, 3):
+            cell = np.clip(np.floor(at).astype(np.int64) + move - 1, 0, np.array(saddle.shape) - 1)
+            near |= saddle[tuple(cell.T)]
+        assert far[~near].max() <= 0.05 + 1e-9 and far.max() <= 0.5**0.5 + 0.05

@@ -228,7 +228,7 @@ def test_the_command_line(tmp_path: Path) -> None:
 
     assert Image.open(io.BytesIO((tmp_path / "b.png").read_bytes())).width > 300
     for words, message in (
-        (["--isovalue", 3], "no isovalue 3"), (["--isovalue", 20.5, "--isovalue", 60.5], "only once"),
+        (["--isovalue", 3], "no isovalue 3"), (["--isovalue", 20.5, "--isovalue", 60.5], "need --map"),
         (["--title", "T"], "--title does not apply without --map"), (["--frame", 2], "no frame 2"),
         (["--view", "up"], "'up' is not a view"),
     ):

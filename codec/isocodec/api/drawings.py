@@ -95,15 +95,16 @@ class Fewer(OneByOne):
 
 
 class Drawings(OneByOne):
-    """Contours of all isovalues that a decoder of a grid has decoded.
+    """Contours of isovalues, by default all, that a decoder of a grid has decoded.
 
     The decoder's state, one drawing and a writer's copy of it stay within the memory limit together.
     """
 
-    def __init__(self, decoder: Decoder, view: Viewed) -> None:
+    def __init__(self, decoder: Decoder, view: Viewed, isovalues: Collection[float] = ()) -> None:
         assert decoder.header is not None
         shape = decoder.header.shape
-        super().__init__(decoder.isovalues, shape, len(shape), None)
+        self._numbers = [i for i, one in enumerate(decoder.isovalues) if not isovalues or one in isovalues]
+        super().__init__([decoder.isovalues[i] for i in self._numbers], shape, len(shape), None)
         self._decoder, self._view = decoder, view
         self._kept = 0
         if view.window is not None:
@@ -115,7 +116,7 @@ class Drawings(OneByOne):
         """Draw the contour of an isovalue, by its number, and release what was decoded of it."""
         from ..drawing.window import clipped
 
-        decoder, view = self._decoder, self._view
+        decoder, view, number = self._decoder, self._view, self._numbers[number]
         contour = decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes)
         decoder.discard(number)
         contour = clipped(contour, view.window)

@@ -129,7 +129,7 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Decode, progres
 
     Raises `FormatError`, `LimitError` or `OptionError` as `IsoFile.contour` does.
     """
-    what = wanted.what or ("surface" if file.kind == "surface" and wanted.isovalue is None else "curve")
+    what = wanted.what or ("surface" if file.kind == "surface" and not wanted.isovalues else "curve")
     suffix = check_export(path, what, wanted)
     wanted.check_what(what)
     made = _MAKERS[what](file, suffix, wanted, progress)
@@ -200,36 +200,51 @@ def _curves(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Export
 
 
 def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneByOne | list[Contour]:
-    """Decode all isovalues that the format can hold, or the one wanted, within the memory limit."""
+    """Decode the isovalues wanted, by default all that the format can hold, within the memory limit."""
     from .files import SampledFile
 
     view = {**wanted.view, "progress": progress}
     kind = _KINDS[wanted.what or "curve"]
     if kind == "areas" and file.info.mask_bytes is not None:
         view["through_holes"] = True
-    several, of_labels = kind != "areas", is_of_labels(file.metadata)
-    every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
+    if wanted.bbox is not None:
+        view["window"] = file.window_around(view.pop("bbox"))
+    # of the first layers, notes behind them are not read: there may be damage between
+    several, of_labels = kind != "areas", "layers" not in view and is_of_labels(file.metadata)
+    asked = tuple(dict.fromkeys(wanted.isovalues))
+    every = len(asked) != 1 and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
     if every and suffix in suffixes_of(Thing(kind, len(file.shape) or None, several)):
         in_turn = "within" not in view and not wanted.capped and wanted.simplify is None and not of_labels
         if isinstance(file, SampledFile) and in_turn:
+            for isovalue in asked:
+                file.info.number_of(isovalue)
             chosen = Viewed(**view)
-            drawings = Drawings(file.received(None, chosen), chosen)
+            drawings = Drawings(file.received(None, chosen), chosen, asked)
             if len(drawings) > 1:
                 return drawings
-            contours = [*drawings]
+            contours = [*drawings] or [file.contour(wanted.isovalue, **view)]
         else:
-            contours = file.contours(**view)
-    elif of_labels and kind == "areas" and "layers" not in view:
-        number = 0 if wanted.isovalue is None else file.info.number_of(wanted.isovalue)
-        contours = file.contours(**view)[number : number + 1]
+            contours = _of_asked(file, asked, view, of_labels)
+    elif of_labels and kind == "areas":
+        contours = _of_asked(file, asked or file.isovalues[:1], view, True)
     else:
-        contours = [file.contour(wanted.isovalue, **view)]
+        contours = [file.contour(one, **view) for one in asked or (None,)]
     check(f"_{suffix}", Thing(kind, contours[0].n, several and len(contours) > 1), wanted)
     held = sum(one.points.nbytes + one.cells.nbytes for one in contours)
     sizes = [(len(one.points), len(one.cells)) for one in contours]
     held += sum(cost.kept(points) for points, _ in sizes[1:])
     _check_memory(file, held + max(cost.peak(*size) for size in sizes))
     return contours if wanted.simplify is None else Fewer(contours, wanted.simplify)
+
+
+def _of_asked(
+    file: IsoFile, asked: Sequence[float], view: dict[str, Any], together: bool
+) -> list[Contour]:
+    """Decode some isovalues, or all if none is asked for; labels together, so that their borders meet."""
+    if not asked or together:
+        contours = file.contours(**view)
+        return [contours[file.info.number_of(one)] for one in asked] if asked else contours
+    return [file.contour(one, **view) for one in asked]
 
 
 def _check_memory(file: IsoFile, held: int) -> None:
@@ -241,7 +256,7 @@ def _others(source: IsoFile | Decoder, isovalue: float, wanted: Decode) -> list[
     with suppress(FormatError):
         others = [repr(value).removesuffix(".0") for value in source.isovalues if value != isovalue]
         listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
-        if others and wanted.isovalue is None:
+        if others and not wanted.isovalues:
             return [f"only {caption(isovalue, source.metadata)} is written; choose another with --isovalue: {listed}"]
     return []
 

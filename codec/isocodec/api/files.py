@@ -29,6 +29,7 @@ from .operations import ONE_FRAME
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
     from ..drawing.tessellation import Tessellation
+    from ..field.placement import Placement
     from ..stream.statistics import FileStatistics
     from ..tiles.tiled import TiledFile
     from ..tin.tin import Tin
@@ -165,6 +166,12 @@ class IsovalueFile(WholeFile):
 
 class SampledFile(IsovalueFile):
     """A file of a grid, or of a series of grids."""
+
+    @property
+    def _place(self) -> Placement | None:
+        decoder = Decoder(self.limits, only=())
+        decoder.feed(self.data)
+        return decoder.take().grid.placement
 
     def _valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         decoder = Decoder(self.limits, only=())

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import IsoError
+from ..field.cropping import check_box, window_around
 from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
 from ..stream.file_info import FileInfo
@@ -131,13 +133,28 @@ class IsoFile:
         """Check the parameters of a view."""
         made = Viewed(**view)
         made.refuse_for(self.kind, *self._refused)
-        return made
+        return made if made.bbox is None else replace(made, window=self.window_around(made.bbox), bbox=None)
+
+    def window_around(self, bbox: Sequence[float]) -> Sequence[Sequence[float]]:
+        """Find the window that a box of coordinates covers: start and end along each axis, in samples.
+
+        Raises `OptionError` if samples have no coordinates, or if the box lies outside of the field.
+        """
+        if not self.shape:
+            return list(zip(*check_box(bbox, len(bbox) // 2), strict=True))
+        return window_around(self._place, self.shape, bbox).tolist()
+
+    @property
+    def _place(self) -> Placement | None:
+        """Placement of the samples, also by coordinates in the file."""
+        return self.placement
 
     # -- drawings ------------------------------------------------------------------------------------------------
 
     def contour(
         self, isovalue: float | None = None, *, frame: int | None = None, layers: int | None = None,
         max_bytes: int | None = None, window: Sequence[Sequence[float]] | None = None,
+        bbox: Sequence[float] | None = None,
         within: float | Callable[..., float] | None = None, smooth: bool | None = None, through_holes: bool = False,
         partial: bool = False, progress: Progress | None = None,
     ) -> Contour:
@@ -156,6 +173,8 @@ class IsoFile:
         window : n pairs of numbers, optional
             Start and end along each axis, in samples (on a mesh, in its coordinates); cells that reach into this window
             are drawn. From a tiled file, nothing else is read.
+        bbox : sequence of float, optional
+            The window around a box of coordinates of the file, instead: least x, y (, z), then largest.
         within : float or callable, optional
             For grids: stop refining as soon as cubes of the mesh are at most this many samples wide. For tiled files
             also a function that returns this number for the window of a tile, n pairs of samples.
@@ -189,8 +208,8 @@ class IsoFile:
             If the given mesh is not the one that the file was made on.
         """
         return self._contour(isovalue, self._viewed(
-            frame=frame, layers=layers, max_bytes=max_bytes, window=window, within=within, smooth=smooth,
-            through_holes=through_holes, partial=partial, progress=progress,
+            frame=frame, layers=layers, max_bytes=max_bytes, window=window, bbox=bbox, within=within,
+            smooth=smooth, through_holes=through_holes, partial=partial, progress=progress,
         ))
 
     def contours(self, **view: Unpack[ViewOptions]) -> list[Contour]:
@@ -345,8 +364,8 @@ class IsoFile:
 
     def edited(
         self, *, layers: int | None = None, size: int | None = None, window: Sequence[Sequence[float]] | None = None,
-        isovalues: Sequence[float] | None = None, profile: ProfileName | None = None, precision: Any = None,
-        keep_topology: bool = False,
+        bbox: Sequence[float] | None = None, isovalues: Sequence[float] | None = None,
+        profile: ProfileName | None = None, precision: Any = None, keep_topology: bool = False,
     ) -> bytes:
         """Make another file from this one; the field is not needed.
 
@@ -360,6 +379,8 @@ class IsoFile:
         window : n pairs of numbers, optional
             Keep a window of samples, enlarged to whole samples, with its start rounded down to an even index; no point
             moves.
+        bbox : sequence of float, optional
+            The window around a box of coordinates of the file, instead: least x, y (, z), then largest.
         isovalues : sequence of float, optional
             Keep only these isovalues.
         profile : str, optional
@@ -383,8 +404,10 @@ class IsoFile:
         """
 
         chosen = None if isovalues is None else tuple(isovalues)
-        edit = Edit(layers, size, window, chosen, profile, precision, keep_topology)
+        edit = Edit(layers, size, window, bbox, chosen, profile, precision, keep_topology)
         edit.check()
+        if bbox is not None:
+            edit = replace(edit, window=self.window_around(bbox), bbox=None)
         return self._edited(edit)
 
     # -- of each kind of file ------------------------------------------------------------------------------------

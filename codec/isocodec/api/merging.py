@@ -1,23 +1,27 @@
-"""Merge several files of the same field."""
+"""Merge several files: isovalues of one field, windows of one grid, or frames of one series."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..drawing.smoothing import SMOOTHING
-from ..errors import InputError, OptionError
-from ..field.labelling import is_of_labels
-from ..field.placement import CRS, PLACEMENT
+from ..errors import InputError, LimitError, OptionError
+from ..field.labelling import is_of_labels, listed
+from ..field.placement import CRS, PLACEMENT, Placement, read_placement, unplaced
 from ..limits import Limits
 from ..storage.content import Readable
+from ..stream.cropped_source import moved_notes
+from ..stream.mosaic import Mosaic, Window
 from ..stream.options import Options
 from ..stream.promises import PROMISE, last_promise
-from ..stream.splicing import spliced
+from ..stream.splicing import appended, can_follow, parts_of, spliced
 from .files import TileFile
 from .opening import open
 from .operations import impossible
@@ -27,15 +31,24 @@ if TYPE_CHECKING:
     from ..stream.options import ProfileName
     from .isofile import IsoFile
 
+_OFF = 1e-3
+"""Samples that coordinates of one grid in two files may be apart, since they are rounded."""
+_NAMED = 6
+"""Most isovalues that an error names."""
+
 
 def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limits: Limits | None = None) -> bytes:
-    """Put the isovalues of several files of one field, or of one mesh, into one file; no point moves.
+    """Merge several files into one; no point moves.
+
+    Files of the same field, with the same placement and missing samples, or on the same mesh give their isovalues,
+    which differ. Series with the same isovalues, or single frames and a series, give their frames. Windows of one grid,
+    by their placements, with the same isovalues give the box around them; they share a row of samples with their
+    neighbours.
 
     Parameters
     ----------
     files : sequence of bytes, paths, URLs or file objects
-        Files of the same field (with the same shape, placement and missing samples) with different isovalues, or of
-        labels that no sample has two of; series with the same frames; or files of values on the same mesh.
+        Files of one field, of labels that no sample has two of, of one series, one mesh or one grid.
     profile : str, optional
         Profile of the result; ``main`` by default for files of grids, which are re-encoded. Series, meshes and labels,
         which are not, keep theirs.
@@ -45,14 +58,17 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     Returns
     -------
     bytes
-        An ``.iso`` file with the isovalues in the order of the files. If several files have the same note, the first
-        one's is kept.
+        An ``.iso`` file with the isovalues or the frames in the order of the files. If several files have the same
+        note, the first one's is kept. Between windows, a crossing on a shared edge is that of the first file; what two
+        files store of it may differ by their precision, and what the merged file promises takes that into account.
+        Where no window lies, samples are missing.
 
     Raises
     ------
     InputError
         If the files are not of the same field: they differ in shape, placement, missing samples or step of values, or a
-        sample lies above one isovalue but not above a lower one, or has two labels.
+        sample lies above one isovalue but not above a lower one, or has two labels. If windows differ in samples that
+        they share, or touch without sharing any.
     OptionError
         If two files have the same isovalue, or a file cannot be re-encoded (see `IsoFile.edited`); or if series or
         meshes, which are not, do not have the profile.
@@ -64,12 +80,22 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     kinds = [file.kind for file in opened]
     if "surface" in kinds:
         raise impossible("merge", "surface")
-    of_labels = [is_of_labels(file.info.metadata) for file in opened]
+    whole = [file.whole() if isinstance(file, TileFile) else file for file in opened]
+    notes = [each.info.metadata for each in whole]
+    of_labels = [is_of_labels(note) for note in notes]
     if any(of_labels) and not all(of_labels):
         raise InputError("labels and isovalues cannot be in one file", code="merge",
                          remedy="merge files of labels alone")
-    whole = [file.whole() if isinstance(file, TileFile) else file for file in opened]
-    _check_one_place([each.info.metadata for each in whole])
+    windows = "mesh" not in kinds and len({note.get(PLACEMENT) for note in notes}) > 1
+    alike = len({each.isovalues for each in whole}) == 1
+    frames = alike and not windows and any(each.info.interval is not None for each in whole)
+    if windows and any(of_labels):
+        raise InputError("windows of labels cannot be merged", code="merge", remedy="encode the labels of the whole")
+    _check_one(notes, *[CRS] if windows else [PLACEMENT, CRS])
+    if frames:
+        return _with_frames(whole, profile, limits)
+    if windows:
+        return _around(whole, profile, limits)
     if all(of_labels):
         _check_apart(whole)
     if all(of_labels) or {"mesh", "series"} & set(kinds):
@@ -99,10 +125,104 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     return same_again(merged, Options.of(profile=profile or "main", metadata=metadata))
 
 
-def _check_one_place(metadata: Sequence[Mapping[str, str]]) -> None:
+def _with_frames(files: Sequence[IsoFile], profile: ProfileName | None, limits: Limits | None) -> bytes:
+    """Put the frames of files one after the other; those whose key frames would not fit are re-encoded."""
+    first = next(file.info for file in files if file.info.interval is not None)
+    interval, wanted = first.interval or 0, profile or first.profile
+    pieces: list[tuple[str, bytes]] = []
+    done = 0
+    for number, file in enumerate(files, start=1):
+        name = f"file {number}"
+        ready = file.info.profile == wanted and not file.info.turned
+        if ready and can_follow(parts_of(file.data, name), done, interval):
+            pieces.append((name, file.data))
+        elif file.kind == "mesh":
+            raise OptionError(f"a key frame is due within {name}, after every {interval} frames, where a frame is "
+                              "predicted from the one before", code="merge",
+                              remedy="encode series on meshes with interval=0 (--frame-interval 0)")
+        else:
+            held = held_by(file.data, limits, name)
+            key = -done % interval if interval else 0
+            for span in (slice(0, key), slice(key, None)):
+                if held.frames[span]:
+                    piece = replace(held, frames=held.frames[span], contours=held.contours[span], interval=interval)
+                    pieces.append((name, same_again(piece, Options(profile=wanted, metadata=held.kept_notes))))
+        done += file.frames
+    return appended(pieces, interval)
+
+
+def _around(files: Sequence[IsoFile], profile: ProfileName | None, limits: Limits | None) -> bytes:
+    """Join windows of one grid."""
+    all_held = [held_by(each.data, limits, f"file {i}") for i, each in enumerate(files, start=1)]
+    first = all_held[0]
+    starts = _starts([(held.header.shape, held.metadata) for held in all_held])
+    values = [source.field.isovalue for source in first.frames[0]]
+    for number, held in enumerate(all_held, start=1):
+        own = {source.field.isovalue: i for i, source in enumerate(held.frames[0])}
+        if set(own) != set(values):
+            raise InputError(f"file {number} and the first differ in isovalues: "
+                             f"{listed(sorted(set(own) ^ set(values))[:_NAMED], ', ')}", code="merge",
+                             remedy="encode windows at the same isovalues: --isovalue 0:3000:20")
+        if (len(held.frames), held.interval, held.header.scale) != (
+            len(first.frames), first.interval, first.header.scale
+        ):
+            raise InputError(f"file {number} differs from the first in its frames or in the step of values",
+                             code="merge")
+        order = [own[value] for value in values]
+        all_held[number - 1] = replace(held, frames=[[one[i] for i in order] for one in held.frames],
+                                       promised=[held.promised[i] for i in order])
+    first = all_held[0]
+    low = starts.min(axis=0)
+    size = math.prod((np.array([held.header.shape for held in all_held]) + starts - low).max(axis=0).tolist())
+    if size > (limits or Limits()).samples:
+        raise LimitError(f"all files together have {size:,} samples, more than the limit of "
+                         f"{(limits or Limits()).samples:,}", code="limit-samples", clause="11.2",
+                         remedy="merge fewer files, or raise Limits.samples")
+    mosaic = Mosaic([Window(tuple(start), held.valid)
+                     for start, held in zip((starts - low).tolist(), all_held, strict=True)])
+    joined = [[mosaic.source(sources) for sources in zip(*frames, strict=True)]
+              for frames in zip(*(held.frames for held in all_held), strict=True)]
+    off = max(far for frame in joined for _, far in frame)
+    promised = [None if None in some else max(some) + off
+                for some in zip(*(held.promised for held in all_held), strict=True)]
+    notes = {name: text for held in all_held[::-1] for name, text in held.metadata.items()
+             if name != SMOOTHING and (name != PLACEMENT or held is first)}
+    metadata = moved_notes(notes, low.tolist())
+    if off or len({held.metadata.get(PROMISE) for held in all_held}) > 1:
+        metadata = last_promise(metadata)
+    merged = replace(
+        first, header=replace(first.header, shape=mosaic.shape), metadata=last_promise(metadata, all(promised)),
+        frames=[[source for source, _ in frame] for frame in joined], contours=[], valid=mosaic.valid,
+        promised=promised,
+    )
+    return same_again(merged, Options.of(profile=profile or "main", metadata=merged.metadata), expected=False)
+
+
+def _starts(files: Sequence[tuple[tuple[int, ...], Mapping[str, str]]]) -> NDArray[np.int64]:
+    """Find the first sample of each file, by shape and notes, in the grid of the first, (F, n)."""
+    n = len(files[0][0])
+    places = [read_placement(notes, n) or Placement(unplaced(n)) for _, notes in files]
+    matrix = places[0].matrix
+    assert matrix is not None
+    found = []
+    for number, ((shape, _), place) in enumerate(zip(files, places, strict=True), start=1):
+        corners = np.indices((2,) * n).reshape(n, -1).T * (np.array(shape, np.float64) - 1)
+        away, steps = (place.place(corners) - matrix[:, n]).T, matrix[:, :n]
+        index = np.linalg.lstsq(steps, away, rcond=None)[0]
+        off = (steps @ index - away) / np.sqrt((steps**2).sum(axis=0)).min()
+        start = np.rint(index[:, 0])
+        if max(np.abs(index.T - corners - start).max(), np.abs(off).max()) > _OFF:
+            raise InputError(f"file {number} differs from the first in placement, and in its grid", code="merge",
+                             remedy="merge windows of one grid")
+        found.append(start.astype(np.int64))
+    return np.array(found)
+
+
+def _check_one(metadata: Sequence[Mapping[str, str]], *names: str) -> None:
+    """Refuse files that differ in a note."""
     first, *others = metadata
     for number, other in enumerate(others, start=2):
-        for note in (PLACEMENT, CRS):
+        for note in names:
             if first.get(note) != other.get(note):
                 raise InputError(f"file {number} differs from the first in {note}", code="merge")
 

@@ -103,8 +103,8 @@ def decode(
     mesh, limits, threads
         As for `open`.
     view
-        Parameters of `IsoFile.contour`: ``frame``, ``layers``, ``max_bytes``, ``window``, ``within``, ``smooth``,
-        ``through_holes``, ``partial``, ``progress``.
+        Parameters of `IsoFile.contour`: ``frame``, ``layers``, ``max_bytes``, ``window``, ``bbox``, ``within``,
+        ``smooth``, ``through_holes``, ``partial``, ``progress``.
 
     Returns
     -------

@@ -43,6 +43,7 @@ class ViewOptions(TypedDict, total=False):
     layers: int | None
     max_bytes: int | None
     window: Sequence[Sequence[float]] | None
+    bbox: Sequence[float] | None
     within: float | Callable[..., float] | None
     smooth: bool | None
     through_holes: bool

@@ -26,7 +26,18 @@ from ..field.stretch import in_unit
 from ..field.units import converted, distance_of, unit_of
 from ..stream.file_info import FileInfo
 from ..stream.given import field_of
-from ..stream.promises import EXACT, SIGNS, asked, cells_in_words, noted, of_samples, of_tiles, on_mesh_in_words
+from ..stream.promises import (
+    EXACT,
+    SIGNS,
+    asked,
+    cells_in_words,
+    noted,
+    noted_values,
+    of_samples,
+    of_tiles,
+    of_values,
+    on_mesh_in_words,
+)
 from ..verbs import Choice
 
 if TYPE_CHECKING:
@@ -373,7 +384,8 @@ def _of_points(
     own = [layer for layer in info.layers if (layer.frame, layer.isovalue) == (frame, number)][-1:]
     stated = own[0].within if own else None
     if within is None and not stated:
-        samples, last = of_samples(info), [layer.kind for layer in own]
+        samples = of_values(info.scale) if noted_values(info.metadata) else of_samples(info)
+        last = [layer.kind for layer in own]
         step = info.scale if samples not in (None, EXACT, SIGNS) and last == ["values"] else None
         return _Promise(0.0 if samples == EXACT and last == ["values"] else None, samples, step=step)
     text = str(within if within is not None else asked(info, stated, frame, number) or f"{stated:.9g}").replace(" ", "")

@@ -15,8 +15,9 @@ from .report import concerning, counted, named, progress_bar, result, warn, writ
 def edit_command(call: Call, options: Edit) -> None:
     """Make OUT.iso from IN.iso: keep its first layers, crop it, reduce its precision, or change its profile.
 
-    If several IN.iso are given, they must all be of the same field; OUT.iso gets all their isovalues, with
-    every point unchanged.
+    If several IN.iso are given, OUT.iso gets all their isovalues, with every point unchanged. Series with the same
+    isovalues are put one after the other. Files with different placements are windows of one grid, with the same
+    isovalues and a row of samples in common with their neighbours: OUT.iso is of the box around them.
 
     A window is enlarged to whole samples, and its start is rounded down to an even sample index. If IN.iso is a tiled
     file, only the bytes of that window are read, from disk or from a URL.

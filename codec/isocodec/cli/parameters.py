@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import Field, dataclass, fields, replace
 from inspect import cleandoc
+from itertools import chain
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
@@ -28,7 +29,7 @@ HEADINGS = (*verbs.HEADINGS, LIMITS)
 """Headings of help, in order."""
 COLUMN = 30
 """The widest column of options: click puts the text of longer ones on the next line."""
-_READ: dict[Any, Callable[[str], Any]] = {int: int, float: float, verbs.Number: verbs.number_of, Path: Path}
+_READ: dict[Any, Callable[[str], Any]] = {int: int, float: float, Path: Path}
 """Functions that parse a text, by annotation."""
 
 
@@ -245,6 +246,8 @@ def _parameter(each: Field[Any], kind: Any, hidden: bool) -> click.Option:
         more = {"type": click.Choice(get_args(kind))}
     elif read is not None:
         more = {"type": Parsed(read, how.get("least"))}
+    if read in (verbs.values_of, verbs.labels_of):
+        more["callback"] = lambda ctx, param, value: tuple(chain.from_iterable(value))
     made = Heading([*flags, each.name], help=how["help"], hidden=hidden, metavar=how.get("metavar"),
                    multiple=repeatable, default=() if repeatable else each.default, show_default=how.get("shown"),
                    required=how.get("required", False), **more)

@@ -10,33 +10,82 @@ import numpy as np
 
 from ..errors import OptionError
 from .missing import missing_samples
-from .placement import Placement, matrix_of
+from .placement import Array, Placement, matrix_of
 from .sampled import Field
 
 Box = Sequence[float]
 """Least x, y (, z), then largest x, y (, z)."""
 _EVEN = 1e-6
 """Steps that samples may lie outside of a box, since coordinates are rounded."""
+_ROUNDED = 1e-12
+"""Share of coordinates that is below their rounding."""
 
 
-def spans_within(placement: Placement | None, shape: Sequence[int], box: Box) -> tuple[slice, ...]:
-    """Find the samples within a box: the first and the last along each axis of the field.
+def check_box(box: Box, n: int) -> tuple[Array, Array]:
+    """Split a box into least and largest x, y (, z); raises `OptionError` if it is none of n axes."""
+    least, most = np.array(box, np.float64)[:n], np.array(box, np.float64)[n:]
+    if len(box) != 2 * n or not (least <= most).all() or not np.isfinite([least, most]).all():
+        raise OptionError(f"the box {tuple(box)} of coordinates has other axes than the field, or no inside",
+                          code="bbox",
+                          remedy=f"give {'XMIN,YMIN,XMAX,YMAX' if n == 2 else 'XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX'}")
+    return least, most
 
-    Raises `OptionError` if the field has no placement, the box another number of axes, or no sample is within it.
+
+def window_around(placement: Placement | None, shape: Sequence[int], box: Box) -> Array:
+    """Find the window of index coordinates that a box reaches into: its ends along each axis of the field, (n, 2).
+
+    It may be larger than the field, and holds all of a box that is turned to the field's axes. On a grid with
+    coordinates it ends with whole cells.
+
+    Raises `OptionError` if the field has no placement, the box another number of axes, or lies outside of the field.
     """
     n = len(shape)
     if placement is None or not placement.placed:
         raise OptionError("a box of coordinates needs a field with a placement in the world", code="bbox",
                           remedy="give a placement")
-    if len(box) != 2 * n or not all(low <= high for low, high in zip(box[:n], box[n:], strict=True)):
-        raise OptionError(f"the box {box} of coordinates has other axes than the field, or no inside", code="bbox",
-                          remedy=f"give {'XMIN,YMIN,XMAX,YMAX' if n == 2 else 'XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX'}")
+    if placement.in_space:
+        raise OptionError("a box of coordinates does not apply to a plane in space", code="bbox",
+                          remedy="give a window of samples")
+    least, most = check_box(box, n)
+    ends = np.indices((2,) * n).reshape(n, -1)
     if placement.matrix is not None:
         matrix = matrix_of(placement.matrix, n)
-        ends = np.indices((2,) * n).reshape(n, -1).T
-        corners = np.where(ends, box[n:], box[:n]) - matrix[:, n]
-        index = np.linalg.solve(matrix[:, :n], corners.T)
-        low, high = np.ceil(index.min(axis=1) - _EVEN), np.floor(index.max(axis=1) + _EVEN) + 1
+        index = np.linalg.solve(matrix[:, :n], np.where(ends, most[:, None], least[:, None]) - matrix[:, n:])
+        index = np.where(np.abs(index - np.rint(index)) < _EVEN, np.rint(index), index)
+        window = np.stack([index.min(axis=1), index.max(axis=1)], axis=1)
+        nodes = [*(matrix[:, :n] @ (ends * (np.array(shape) - 1)[:, None]) + matrix[:, n:])]
+    else:
+        nodes = [np.broadcast_to(array, shape) for array in placement.nodes()]
+        inside = np.ones([size - 1 for size in shape], np.bool_)
+        for node, low, high in zip(nodes, least, most, strict=True):
+            corners = [node[tuple(slice(c, c + size - 1) for c, size in zip(corner, shape, strict=True))]
+                       for corner in ends.T]
+            inside &= (np.min(corners, axis=0) <= high) & (np.max(corners, axis=0) >= low)
+        window = np.array([[each.min(), each.max() + 1] if len(each) else [-1, -1] for each in inside.nonzero()])
+    extent = np.array([[np.nanmin(node), np.nanmax(node)] for node in nodes])
+    away = np.abs(extent).max(axis=1) * _ROUNDED
+    beside = (window[:, 1] < 0) | (window[:, 0] > np.array(shape) - 1)
+    if (beside | (most < extent[:, 0] - away) | (least > extent[:, 1] + away)).any():
+        raise _outside(box, extent)
+    return np.asarray(window, np.float64)
+
+
+def _outside(box: Box, extent: Array) -> OptionError:
+    low, high = (", ".join(f"{number:.10g}" for number in side) for side in extent.T)
+    return OptionError(f"no samples lie within the box {', '.join(f'{number:.10g}' for number in box)}", code="bbox",
+                       remedy=f"the field extends from {low} to {high}, x before y")
+
+
+def spans_within(placement: Placement | None, shape: Sequence[int], box: Box) -> tuple[slice, ...]:
+    """Find the samples within a box: the first and the last along each axis of the field.
+
+    Raises `OptionError` as `window_around` does, or if no sample is within the box.
+    """
+    n = len(shape)
+    window = window_around(placement, shape, box)
+    assert placement is not None
+    if placement.matrix is not None:
+        low, high = np.ceil(window[:, 0]), np.floor(window[:, 1]) + 1
         found = [(max(int(a), 0), min(int(b), size)) for a, b, size in zip(low, high, shape, strict=True)]
     else:
         inside = np.ones(shape, np.bool_)
@@ -45,8 +94,8 @@ def spans_within(placement: Placement | None, shape: Sequence[int], box: Box) ->
         along = [np.flatnonzero(inside.any(axis=tuple(a for a in range(n) if a != axis))) for axis in range(n)]
         found = [(int(each[0]), int(each[-1]) + 1) if len(each) else (0, 0) for each in along]
     if any(a >= b for a, b in found):
-        raise OptionError(f"no samples lie within the box {', '.join(f'{number:g}' for number in box)}", code="bbox",
-                          remedy="its numbers are coordinates of the field, x before y")
+        raise OptionError(f"the box {', '.join(f'{number:.10g}' for number in box)} lies between samples", code="bbox",
+                          remedy="give a larger box")
     return tuple(slice(a, b) for a, b in found)
 
 

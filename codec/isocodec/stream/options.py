@@ -28,7 +28,7 @@ EffortName: TypeAlias = Literal["normal", "best"]
 """Time that an encoder takes to search."""
 CriterionName: TypeAlias = Literal["crossing", "topology", "curvature", "distortion", "level"]
 """Criteria for coarsening a mesh."""
-PrecisionGiven: TypeAlias = "float | str | Sequence[float | Literal['exact']] | None"
+PrecisionGiven: TypeAlias = "float | str | Sequence[float | str] | None"
 """Types that `Precision.of` parses."""
 LayersGiven: TypeAlias = "int | str | Sequence[Entry] | Mapping[float, Sequence[Entry]] | None"
 """Types that `Layers.of` parses."""
@@ -85,7 +85,7 @@ class Precision:
     steps : tuple of float, or None
         Decreasing distances, in cells, that successive layers guarantee; 0 for exact values.
     step : float or None
-        Values of floats next to the curve, to within half of this.
+        Values of floats next to the curve, to within half of this; after `steps`, they are the exact values of these.
     error : float
         What coordinates in the file may be off in cells, so that they keep to a distance in the world; 0 if they are
         left as precise as they are.
@@ -106,7 +106,7 @@ class Precision:
     def of(cls, given: PrecisionGiven | Precision) -> Precision:
         """Parse a precision: a number, "exact", "signs", "100m", "step=0.5", distances as a sequence or "4,1m,exact".
 
-        A single distance and "signs" may end in " smooth".
+        Distances may end in "exact" or "step=0.5"; a single distance and "signs" may end in " smooth".
 
         Raises
         ------
@@ -141,6 +141,8 @@ class Precision:
             number, unit = distance_of(text)
             return cls(world=text) if unit else cls(tolerance=number)
         parts = [part.strip() for part in text.split(",")]
+        if parts[-1].startswith(STEP):
+            return replace(cls._of_text(",".join([*parts[:-1], "exact"])), step=cls._of_text(parts[-1]).step)
         found = [(0.0, "") if part == "exact" else distance_of(part) for part in parts]
         if any(unit for _, unit in found):
             return cls(world=",".join(parts))
@@ -184,11 +186,12 @@ class Precision:
     @property
     def text(self) -> str:
         """The text that `of` parses to this; empty if nothing was chosen."""
+        last = "exact" if self.step is None else f"{STEP}{self.step}"
         if self.steps is not None:
-            return ",".join("exact" if step == EXACT else f"{step:g}" for step in self.steps)
+            return ",".join(last if step == EXACT else f"{step:g}" for step in self.steps)
         chosen = {
-            "exact": self.exact, "signs": self.signs, f"{STEP}{self.step}": self.step is not None,
-            self.world: bool(self.world), f"{self.tolerance}": self.tolerance is not None,
+            "signs": self.signs, self.world.replace("exact", last): bool(self.world),
+            f"{self.tolerance}": self.tolerance is not None, last: self.exact or self.step is not None,
         }
         return next((text for text, given in chosen.items() if given), "") + (SMOOTH if self.smooth else "")
 
@@ -398,7 +401,8 @@ class Options:
 
     def check_data(self, integer: bool) -> None:
         """Refuse exact values for floating-point data."""
-        if not integer and (self.precision.exact or EXACT in (self.precision.steps or ())):
+        exact = self.precision.exact or EXACT in (self.precision.steps or ())
+        if exact and self.precision.step is None and not integer:
             raise OptionError(
                 "precision 'exact' is for integer data, and the field holds floats", code="exact",
                 remedy="use step=.. or a distance",
@@ -466,7 +470,7 @@ def _steps_of(steps: object) -> tuple[float, ...] | None:
         if not (math.isfinite(step) and step >= SEARCHED):
             raise OptionError(
                 f"the distance {step!r} in a sequence must be at least {SEARCHED:g} cells", code="steps",
-                remedy="only the last one may be exact",
+                remedy="only the last one may be exact or step=..",
             )
     if not out:
         raise OptionError("no steps", code="steps", remedy="for example 4, 1, 0.25")

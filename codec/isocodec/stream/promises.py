@@ -37,7 +37,7 @@ def noted(metadata: Mapping[str, str]) -> tuple[list[str], list[float]]:
     Empty without a note, or with one that is something else.
     """
     text, at, values = metadata.get(PROMISE, "").partition(AT)
-    parts = [part for part in text.split(",") if part and part != "exact"]
+    parts = [part for part in text.split(",") if part and not part.startswith(("exact", STEP))]
     try:
         for part in parts:
             distance_of(part)
@@ -46,9 +46,15 @@ def noted(metadata: Mapping[str, str]) -> tuple[list[str], list[float]]:
         return [], []
 
 
-def noted_exact(metadata: Mapping[str, str]) -> bool:
-    """Whether the note of a file states distances and, after them, exact values."""
-    return metadata.get(PROMISE, "").endswith(",exact")
+def noted_values(metadata: Mapping[str, str]) -> bool:
+    """Whether the note of a file states distances and, after them, values, exact or in steps."""
+    _, comma, last = metadata.get(PROMISE, "").rpartition(",")
+    return bool(comma) and last.startswith(("exact", STEP))
+
+
+def of_values(scale: float | None) -> str:
+    """Name what a file states of values beside its curve, with the step of its header."""
+    return EXACT if scale is None else f"values to within {scale / 2:g}"
 
 
 def last_promise(metadata: dict[str, str], keep: bool = False) -> dict[str, str]:
@@ -74,7 +80,7 @@ def promised(
         if domain is None:
             whole = (layer.level, layer.plane) == (outline.full_level, 0)
         else:
-            whole = domain.kind == DomainKind.KNOWN and (noted_exact(outline.metadata) or strand not in cut)
+            whole = domain.kind == DomainKind.KNOWN and (noted_values(outline.metadata) or strand not in cut)
         exact = layer.kind == LayerKind.VALUES and whole and header.scale is None
         stated = within if 0 < within < math.inf else 0.0 if exact else None
         out.append(replace(layer, within=None if number in uncertain else stated))
@@ -126,7 +132,7 @@ def of_samples(info: FileInfo) -> str | None:
     if not whole or coarser:
         return None
     if last.kind == LayerKind.VALUES and last.plane == 0:
-        return EXACT if info.scale is None else f"values to within {info.scale / 2:g}"
+        return of_values(info.scale)
     return None if geometry or last.plane or any(layer.within for layer in layers) else SIGNS
 
 
@@ -134,7 +140,7 @@ def of_tiles(metadata: Mapping[str, str]) -> str | None:
     """Name what the note of a file in tiles states of samples: all signs or values; None if it is a distance."""
     text = metadata.get(PROMISE, "")
     if text.startswith(STEP):
-        return f"values to within {float(text.removeprefix(STEP)) / 2:g}"
+        return of_values(float(text.removeprefix(STEP)))
     return {"exact": EXACT, "signs": SIGNS}.get(text)
 
 
@@ -153,7 +159,8 @@ def promise_of(info: FileInfo) -> str | None:
         if info.kind == "surface":
             unit = "" if distance_of(last)[1] else info.metadata.get(UNIT, "")
             return f"values within {last} {unit}".rstrip()
-        return on_mesh_in_words(parts, info.metadata) + (f", then {EXACT}" if noted_exact(info.metadata) else "")
+        last = f", then {of_values(info.scale)}" if noted_values(info.metadata) else ""
+        return on_mesh_in_words(parts, info.metadata) + last
     samples = of_samples(info)
     strands: dict[tuple[int, int], list[LayerInfo]] = {}
     for layer in info.layers:

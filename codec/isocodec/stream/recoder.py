@@ -78,7 +78,7 @@ def source_of(state: Decoded, field: Samples, what: str) -> Source:
     in_part = OptionError(f"{what} stores values or crossings only in part", code="recode",
                           remedy="use precision signs, or encode the field itself again")
     if (state.missing >= 0).any():
-        beside = _beside(signs, gone)[tuple(state.position.T)]
+        beside = beside_crossings(signs, gone)[tuple(state.position.T)]
         if len(state.edge_parts) or (state.missing[beside] > 0).any():
             raise in_part
         steps = np.full(signs.shape, -1, np.int64)
@@ -100,7 +100,7 @@ def source_of(state: Decoded, field: Samples, what: str) -> Source:
     return Source(field, [(LayerKind.OFFSETS, radix) for radix in radices_of(int(parts[0]))] if len(parts) else [])
 
 
-def _beside(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+def beside_crossings(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
     """Samples with an axis neighbour on the other side, along edges of cells without missing corners (5.10.2)."""
     n = signs.ndim
     whole = np.ones([s - 1 for s in signs.shape], np.bool_)

@@ -10,7 +10,7 @@ from isospec.container import ChunkType, DomainKind, MeshLayer
 from ..errors import InputError, OptionError
 from ..field.labelling import of_some
 from ..format.chunks import payload_of, write_chunk
-from ..format.frames import FRAME_BEFORE
+from ..format.frames import FRAME_BEFORE, is_key
 from ..format.header import Header, read_header
 from .container import beginning, closed, opening
 from .file_info import FileInfo
@@ -149,22 +149,13 @@ def spliced(files: Iterable[bytes]) -> bytes:
     all_parts = [parts_of(data, f"file {i}") for i, data in enumerate(files, start=1)]
     first = all_parts[0]
     for i, other in enumerate(all_parts[1:], start=2):
-        same = (other.info.kind, other.header.shape, other.header.profile, other.header.scale, other.header.cells)
-        if same != (first.info.kind, first.header.shape, first.header.profile, first.header.scale, first.header.cells):
-            raise InputError(f"file {i} differs from the first in kind, shape, profile or step of values", code="merge")
-        if other.shared != first.shared:
-            domain = other.info.domain
-            raise InputError(
-                f"file {i} differs from the first in its mesh or in its missing samples", code="merge",
-                remedy=None if domain is None or domain.kind == DomainKind.KNOWN else _PARTS,
-            )
+        _check_alike(first, other, f"file {i}")
         if (len(other.frames), other.info.interval) != (len(first.frames), first.info.interval):
             raise InputError(f"file {i} differs from the first in its frames", code="merge")
     values = [value for parts in all_parts for value in parts.info.isovalues]
     if len(set(values)) < len(values):
         raise OptionError("an isovalue is in two of the files", code="isovalue", remedy="leave it out of one of them")
     frames: list[list[Strand]] = [[] for _ in first.frames]
-    metadata: dict[str, str] = {}
     begun = 0
     for parts in all_parts:
         for out, strands in zip(frames, parts.frames, strict=True):
@@ -173,10 +164,43 @@ def spliced(files: Iterable[bytes]) -> bytes:
                 for one in strands
             ]
         begun += len(parts.info.isovalues)
+    return _joined(first.header, first.info, first.shared, frames, of_some(_all_notes(all_parts), values))
+
+
+def _all_notes(all_parts: Sequence[Parts]) -> dict[str, str]:
+    """The notes of all files, of those with the same name the first, without promises that differ."""
+    metadata: dict[str, str] = {}
+    for parts in all_parts:
         metadata = {**parts.info.metadata, **metadata}
-    if len({parts.info.metadata.get(PROMISE) for parts in all_parts}) > 1:
-        metadata = last_promise(metadata)
-    return _joined(first.header, first.info, first.shared, frames, of_some(metadata, values))
+    return metadata if len({parts.info.metadata.get(PROMISE) for parts in all_parts}) < 2 else last_promise(metadata)
+
+
+def can_follow(parts: Parts, done: int, interval: int) -> bool:
+    """Whether the frames of a file can follow on ``done`` others as they are: no key frame leans on the one before."""
+    return not any(
+        strand.lean == FRAME_BEFORE
+        for frame, strands in enumerate(parts.frames) if is_key(done + frame, interval) for strand in strands
+    )
+
+
+def appended(files: Iterable[tuple[str, bytes]], interval: int) -> bytes:
+    """Assemble a series with the frames of several named files of the same isovalues, one file after the other.
+
+    Raises
+    ------
+    InputError
+        If the files differ in kind, shape, profile, mesh or missing samples.
+    OptionError
+        If a file is not complete.
+    """
+    all_parts = []
+    for name, data in files:
+        all_parts.append(parts_of(data, name))
+        _check_alike(all_parts[0], all_parts[-1], name)
+    first = all_parts[0]
+    frames = [strands for parts in all_parts for strands in parts.frames]
+    metadata = _all_notes(all_parts)
+    return _joined(first.header, replace(first.info, interval=interval), first.shared, frames, metadata)
 
 
 def signs_of(data: bytes) -> bytes:
@@ -187,6 +211,20 @@ def signs_of(data: bytes) -> bytes:
             layers = [chunk for chunk in strand.chunks if not chunk[0] & ANCILLARY]  # without promises
             strand.chunks[:] = [chunk for chunk in layers if payload_of(chunk)[0] in _SIGNS]
     return _joined(parts.header, parts.info, parts.shared, parts.frames, last_promise(parts.info.metadata))
+
+
+def _check_alike(first: Parts, other: Parts, what: str) -> None:
+    """Refuse to assemble chunks of files that differ in what concerns the whole file; ``what`` names the second."""
+    one, two = ((each.info.domain is None, each.header.shape, each.header.profile, each.header.scale, each.header.cells)
+                for each in (first, other))
+    if one != two:
+        raise InputError(f"{what} differs from the first in kind, shape, profile or step of values", code="merge")
+    if other.shared != first.shared:
+        domain = other.info.domain
+        raise InputError(
+            f"{what} differs from the first in its mesh or in its missing samples", code="merge",
+            remedy=None if domain is None or domain.kind == DomainKind.KNOWN else _PARTS,
+        )
 
 
 def _joined(
