@@ -364,7 +364,7 @@ class Encode(Choice, OutputOptions):
     )
     frames: bool = option("Encode the slices, or the volumes of a 4-D file, as a series.", INPUT, default=False)
     interval: int | None = option(
-        "Make every K-th frame a key frame, which decodes on its own.  [default: 0, the first only]", INPUT,
+        "Make every K-th frame a key frame, which decodes on its own.  0: the first only.  [default: 16]", INPUT,
         flag="--frame-interval", metavar="K", least=0,
     )
     missing: Literal["hole", "below", "above", "nearest"] | None = option(

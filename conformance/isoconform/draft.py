@@ -63,7 +63,9 @@ def encoded_series(
     mask: ArrayLike | None = None, **options,
 ) -> Draft:
     """A vector of a series of frames as the reference encoder writes it."""
-    data = encode(Frames([Field(each, mask) for each in fields]), isovalue, **{"profile": "baseline", **options})
+    data = encode(
+        Frames([Field(each, mask) for each in fields]), isovalue, **{"profile": "baseline", "interval": 0, **options}
+    )
     return Draft(name, data, np.ndim(fields[0]), ("series of frames", *features), layers=states)
 
 

@@ -126,7 +126,7 @@ def _draft(
     cells = None if scattered else mesh[1]
     data = isocodec.encode(
         isocodec.Mesh(mesh[0], cells, values, stored=kind, error=mesh_error, progressive=progressive), isovalue,
-        **options,
+        **{"interval": 0, **options},
     )
     data = bare(data) if isinstance(options.get("precision"), float) else data
     n = mesh[1].shape[1] - 1
@@ -301,7 +301,7 @@ def _cuts(kind: str, mesh: Mesh) -> Iterator[Draft]:
         ("then_levels", hills(mesh), VALUES, first_isovalue, {"precision": "exact", "progressive": True}),
         ("then_signs", hills(mesh), VALUES, first_isovalue, {"precision": "signs", "progressive": False}),
         ("frames", frames, VALUES[:2], other_nodes, {"precision": 0.5, "interval": 3}),
-        ("frames_values", frames, VALUE, other_nodes, {"precision": "exact"}),
+        ("frames_values", frames, VALUE, other_nodes, {"precision": "exact", "interval": 0}),
         ("empty", values, 1e6, some_nodes(3), {"precision": "exact"}),
         ("geometry", values, VALUE, with_offsets_between, {"precision": "exact"}),
     )

@@ -104,7 +104,7 @@ def whole() -> Iterator[Draft]:
 
 def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[Entry]) -> bytes:
     """A series in the main profile whose first frame has one plan and all others another."""
-    series = SeriesFrames(VALUE, Options.of(profile="main", layers=first), None)
+    series = SeriesFrames(VALUE, Options.of(profile="main", layers=first, interval=0), None)
 
     def chunks() -> Iterator[bytes]:
         yield from series.chunks(frames[0])
@@ -145,7 +145,7 @@ def parts() -> Iterator[Draft]:
             f"{space}_frames_promises", _moving(shape, 3), (VALUE, VALUE + 9), "frames: promises", precision=1,
             profile="main",
         )
-        whole = encode(Frames(_moving(shape)), VALUE, profile="main", precision="exact")
+        whole = encode(Frames(_moving(shape)), VALUE, profile="main", precision="exact", interval=0)
         yield Draft(
             f"{space}_frames_end_in_values", within(whole, "values")[1], n, ("series of frames", "truncated")
         )

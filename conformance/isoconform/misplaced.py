@@ -131,11 +131,11 @@ def kinds() -> dict[str, Kind]:
         "grid": Kind(encode(FIELD, 0.5, **plain)),
         "isovalues": Kind(encode(FIELD, [0.5, 1.5], **plain)),
         "masked": Kind(encode(masked, 0.5, **plain), masked=True),
-        "series": Kind(encode(frames, 0.5, **plain), series=True),
+        "series": Kind(encode(frames, 0.5, interval=0, **plain), series=True),
         "known": Kind(_on_mesh("known"), explicit=True, mesh=mesh),
         "coded": Kind(_on_mesh("whole"), explicit=True),
         "delaunay": Kind(_on_mesh("whole", scattered=True), explicit=True),
-        "mesh_series": Kind(encode(moving, 1.5, precision="signs"), explicit=True, series=True),
+        "mesh_series": Kind(encode(moving, 1.5, precision="signs", interval=0), explicit=True, series=True),
         "surface": Kind(surface, explicit=True, surface=True),
         "tiles": _Tiles(b""),
     }

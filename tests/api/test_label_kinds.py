@@ -370,7 +370,7 @@ CELLS: dict[str, Callable[[Case], None]] = {
 AS_OTHERS = {
     *(f"member {name}" for name in ("size", "data", "promise", "shape", "frames", "metadata", "placement", "crs",
                                     "complete", "contours", "each_frame", "surface", "statistics", "mesh_given",
-                                    "window_around")),
+                                    "window_around", "times", "frame_at", "refreshed")),
     *(f"view {name}" for name in ("frame", "layers", "max_bytes", "within", "through_holes", "partial", "progress",
                                   "bbox")),
     "edit bbox",

@@ -92,7 +92,7 @@ def test_a_mesh_in_the_file_is_there_once():
         assert len(found[0].cells) == len(
             isocodec.decode(isocodec.encode(isocodec.Mesh(*mesh, each), 20.5), mesh=mesh).cells
         )
-    assert isocodec.open(data).info.interval == 0 and len(isocodec.open(data).info.frames) == 4
+    assert isocodec.open(data).info.interval == 16 and len(isocodec.open(data).info.frames) == 4
 
 
 def test_any_piece_of_a_file():

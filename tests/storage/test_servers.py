@@ -22,7 +22,7 @@ import pytest
 import isocodec
 from brute import INTERPRETED
 from commands import fails
-from isocodec.errors import IsoError
+from isocodec.errors import InputError, IsoError
 from isocodec.format.header import HEAD_BYTES
 from isocodec.storage.ranges import SLACK, together
 from isocodec.storage.web import LANES, Range
@@ -316,6 +316,44 @@ def test_a_server_without_ranges_is_said_so(size: int, noise: bytes, tmp_path: P
         pytest.warns(UserWarning, match="sends the whole file"),
     ):
         assert pieces(isocodec.open(url).contour()) == pieces(isocodec.decode(data))
+
+
+def grows(server: Server) -> None:
+    server.part(ETag=f'"{len(server.data)}"')
+
+
+def without_ranges(server: Server) -> None:
+    server.answer(200, {}, server.data)
+
+
+@pytest.mark.filterwarnings("ignore:the server sends the whole file")
+@looped("kind", [grows, without_ranges])
+def test_a_series_that_grows(kind: Callable[[Server], None]) -> None:
+    """A reader has each frame as soon as all of its bytes are there, and reads less than a frame and 64 bytes again."""
+    encoder, frames = isocodec.Encoder(20.5, precision="exact"), [hilly((60, 70)) + 9 * t for t in range(6)]
+    pieces = [encoder.add(frame, t / 4) for t, frame in enumerate(frames)]
+    pieces[-1] += encoder.finish()
+    data, ends = b"".join(pieces), np.cumsum([*map(len, pieces)])
+    drawn = list(isocodec.open(data).each_frame())
+    with serving(pieces[0], kind) as (url, server):
+        file, seen = isocodec.open(url), 0
+        for size in [*range(len(pieces[0]), len(data), len(data) // 20), len(data)]:
+            server.data = data[:size]
+            server.sent.clear()
+            read, file = file.size, file.refreshed()
+            assert file.frames == np.searchsorted(ends, size, "right") and file.complete == (size == len(data))
+            assert kind is without_ranges or sum(server.sent) <= size - read + max(map(len, pieces)) + 64
+            for one, in file.each_frame(start=seen, partial=True):
+                assert np.array_equal(one.points, drawn[seen][0].points) and one.complete
+                seen += 1
+            assert seen == file.frames
+        assert file.data == data and file.frame_at(0.8) == 3
+        server.data = pieces[0]
+        file = isocodec.open(url)
+        for other in (bytes(len(data)), data[:30]):
+            server.data = other
+            with pytest.raises(InputError, match="not the one"):
+                file.refreshed()
 
 
 @looped("side", [30, 200, 580])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 import isocodec
+from commands import ok
 from files import fed
 from isocodec import Contour, Decoder, Encoder, Frames, encode
 from isocodec.errors import FormatError, InputError, OptionError, TruncatedError
@@ -130,6 +132,26 @@ def test_a_frame_needs_none_before_its_interval():
         assert points(isocodec.decode(whole, frame=number)) == points(isocodec.decode(data, frame=number))
     with pytest.raises(FormatError):
         isocodec.decode(whole, frame=0)
+
+
+def test_every_16th_frame_is_a_key_frame(tmp_path: Path):
+    """Whoever encodes the series; the last frames do not need those before the last key frame."""
+    frames = moving(18, 12)
+    encoder, path = Encoder(ISOVALUE, precision="signs"), tmp_path / "run.iso"
+    grown = b"".join(map(encoder.add, frames)) + encoder.finish()
+    isocodec.save(path, Frames(frames), ISOVALUE, precision="signs")
+    points = np.argwhere(np.ones(frames[0].shape))
+    mesh = isocodec.Mesh(points, None, frames.reshape(18, -1))
+    np.save(tmp_path / "frames.npy", frames)
+    ok("encode", tmp_path / "frames.npy", "-o", tmp_path / "told.iso", "--isovalue", ISOVALUE, "--frames")
+    for data in (grown, path, encode(Frames(frames), ISOVALUE), encode(mesh, ISOVALUE), tmp_path / "told.iso"):
+        assert [number for number, frame in enumerate(isocodec.open(data).info.frames) if frame.key] == [0, 16]
+    work = []
+    for number in (15, 16, 17):
+        decoder = Decoder(frame=number)
+        decoder.feed(grown)
+        work.append(sum(decoder.take().symbols.values()))
+    assert work[0] > 5 * work[2] > 5 * work[1] > 0
 
 
 def test_memory_is_that_of_two_frames():

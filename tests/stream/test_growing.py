@@ -135,6 +135,10 @@ def test_what_has_been_added_decodes(name: str):
         assert all(map(same, found, right))
     for count in range(1, COUNT + 1):
         check(b"".join(pieces[:count]), name, wanted, count)
+    for start in range(1, COUNT + 1):
+        later = list(file.each_frame(start=start))
+        assert len(later) == COUNT - start
+        assert all(all(map(same, found, right)) for found, right in zip(later, wanted[start:], strict=True))
 
 
 @looped("name", SOME)

@@ -56,6 +56,10 @@ def shown(folder: Path) -> None:
     (folder / "mesh.iso").write_bytes(isocodec.encode(mesh, [-0.5, 0, 0.5, 1, 1.5, 2]))
 
 
+WAVES = ["0 s", "1 s", "1.5 s", "4 s", "5 s", "6 s", "7 s", "7.25 s"]
+"""Times of the frames of a series."""
+
+
 def main() -> None:
     folder = Path(sys.argv[1])
     shown(folder)
@@ -66,7 +70,7 @@ def main() -> None:
     few = isocodec.encode(gyroid(48, 1.5), isovalue=0.0, profile="baseline")
     (folder / "handles.iso").write_bytes(few)
     frames = [hills(288, 0)[t : t + 192, t : t + 256] for t in range(0, 24, 3)]
-    (folder / "waves.iso").write_bytes(isocodec.encode(isocodec.Frames(frames), [-150, -75, 0.5, 75, 150]))
+    (folder / "waves.iso").write_bytes(isocodec.encode(isocodec.Frames(frames, times=WAVES), [-150, -75, 0.5, 75, 150]))
     noisy = isocodec.encode(hills(1800, 60), isovalue=0.5, profile="baseline", precision="exact")
     (folder / "terrain.iso").write_bytes(noisy)
 

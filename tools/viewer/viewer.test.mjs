@@ -330,8 +330,10 @@ test("any frame of a series, by keys and by the slider", { skip: unmade, timeout
   assert.equal(last, 7);
   assert.ok(await page.isVisible("#frame"));
   await shown("frame", last);
+  const times = ["5 s", "6 s", "7 s", "7.25 s"];
   for (const t of [last, last - 1, last - 2]) {
     await shown("frame", t);
+    assert.equal(await page.textContent("#shown"), `${t}: ${times[t - 4]}`);
     pictures.push((await pixels()).sum);
     await page.keyboard.press(",");
   }

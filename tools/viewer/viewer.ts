@@ -26,6 +26,8 @@ interface File {
   promises: Promises[];
   /** Layers of the present frame, whose first isovalue begins it. */
   frame: number;
+  /** Times of frames, as the file states them. */
+  times: string[];
   kind: "grid" | "mesh" | "surface" | "tiles";
   /** The number of the isovalue that is shown alone; all are, unless one is. */
   alone: number | undefined;
@@ -73,7 +75,7 @@ const compiled = parameters.get("kernels") !== "off";
 
 function begin(name: string, source: { url: string; given: string } | { bytes: Uint8Array }, wanted?: URLSearchParams): void {
   const frame = wanted?.get("frame"), { url, given } = "url" in source ? source : { url: undefined, given: undefined };
-  file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0, kind: "grid", alone: undefined,
+  file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0, times: [], kind: "grid", alone: undefined,
     drawings: new Map(), box: undefined, boxes: undefined, fitted: false, raised: 1, world: false, chosen: frame ? Number(frame) : undefined,
     given, url, wanted, sought: wanted?.get("isovalue") ?? null };
   scene.clear();
@@ -209,7 +211,9 @@ function happened(event: PlainEvent | IsoEvent): void {
   else if (event.type === "layer") file.layers[event.isovalue] = (file.layers[event.isovalue] ?? 0) + 1;
   else if (event.type === "promises") file.promises[event.isovalue] = event.promises;
   else if (event.type === "metadata") {
-    Object.assign(file.metadata, event.metadata);
+    const { time, ...notes } = event.metadata;
+    Object.assign(file.metadata, notes);
+    if (time !== undefined) file.times[file.frame] = time;
     if (file.shape.length && placement(file.metadata, file.n)) placed();
   } else if (event.type === "coordinates") placed();
   else if (event.type === "domain" && event.kind === "surface") {
@@ -406,7 +410,9 @@ worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
   file.box = answer.box;
   if (answer.world !== file.world) file.fitted = false;
   file.world = answer.world;
-  slider.value = by("shown").textContent = String(answer.frame);
+  const time = file.times[answer.frame];
+  slider.value = String(answer.frame);
+  by("shown").textContent = time === undefined ? slider.value : `${slider.value}: ${time}`;
   show(answer.drawings);
   Object.assign(root.dataset, { bytes: answer.bytes, frame: answer.frame, cells: sizes(), layers: answer.layers, final: answer.final, drawings: ++seen });
 };

@@ -132,4 +132,4 @@ def _recoded_as(data: bytes, kind: str, limits: Limits | None, edit: Edit) -> by
     if wanted.default:
         return same_again(held, options)
     off = [None if one is None or wanted.tolerance is None else one + wanted.tolerance for one in held.promised]
-    return recoded_frames(held.frames, held.interval, options, promised=off)
+    return recoded_frames(held.frames, held.interval, options, promised=off, times=held.times)

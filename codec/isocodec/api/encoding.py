@@ -11,7 +11,7 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.sampled import Field
 from ..stream.encoder import encoder_of
-from ..stream.options import EffortName, Isovalues, LayersGiven, PrecisionGiven, ProfileName
+from ..stream.options import KEY_INTERVAL, EffortName, Isovalues, LayersGiven, PrecisionGiven, ProfileName
 from ..verbs import Progress
 from .native import native
 from .selfcheck import check_kernels
@@ -31,7 +31,7 @@ def encode(
     effort: EffortName = "normal",
     layers: LayersGiven = None,
     order: str | None = None,
-    interval: int = 0,
+    interval: int = KEY_INTERVAL,
     metadata: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> bytes:
@@ -98,7 +98,7 @@ def encode(
         unless the values are stored exactly; "isovalues" otherwise.
     interval : int
         In a series, make every frame whose number is a multiple of this a key frame, which is not predicted from
-        earlier frames, so that decoding can begin there; 0 for the first frame only.
+        earlier frames, so that decoding can begin there; by default 16, and 0 for the first frame only.
     metadata : mapping of str to str, optional
         Notes to add to those of the field; they replace notes of the same name.
     progress : callable, optional

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -12,11 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..drawing.meeting import meeting
 from ..drawing.window import clipped, reaching
-from ..errors import FormatError, IsoError, OptionError, TruncatedError
+from ..errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from ..field.labelling import is_of_labels, type_of
 from ..format.events import FrameRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import LayerKind
 from ..limits import Limits
+from ..storage.ranges import content_from
 from ..stream.cropped_source import box_of
 from ..stream.decoder import Decoder
 from ..stream.file_info import FileInfo, LayerInfo
@@ -36,15 +38,34 @@ if TYPE_CHECKING:
 
 _NOT_BESIDE_GRIDS = ("smooth", "through_holes", "within")
 """Parameters of a view that apply to grids alone."""
+_AGAIN = 64
+"""Bytes that are read again of a file that has grown, to find out whether it is the same file."""
 
 
 class WholeFile(IsoFile):
     """A file whose bytes are all in memory, of any kind: see `whole_file`."""
 
+    source: str | os.PathLike[str] | None = None
+    """Path or URL that the file was read from."""
+
     def __init__(
         self, kind: str, data: bytes, limits: Limits | None, mesh: tuple[ArrayLike, ArrayLike] | None = None
     ) -> None:
         self.kind, self._data, self.limits, self.mesh_given = kind, data, limits, mesh
+
+    def refreshed(self) -> IsoFile:
+        """See `IsoFile.refreshed`."""
+        if self.source is None:
+            raise OptionError("the file was not opened from a path or a URL", code="refreshed",
+                              remedy="open what has come of it again")
+        if self.complete:
+            return self
+        whole = max((one.offset + one.bytes for one in self.info.frames if one.complete), default=0)
+        start = max(whole - _AGAIN, 0)
+        rest = content_from(self.source, start, self.limits)
+        if rest[: whole - start] != self.data[start:whole]:
+            raise InputError("the file is not the one that was read before", code="changed", remedy="open it again")
+        return whole_file(self.data[:start] + rest, self.limits, self.mesh_given, self.source)
 
     @property
     def data(self) -> bytes:
@@ -72,8 +93,9 @@ class WholeFile(IsoFile):
         """Whether the file is complete and its checksum is correct."""
         return self.info.complete
 
-    def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
-        yield from frames_of([self.data], smooth=smooth, partial=partial, mesh=self.mesh_given, limits=self.limits)
+    def _each_frame(self, start: int, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
+        yield from frames_of([self.data], start=start, smooth=smooth, partial=partial, mesh=self.mesh_given,
+                             limits=self.limits)
 
     def _edited(self, edit: Edit) -> bytes:
         return edited(self.data, self.kind, self.limits, edit)
@@ -113,7 +135,8 @@ class IsovalueFile(WholeFile):
         """Decode what a drawing of an isovalue needs; returns the decoder and the number of that isovalue."""
         number = 0 if isovalue is None else self.info.number_of(isovalue)
         try:
-            chain = self.info.chain(number)
+            # the first isovalue of a frame leans on none of that frame: a long series is not read twice
+            chain = frozenset([0]) if isovalue is None and self.kind == "series" else self.info.chain(number)
         except FormatError:
             # bytes after those that are needed may be damaged
             if isovalue is not None:
@@ -261,14 +284,19 @@ class SurfaceFile(WholeFile):
         ), view.window)
 
 
-def whole_file(data: bytes, limits: Limits | None, mesh: tuple[ArrayLike, ArrayLike] | None = None) -> WholeFile:
+def whole_file(
+    data: bytes, limits: Limits | None, mesh: tuple[ArrayLike, ArrayLike] | None = None,
+    source: str | os.PathLike[str] | None = None,
+) -> WholeFile:
     """Open a file of any kind but tiles whose bytes are all in memory, perhaps with the mesh that it was made on.
 
-    Raises `FormatError` if the bytes are not an ``.iso`` file.
+    ``source`` is where they were read. Raises `FormatError` if the bytes are not an ``.iso`` file.
     """
     kind = kind_of(data, limits)
     made: type[WholeFile] = {"mesh": MeshFile, "surface": SurfaceFile}.get(kind, SampledFile)
-    return made(kind, data, limits, mesh)
+    file = made(kind, data, limits, mesh)
+    file.source = source
+    return file
 
 
 class TileFile(IsoFile):
@@ -359,8 +387,9 @@ class TileFile(IsoFile):
     def _labels(self, view: Viewed) -> NDArray[Any]:
         return self._in_one_piece(view)._labels(Viewed())
 
-    def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
-        yield self._contours(self._viewed(smooth=smooth, partial=partial))
+    def _each_frame(self, start: int, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
+        if not start:
+            yield self._contours(self._viewed(smooth=smooth, partial=partial))
 
     def whole(self, window: Sequence[Sequence[float]] | None = None) -> SampledFile:
         """Extract a window, or everything, as an ordinary file without tiles."""
@@ -406,10 +435,12 @@ def _cut(mesh: Tessellation, window: Sequence[Sequence[float]] | None) -> Tessel
 
 
 def frames_of(
-    pieces: Any, *, smooth: bool | None = None, partial: bool = False,
+    pieces: Any, *, start: int = 0, smooth: bool | None = None, partial: bool = False,
     mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None,
 ) -> Iterator[list[Contour]]:
     """Decode contours frame by frame from a file that arrives in pieces; at most two frames are in memory.
+
+    The first one is frame ``start``.
 
     Yields
     ------
@@ -421,11 +452,13 @@ def frames_of(
     FormatError, LimitError
         As `Decoder`; ``TruncatedError`` after the frames that are complete, unless ``partial``.
     """
-    decoder = Decoder(limits, mesh=mesh)
-    drawn = 0
+    decoder = Decoder(limits, mesh=mesh, frame=start or None)
+    drawn = start
     for piece in pieces:
         decoder.feed(piece)
         for event in decoder:
+            if decoder.outline.frame == start:
+                decoder.outline.wanted = None
             if decoder.frames > drawn:
                 drawn += 1
                 before = isinstance(event, FrameRead)

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import IsoError
+from ..errors import IsoError, OptionError
 from ..field.cropping import check_box, window_around
 from ..field.placement import CRS, Placement, read_placement
+from ..field.times import Time, nearest, times_of
 from ..limits import Limits
 from ..stream.file_info import FileInfo
 from ..stream.promises import promise_of
-from ..verbs import Edit, Progress, Viewed
+from ..verbs import Edit, Progress, Viewed, check_count
 from .native import native
 from .operations import ViewOptions, impossible
 
@@ -95,6 +96,27 @@ class IsoFile:
             "promise": self.promise or "", **self.metadata,
         }
         return html_of(contours, {name: fact for name, fact in facts.items() if fact})
+
+    @property
+    def times(self) -> NDArray[Any] | None:
+        """Times of the complete frames of a series, (F,) float64 or datetime64 in UTC; None if they are not known.
+
+        The unit of numbers is in ``info.frames[0].time``, if it is known.
+        """
+        return times_of(frame.time for frame in self.info.frames if frame.complete)
+
+    def frame_at(self, time: Time) -> int:
+        """Number of the complete frame whose time is nearest to a number or a date.
+
+        Raises
+        ------
+        OptionError
+            If the file does not state times, or states dates instead of numbers or the reverse.
+        """
+        if (times := self.times) is None:
+            raise OptionError("the file does not state the times of its frames", code="time",
+                              remedy="choose a frame by its number")
+        return nearest(times, time)
 
     @property
     def promise(self) -> str | None:
@@ -220,11 +242,15 @@ class IsoFile:
         """
         return self._contours(self._viewed(**view))
 
-    def each_frame(self, *, smooth: bool | None = None, partial: bool = False) -> Iterator[list[Contour]]:
+    def each_frame(
+        self, *, start: int = 0, smooth: bool | None = None, partial: bool = False
+    ) -> Iterator[list[Contour]]:
         """Decode frame by frame; at most two frames are in memory.
 
         Parameters
         ----------
+        start : int
+            Number of the first frame to be drawn; decoding begins at the last key frame up to it.
         smooth : bool, optional
             As for `contour`.
         partial : bool
@@ -236,7 +262,30 @@ class IsoFile:
         list of Contour
             Curves or surfaces of all isovalues, frame by frame. A file that is not a series has one frame.
         """
-        return self._each_frame(smooth, partial)
+        check_count(start, "start", 0)
+        return self._each_frame(start, smooth, partial)
+
+    def refreshed(self) -> IsoFile:
+        """Open a file that grows again, for its further frames; only what follows its last complete frame is read.
+
+        Returns
+        -------
+        IsoFile
+            This file, if it is complete.
+
+        Raises
+        ------
+        OptionError
+            If it was not opened from a path or a URL, or is tiled.
+        InputError
+            If the frames that were read before have been changed.
+        OSError
+            If it cannot be read.
+        """
+        if not self.complete:
+            raise OptionError(f"a file of kind {self.kind} does not grow frame by frame", code="kind",
+                              remedy="open it again")
+        return self
 
     def mesh(
         self, isovalue: float | None = None, *, whole: bool = False, **view: Unpack[ViewOptions]
@@ -443,7 +492,7 @@ class IsoFile:
     def _contours(self, view: Viewed) -> list[Contour]:
         raise NotImplementedError
 
-    def _each_frame(self, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
+    def _each_frame(self, start: int, smooth: bool | None, partial: bool) -> Iterator[list[Contour]]:
         raise NotImplementedError
 
     def _mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:

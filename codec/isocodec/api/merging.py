@@ -145,7 +145,8 @@ def _with_frames(files: Sequence[IsoFile], profile: ProfileName | None, limits: 
             key = -done % interval if interval else 0
             for span in (slice(0, key), slice(key, None)):
                 if held.frames[span]:
-                    piece = replace(held, frames=held.frames[span], contours=held.contours[span], interval=interval)
+                    piece = replace(held, frames=held.frames[span], contours=held.contours[span], interval=interval,
+                                    times=held.times[span])
                     pieces.append((name, same_again(piece, Options(profile=wanted, metadata=held.kept_notes))))
         done += file.frames
     return appended(pieces, interval)

@@ -87,7 +87,7 @@ def _opened(
         from ..tiles.tiled import TiledFile
 
         return TileFile(TiledFile(ranges_of(data), limits, threads=threads), limits)
-    return whole_file(data, limits, mesh)
+    return whole_file(data, limits, mesh, source if isinstance(source, str | os.PathLike) else None)
 
 
 def decode(

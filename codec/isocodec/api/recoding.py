@@ -72,6 +72,8 @@ class Held:
         Distance from the curve of the field that the file promises of each isovalue, in all frames.
     turned : bool
         Whether layers of several isovalues come in turn.
+    times : list of str or None
+        Times of frames.
     """
 
     header: Header
@@ -82,6 +84,7 @@ class Held:
     valid: NDArray[np.bool_]
     promised: list[float | None]
     turned: bool = False
+    times: Sequence[str | None] = ()
 
     @property
     def kept_notes(self) -> dict[str, str]:
@@ -124,7 +127,7 @@ def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
     info = inspect(data)
     promised = [promised_at_last(info, number) for number in range(len(info.isovalues))]
     return Held(decoder.header, metadata, decoder.interval, frames, contours, decoder.grid.valid(), promised,
-                info.turned)
+                info.turned, [frame.time for frame in info.frames])
 
 
 def _of_note(tiled: TiledFile, window: object) -> float | None:
@@ -147,7 +150,7 @@ def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
 
     def data_of(independent: bool) -> bytes:
         alike = replace(options, order=INDEPENDENT) if independent else options
-        return recoded_frames(held.frames, held.interval, alike, kept=True, promised=held.promised)
+        return recoded_frames(held.frames, held.interval, alike, kept=True, promised=held.promised, times=held.times)
 
     alone, wanted = b"", held.contours
     if not expected:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -100,10 +101,11 @@ def _columns(*names: str) -> dict[str, str]:
 
 def _frames(info: FileInfo) -> Rows:
     rows = []
+    counts, timed = Counter(layer.frame for layer in info.layers), any(frame.time for frame in info.frames)
     for number, frame in enumerate(info.frames):
-        count = sum(layer.frame == number for layer in info.layers)
-        rows.append([str(number), f"{frame.offset:,}", f"{frame.bytes:,}", str(count), "yes" if frame.key else ""])
-    return _columns("frame", "offset", "bytes", "layers", "key frame"), rows
+        row = [str(number), *[plain(frame.time or "")] * timed, f"{frame.offset:,}", f"{frame.bytes:,}"]
+        rows.append([*row, str(counts[number]), "yes" if frame.key else ""])
+    return _columns("frame", *["time"] * timed, "offset", "bytes", "layers", "key frame"), rows
 
 
 def _layers(info: FileInfo) -> Rows:

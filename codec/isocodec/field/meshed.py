@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .placement import COORDINATE_UNIT, CRS
+from .times import Time
 
 StoredName: TypeAlias = Literal["known", "coded", "whole", "delaunay"]
 """Ways to store a mesh in a file."""
@@ -48,6 +49,8 @@ class Mesh:
         Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show the whole curve;
         or, if False, along the curve. The default is level by level if encoder and decoder have the mesh, except for
         isovalues of less than 1 kB that this makes more than 2 % longer; with a distance, only if it takes that.
+    times : sequence of numbers, texts or dates, or None
+        The time of each frame, as for `Encoder.add`.
     crs : str or None
         Reference system of the coordinates.
     unit : str or None
@@ -65,6 +68,7 @@ class Mesh:
     stored: StoredName | None = None
     error: float | None = None
     progressive: bool | None = None
+    times: Sequence[Time] | None = None
     crs: str | None = None
     unit: str | None = None
     notes: Mapping[str, str] = field(default_factory=dict)

@@ -33,8 +33,6 @@ SPACES = {RAS: "RAS", LPS: "LPS"}
 volumes are read in the first."""
 COORDINATE_UNIT = "coordinate_unit"
 """Name of the note with the unit of the coordinates: ``mm``, or one for each coordinate: ``degree degree m``."""
-FRAME_STEP = "frame_step"
-"""Name of the note with the time between two frames of a series: ``2 s``."""
 LEAST, MOST = 1e-30, 1e30
 """Sizes of numbers, but for 0: coordinates then fit single precision, their squares double precision."""
 TURN = 360.0

@@ -7,6 +7,7 @@ import math
 import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import accumulate
 
 from isospec.container import (
@@ -26,6 +27,7 @@ from .header import read_isovalue, varint, write_isovalue
 from .program import Layer
 
 CHECKSUM_BYTES = 4
+_head = cache(ChunkHead.parse)
 CRITICAL = (
     ChunkType.LAYERS, ChunkType.ISOVALUE, ChunkType.MASK, ChunkType.FRAME, ChunkType.DOMAIN, ChunkType.TURN,
     ChunkType.SERIES,
@@ -71,7 +73,7 @@ def read_envelope(data: bytes | bytearray, at: int) -> Envelope | None:
     """
     if at >= len(data):
         return None
-    head = ChunkHead.parse(bytes(data[at : at + 1]))
+    head = _head(bytes(data[at : at + 1]))
     if not head.ancillary and head.type not in CRITICAL:
         raise FormatError(f"unknown critical chunk of type {head.type}", code="chunk", offset=at, clause="3.5.2")
     if head.ancillary and head.type in CRITICAL:

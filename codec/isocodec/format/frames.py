@@ -11,7 +11,7 @@ from .header import varint
 
 FRAME_BEFORE = -1
 """In place of a number: the isovalue is predicted from the same isovalue of the frame before."""
-_LAST, _CHECKED = 0x20, 0x40
+LAST, _CHECKED = 0x20, 0x40
 """Bits of a chunk's head that mark the last one of a file, and one with a checksum."""
 
 
@@ -94,5 +94,5 @@ def as_last(chunk: bytes) -> bytes:
     found = varint(chunk, 1, len(chunk), "3.4.2")
     assert found is not None
     length, start = found
-    body = bytes([chunk[0] | _LAST]) + chunk[1 : start + length]
+    body = bytes([chunk[0] | LAST]) + chunk[1 : start + length]
     return body + Checksum.build(zlib.crc32(body)) if chunk[0] & _CHECKED else body

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 from isospec.container import (
     ALL,
@@ -22,6 +23,7 @@ from .header import varint
 from .kinds import LayerKind
 
 MAX_BITS = 52
+_step = cache(OperationByte.parse)
 
 
 @dataclass(frozen=True)
@@ -197,7 +199,7 @@ class ProgramReader:
         start = self.at
         if start >= end:
             return False
-        step = OperationByte.parse(bytes(data[start : start + 1]))
+        step = _step(bytes(data[start : start + 1]))
         at = start + 1
         argument = step.argument
         if argument == ESCAPE:

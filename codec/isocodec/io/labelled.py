@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, one_line, plain
+from ..errors import InputError, OptionError, one_line, plain
 from ..field.framed import Frames
-from ..field.placement import FRAME_STEP, Placement
+from ..field.placement import Placement
 from ..field.sampled import Field
+from ..field.times import time_text
 from ..verbs import Choice
 from .arrays import VALUES, channel_of, check_kind
 from .conventions import is_mapping, is_time, kind_of, located
@@ -26,8 +27,6 @@ from .stores import HDF5, ZARR, Arrays, arrays_of, is_store
 
 SUFFIXES = (*HDF5, *ZARR)
 _POINTERS = ("coordinates", "bounds", "grid_mapping", "ancillary_variables")
-_UNITS = ((86400, "D"), (3600, "h"), (60, "min"))
-"""Seconds of the units that a step in time is written in."""
 _PLACING = re.compile(r"spacing|origin|element_?size|(pixel|voxel)_?size|resolution|global_?offset|direction", re.I)
 """Attributes that place samples in files that do not follow the conventions."""
 _MOST_REPEATED = 2
@@ -76,15 +75,15 @@ def of_labelled(array: Any, choice: Choice) -> Field | Frames:
         return _field(array, choice.nodata, choice.lazy)
     check_series(array.ndim)
     dim = array.dims[_frame_axis(array)]
-    step, first = _step(array[dim].values), _field(array.isel({dim: 0}), choice.nodata, lazy=True)
+    times, first = _times(array, dim), _field(array.isel({dim: 0}), choice.nodata, lazy=True)
     _, remarks = unjoined(first.placement)
 
     def make(number: int) -> Field:
         field = _field(array.isel({dim: number}), choice.nodata, series=True)
         place, _ = unjoined(field.placement)
-        return replace(field, placement=place, notes={**field.notes, **({FRAME_STEP: step} if step else {})})
+        return replace(field, placement=place)
 
-    return Frames(InTurn(array.sizes[dim], make, array.shape, (*first.remarks, *remarks)))
+    return Frames(InTurn(array.sizes[dim], make, array.shape, (*first.remarks, *remarks)), times=times)
 
 
 def _field(array: Any, nodata: float | None, lazy: bool = False, series: bool = False) -> Field:
@@ -183,11 +182,17 @@ def _frame_axis(array: Any) -> int:
     return times.index(True) if True in times else 0
 
 
-def _step(times: Any) -> str:
-    """Time from one frame to the next with its unit, if it is known and always the same."""
-    steps: Any = np.unique(np.diff(times)) if times.dtype.kind in "mM" else []
-    if len(steps) != 1 or not steps[0] > np.timedelta64(0):
-        return ""
-    seconds = steps[0] / np.timedelta64(1, "s")
-    size, unit = next((each for each in _UNITS if seconds % each[0] == 0), (1, "s"))
-    return f"{seconds / size:g} {unit}"
+def _times(array: Any, dim: Any) -> list[str] | None:
+    """Times of frames along an axis; None if it states none, or others than dates and numbers."""
+    if dim not in array.coords or not is_time(array[dim]):
+        return None
+    values, unit = array[dim].values, str(array[dim].attrs.get("units", "")).strip()
+    if values.dtype.kind == "m":
+        values, unit = values / np.timedelta64(1, "s"), "s"
+    if values.dtype.kind == "O":  # dates of other calendars
+        values = [each.isoformat() if hasattr(each, "isoformat") else each for each in values]
+    elif values.dtype.kind in "iuf" and unit:  # a date that it counts from is not in the calendar
+        values = [] if " since " in unit else [f"{each:.15g} {unit}" for each in values]
+    with suppress(OptionError):
+        return [time_text(each) for each in values] or None
+    return None

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ..errors import InputError, plain
 from ..field.framed import Frames
 from ..field.labelling import about
-from ..field.placement import FRAME_STEP, Placement
+from ..field.placement import Placement
 from ..field.sampled import Field
+from ..field.times import Time
 from ..verbs import Choice
 from .arrays import channel_of, numbers, of_array
 from .in_turn import InTurn, check_frame, placed_field
@@ -33,12 +34,12 @@ _TIMES = {"sec": "s", "msec": "ms", "usec": "µs"}
 
 
 def of_frames(
-    at: Callable[[int], Field], count: int, choice: Choice, differ: str = ""
+    at: Callable[[int], Field], count: int, choice: Choice, differ: str = "", times: Sequence[Time] | None = None
 ) -> Field | Frames:
     """Read one of ``count`` volumes, or give all as a series, or the slices of one.
 
-    ``differ`` names what distinguishes them, for the error. Raises `InputError` if none of several is chosen,
-    and `OptionError` if there is no such frame.
+    ``differ`` names what distinguishes them, for the error, and ``times`` are theirs, if they are known. Raises
+    `InputError` if none of several is chosen, and `OptionError` if there is no such frame.
     """
     frame = choice.frame
     if frame is not None:
@@ -50,7 +51,7 @@ def of_frames(
     if not choice.frames:
         return first
     if frame is None and count > 1:
-        return Frames(InTurn(count, at, (*first.shape, count), first.remarks))
+        return Frames(InTurn(count, at, (*first.shape, count), first.remarks), times=times)
     values = first.values if first.mask is None else np.ma.masked_array(first.values, first.mask)
     remarks = *first.remarks, "the position of a slice in space is ignored"
     return of_array(values, Choice(frames=True), remarks=remarks, name=first.name, unit=first.unit)
@@ -155,7 +156,7 @@ def of_nibabel(image: Any, choice: Choice) -> Field | Frames:
     several = whole[3] if len(whole) > 3 else 1
     scaling = np.array([getattr(samples, "slope", 1), getattr(samples, "inter", 0)], float)
     channel_of(1, choice.band)
-    unit, time, remarks, notes = "unknown", "", [], {}
+    unit, time, remarks, times = "unknown", "", [], None
     if hasattr(header, "get_xyzt_units"):
         try:
             unit, time = header.get_xyzt_units()
@@ -167,13 +168,13 @@ def of_nibabel(image: Any, choice: Choice) -> Field | Frames:
     place = in_body(np.asarray(image.affine), axes, lps=False, unit="mm" if unit == "unknown" else unit)
     step = float(header.get_zooms()[-1])
     if choice.frame is None and several > 1 and time in _TIMES and 0 < step < np.inf:
-        notes[FRAME_STEP] = f"{step:g} {_TIMES[time]}"
+        times = [f"{number * float(f'{step:g}'):.12g} {_TIMES[time]}" for number in range(several)]
 
     def at(number: int) -> Field:
         with reading("NIfTI volume"):
             part = np.asarray(samples[..., number] if several > 1 else samples)
         if not (scaling % 1).any() and samples.dtype.kind in "iu":
             part = as_integers(part)
-        return squeezed(part.reshape(whole[:3]), place, remarks, notes=notes)
+        return squeezed(part.reshape(whole[:3]), place, remarks)
 
-    return of_frames(at, several, choice)
+    return of_frames(at, several, choice, times=times)

@@ -17,16 +17,16 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, one_line, plain
+from ..errors import InputError, plain
 from ..field.framed import Frames
 from ..field.meshed import Mesh
-from ..field.placement import FRAME_STEP, Placement
+from ..field.placement import Placement
 from ..field.sampled import Field
 from ..verbs import Choice
 from .arrays import valued
 from .in_turn import check_frame
 from .libraries import choose, library, reading
-from .places import along_axes, at_nodes, by_matrix, even_steps
+from .places import along_axes, at_nodes, by_matrix
 from .volumes import of_frames, squeezed
 
 SUFFIXES = (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvd", ".vtm", ".pvti", ".pvtr", ".pvtu",
@@ -51,31 +51,24 @@ def open_(path: Path, choice: Choice) -> Field | Frames | Mesh:
     """Read a file that PyVista reads, or a mesh that meshio does; of a mesh that stays, all times as values (F, V)."""
     with _complaints():
         times, read = _steps(path)
-    notes, remarks = dict[str, str](), list[str]()
-    even = even_steps(np.array(times))
-    if choice.frame is None and len(times) > 1:
-        notes = {FRAME_STEP: f"{even[1]:g}"} if even else {}
-        if even is None or even[0]:
-            remarks.append(f"its times are left out: {one_line(', '.join(f'{time:g}' for time in times))}")
 
     @lru_cache(1)
     def at(number: int) -> Any:
         with _complaints():
             data = read(number)
-        found = of_vtk(data, choice)
-        return replace(found, notes=notes, remarks=(*found.remarks, *remarks))
+        return of_vtk(data, choice)
 
     if choice.frame is not None:
         check_frame(choice.frame, len(times) if len(times) > 1 else 0)
     first = at(choice.frame or 0)
     if isinstance(first, Field):
-        return of_frames(at, len(times), choice, "time")
+        return of_frames(at, len(times), choice, "time", times)
     meshes, names = [*map(at, range(len(times)))] if choice.frame is None else [first], ("points", "cells")
     if not all(np.array_equal(getattr(each, name), getattr(first, name)) for each in meshes for name in names):
         raise InputError("its mesh changes in time", code="mesh", remedy="choose a time: --frame N")
     if len(meshes) == 1 or first.values is None:
         return first
-    return replace(first, values=np.stack([each.values for each in meshes]))
+    return replace(first, values=np.stack([each.values for each in meshes]), times=times)
 
 
 def of_vtk(data: Any, choice: Choice) -> Field | Mesh:

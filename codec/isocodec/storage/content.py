@@ -68,6 +68,13 @@ def by_fsspec(url: str) -> Iterator[Any]:
                          remedy="check the address, and install what the error names") from exc
 
 
+def content_of_path(path: str | os.PathLike[str], start: int, limits: Limits | None = None) -> bytes:
+    """Read a local file from a place on; errors as of `content`."""
+    with Path(path).open("rb") as file:
+        file.seek(start)
+        return _read(file, (limits or Limits()).bytes - start, ())
+
+
 def content(data: Readable, limits: Limits | None = None, signatures: Collection[bytes] = ()) -> bytes:
     """Read a path, a URL or a file object; anything else is returned unchanged.
 

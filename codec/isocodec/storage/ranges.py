@@ -9,7 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from ..errors import LimitError, TruncatedError
-from .content import by_fsspec, is_url, is_web
+from ..limits import Limits
+from .content import by_fsspec, content, content_of_path, is_url, is_web
 from .web import NoRangesError, Range, WebFile
 
 Fetch = Callable[[Sequence[Range]], list[bytes]]
@@ -93,6 +94,19 @@ def together(ranges: Iterable[Range]) -> list[Range]:
     starts = [start for i, (start, _) in enumerate(apart) if i not in bridged]
     ends = [end for i, (_, end) in enumerate(apart, start=1) if i not in bridged]
     return list(zip(starts, ends, strict=True))
+
+
+def content_from(source: str | os.PathLike[str], start: int, limits: Limits | None = None) -> bytes:
+    """Read a file or URL from a place on; raises `OSError`, `InputError` or `LimitError`.
+
+    All of it is read if a server does not support range requests.
+    """
+    if not is_url(source):
+        return content_of_path(source, start, limits)
+    try:
+        return ranges_of(source)([(start, (limits or Limits()).bytes)])[0]
+    except NoRangesError:
+        return content(source, limits)[start:]
 
 
 def ranges_of(source: bytes | str | os.PathLike[str]) -> Fetch:

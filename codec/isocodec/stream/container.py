@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from isospec.container import Checksum, ChunkType
 
 from ..errors import OptionError
+from ..field.times import TIME
 from ..format.chunks import write_chunk, write_further, write_metadata
 from ..format.frames import as_last, is_key, write_frame, write_interval
 from ..format.header import Header, write_header
@@ -23,11 +24,21 @@ def beginning(
     return [write_header(header), *notes, *shared, *series]
 
 
-def opening(frame: int, number: int, isovalue: float, lean: int | None, interval: int | None) -> list[bytes]:
-    """Write the chunk with which an isovalue of a frame begins; the first one of a file begins with the header."""
+def opening(
+    frame: int, number: int, isovalue: float, lean: int | None, interval: int | None, time: str | None = None
+) -> list[bytes]:
+    """Write the chunk with which an isovalue of a frame begins, and with the first one the time of the frame.
+
+    The first isovalue of a file begins with the header.
+    """
+    out: list[bytes] = []
     if frame:
-        return [write_chunk(ChunkType.FRAME, write_frame(number, lean, is_key(frame, interval or 0)))]
-    return [write_chunk(ChunkType.ISOVALUE, write_further(number, isovalue, lean))] if number else []
+        out.append(write_chunk(ChunkType.FRAME, write_frame(number, lean, is_key(frame, interval or 0))))
+    elif number:
+        out.append(write_chunk(ChunkType.ISOVALUE, write_further(number, isovalue, lean)))
+    if number == 0 and time is not None:
+        out.append(write_chunk(ChunkType.METADATA, write_metadata({TIME: time}), ancillary=True))
+    return out
 
 
 def closed(chunks: Iterable[bytes]) -> Iterator[bytes]:

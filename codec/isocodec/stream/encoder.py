@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import zlib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isospec.container import Checksum, ChunkType
+from isospec.container import Checksum, ChunkType, DomainKind
 
+from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, OptionError
 from ..field.framed import Frames
 from ..field.labelling import listed
 from ..field.meshed import Mesh
 from ..field.sampled import Field
+from ..field.times import Time, time_text, time_texts, times_of
 from ..format.chunks import write_chunk
+from ..limits import Limits
 from ..tin.tin import Tin
 from .container import ContainerEncoder
+from .decoder import Decoder
+from .file_info import FileInfo
 from .given import GivenField, completed, field_of, levels_of, taken
 from .grid_encoder import GridEncoder, GridFrames
 from .grid_file import Report, grid_file
+from .inspect import inspect
 from .mesh_encoder import MeshEncoder, MeshFrames
 from .options import EncodeOptions, Isovalues, Options
 from .series import Series
+from .splicing import whole_frames
 from .surface_encoder import SurfaceEncoder
 
 if TYPE_CHECKING:
@@ -65,8 +76,8 @@ class Encoder:
     isovalue : number or sequence of numbers, optional
         As for `encode`; the same for all frames. None if the frames are of bool or labels.
     **options
-        Options of `encode`; frames whose number is a multiple of ``interval`` are key frames, at which decoding can
-        begin.
+        Options of `encode`; frames whose number is a multiple of ``interval``, 16 by default, are key frames, at which
+        decoding can begin.
 
     Raises
     ------
@@ -84,16 +95,54 @@ class Encoder:
     def __init__(
         self, isovalue: Isovalues | None = None, *, progress: Report | None = None, **options: Unpack[EncodeOptions]
     ) -> None:
-        self._frames = SeriesFrames(isovalue, Options.of(**options), progress)
+        self._options = isovalue, Options.of(**options), progress
+        self._frames = SeriesFrames(*self._options)
         self._checksum = 0
         self._finished = False
+
+    @classmethod
+    def resume(
+        cls, path: str | os.PathLike[str], isovalue: Isovalues | None = None, *, progress: Report | None = None,
+        **options: Unpack[EncodeOptions],
+    ) -> Encoder:
+        """Continue a file whose writer has been interrupted, with the bytes that it would have written.
+
+        The file is shortened to its complete frames, `frames` of them; the next ones can then be appended to it. A
+        finished file can be continued, too. The first frame added afterwards needs the placement, the labels and the
+        mesh of the others again.
+
+        Parameters
+        ----------
+        path : path
+            What an `Encoder` has written, up to any byte.
+        isovalue, progress, **options
+            As for the `Encoder` that began the file.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be read or shortened.
+        OptionError
+            If it was not written frame by frame. `add` raises it if the file was begun with other options.
+        FormatError
+            If it is damaged. The file is then unchanged.
+        """
+        encoder = cls(isovalue, progress=progress, **options)
+        data = Path(path).read_bytes()
+        begun = whole_frames(data)
+        if len(begun) < len(data):
+            os.truncate(path, len(begun))
+        if begun:
+            encoder._frames = SeriesFrames(*encoder._options, begun=begun)
+            encoder._checksum = zlib.crc32(begun)
+        return encoder
 
     @property
     def frames(self) -> int:
         """Number of frames that have been added."""
         return self._frames.count
 
-    def add(self, frame: ArrayLike | Field | Mesh) -> bytes:
+    def add(self, frame: ArrayLike | Field | Mesh, time: Time | None = None) -> bytes:
         """Encode one more frame.
 
         Parameters
@@ -101,6 +150,9 @@ class Encoder:
         frame : Field, (s0, s1) or (s0, s1, s2) array_like; or Mesh, and (V,) array_like after it
             A frame with the shape and type of the first one. Placement and notes are taken from the first frame; for a
             mesh, points and cells.
+        time : number, text or date, optional
+            The time of the frame: a number, also with a unit as ``"6 h"``, or a date, in UTC unless it states its time
+            zone. Either all frames have one, of the same kind and unit, or none.
 
         Returns
         -------
@@ -111,13 +163,13 @@ class Encoder:
         Raises
         ------
         InputError
-            If the frame cannot be encoded, or differs from the first one in shape, type or missing samples. Frames that
-            were added before are kept.
+            If the frame cannot be encoded, or differs from the first one in shape, type, missing samples or the kind of
+            its time. Frames that were added before are kept.
         OptionError
             If options do not apply, or the series is finished.
         """
         self._check_open()
-        return self._ended(self._frames.chunks(frame))
+        return self._ended(self._frames.chunks(frame, time))
 
     def finish(self) -> bytes:
         """The last bytes of the file.
@@ -154,6 +206,8 @@ class SeriesFrames:
         As for `encode`.
     known : iterable, optional
         All frames, if they can be examined in advance.
+    begun : bytes
+        A file of complete frames that is continued.
 
     Attributes
     ----------
@@ -164,45 +218,93 @@ class SeriesFrames:
     """
 
     def __init__(
-        self, isovalue: Isovalues | None, options: Options, progress: Report | None, known: Any = None
+        self, isovalue: Isovalues | None, options: Options, progress: Report | None, known: Any = None,
+        begun: bytes = b"",
     ) -> None:
         self._isovalue, self._options, self._report, self._known = isovalue, options, progress, known
+        self._begun = begun
+        self._info = inspect(begun) if begun else None
         self.grid: GridFrames | None = None
         self._mesh: MeshFrames | None = None
         self._given: GivenField | None = None
         self._alike: tuple[tuple[int, ...], np.dtype[Any]] = (), np.dtype(np.bool_)
         self._found: set[float] = set()
-        self.count = 0
+        self.count = 0 if self._info is None else len(self._info.frames)
+        self._time = None if self._info is None else self._info.frames[0].time
 
     def check_whole(self) -> None:
         """Refuse a series without frames, and labels that no frame has."""
         if not self.count:
             raise InputError("a series without frames", code="frames", remedy="add at least one")
         for label in (self._given.labels if self._given else None) or ():
-            if label not in self._found:
+            if label not in self._found and self._info is None:
                 raise InputError(f"no frame has the label {label:g}", code="label")
 
-    def chunks(self, frame: Any) -> list[bytes]:
+    def chunks(self, frame: Any, time: Time | None = None) -> list[bytes]:
         """Return the chunks of a frame; if an error is raised, earlier frames are kept."""
+        self._now = self._checked(time)
+        if self._mesh is None and self._info is not None and self._info.domain and not isinstance(frame, Mesh):
+            raise InputError("the first frame that continues a file on a mesh has no mesh", code="mesh",
+                             remedy="add a Mesh with its values")
         if self._mesh is not None or (self.grid is None and isinstance(frame, Mesh)):
             out = self._of_mesh(frame)
         else:
             out = self._of_grid(field_of(frame))
+        if not self.count:
+            self._time = self._now
         self.count += 1
+        self._begun = b""
         return out
+
+    def _checked(self, time: Time | None) -> str | None:
+        """The time of a frame as a note; raises `InputError` if it does not suit that of the first frame."""
+        text = None if time is None else time_text(time)
+        if self.count and text != self._time and times_of([self._time, text]) is None:
+            now, first = ("no time" if one is None else f"the time {one}" for one in (text, self._time))
+            raise InputError(f"frame {self.count} has {now}, but the first frame has {first}", code="time",
+                             remedy="give all frames times of the same kind, or none")
+        return text
+
+    def _continued(self, beginning: list[bytes], isovalues: list[float], mesh: Mesh | None = None) -> Decoder:
+        """Decode the last frame of the file that is continued.
+
+        Raises `OptionError` if the file does not begin as the encoder of the next frame would have begun it.
+        """
+        assert self._info is not None
+        mine = b"".join(beginning)
+        if isovalues != self._info.isovalues or _alike(mine, inspect(mine)) != _alike(self._begun, self._info):
+            raise OptionError(
+                "the file was begun with other isovalues or options, or with fields of another shape, mesh, placement "
+                "or other missing samples", code="resume", remedy="give what the file was begun with",
+            )
+        known = self._info.domain is not None and self._info.domain.kind == DomainKind.KNOWN
+        given = (mesh.points, mesh.cells) if mesh is not None and mesh.cells is not None and known else None
+        decoder = Decoder(Limits(memory=sys.maxsize), mesh=given, frame=self.count - 1)
+        decoder.feed(self._begun)
+        return decoder.take()
 
     def _of_grid(self, field: Field) -> list[bytes]:
         given, grid = self._given, self.grid
         alike = field.shape, np.asarray(field.values).dtype
         if given is None or grid is None:
+            if self._info is not None and field.labels is not None:
+                self._check_labels(field, self._info.isovalues)
+                field = replace(field, labels=tuple(self._info.isovalues))
             given, samples = completed(field, self._isovalue, self._options, self._known, series=True)
+            if self._info is not None:
+                smooth = self._options.precision.smooth and SMOOTHING in self._info.metadata
+                precision = replace(given.options.precision, smooth=smooth)
+                given = replace(given, options=replace(given.options, precision=precision))
             series = Series(given.isovalues, given.options.interval, given.options.independent)
             grid = GridFrames(grid_file(samples, series, given.options, given.placement, report=self._report))
+            if self._info is not None:
+                grid.resume(self._continued(grid.file.beginning(), series.isovalues))
         else:
             self._check_alike(field, given, *alike)
             samples = given.samples(field)
         if given.labels is not None:
             samples = [*samples]
+        grid.file.series.time = self._now
         out = grid.chunks(samples)
         if given.labels is not None:
             self._found |= {one.isovalue for one in samples if one.signs.any()}
@@ -221,9 +323,13 @@ class SeriesFrames:
                 f"frame {self.count} holds {dtype}, but earlier frames hold {self._alike[1]}", code="frames",
                 remedy="convert all frames to the same type",
             )
-        more = {*(field.labels or ())} - {*(given.labels or ())}
+        self._check_labels(field, given.labels or ())
+
+    def _check_labels(self, field: Field, labels: Sequence[float]) -> None:
+        """Refuse a frame with labels that would not be encoded."""
+        more = {*(field.labels or ())} - {*labels}
         if more:
-            every = sorted({*more, *(given.labels or ())})
+            every = sorted({*more, *labels})
             raise InputError(
                 f"frame {self.count} has labels that the first frame does not: {listed(sorted(more), ', ')}",
                 code="label", remedy=f"give each frame the same: labels=({listed(every, ', ')})",
@@ -233,7 +339,11 @@ class SeriesFrames:
         if self._mesh is None:
             isovalues = levels_of(frame, self._isovalue, self._options, self._known)
             series = Series(isovalues, self._options.interval, self._options.independent)
-            self._mesh = MeshFrames(frame, series, self._options, complete=False, report=self._report)
+            mesh = MeshFrames(frame, series, self._options, complete=False, report=self._report)
+            if self._info is not None:
+                mesh.resume(self._continued(mesh.beginning(), isovalues, frame))
+            self._mesh = mesh
+        self._mesh.series.time = self._now
         values: Any = frame.values if isinstance(frame, Mesh) else frame
         return self._mesh.chunks(values)
 
@@ -246,14 +356,25 @@ class _SeriesEncoder(ContainerEncoder):
     ) -> None:
         if frames.interval is not None:
             options = Options.of(**{**vars(options), "interval": frames.interval})
-        self._given = frames
+        self._given, self._times = frames, frames.times
         # frames that can be read only once cannot be examined in advance
         self._frames = SeriesFrames(isovalue, options, progress, frames if frames.repeatable else None)
 
     def _chunks(self) -> Iterator[bytes]:
-        for frame in self._given:
-            yield from self._frames.chunks(frame)
+        times = self._times
+        for number, frame in enumerate(self._given):
+            if times is not None and number == len(times):
+                time_texts(times, number + 1)  # refuses too few
+            yield from self._frames.chunks(frame, None if times is None else times[number])
         self._frames.check_whole()
+        time_texts(times, self._frames.count)
+
+
+def _alike(data: bytes, info: FileInfo) -> list[bytes]:
+    """Collect what a series begins with apart from notes: header, mesh, coordinates, mask, interval of key frames."""
+    last = next((i for i, chunk in enumerate(info.chunks) if chunk.type == "series"), len(info.chunks))
+    kept = [chunk for chunk in info.chunks[: last + 1] if chunk.type != "metadata"]
+    return [data[: info.chunks[0].offset], *(data[chunk.offset : chunk.offset + chunk.bytes] for chunk in kept)]
 
 
 def _shape(shape: Sequence[int]) -> str:

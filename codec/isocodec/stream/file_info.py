@@ -67,6 +67,8 @@ class FrameInfo:
         For each isovalue, whether it is predicted from the same isovalue of the previous frame.
     complete : bool
         Whether all of its bytes are there: the file ends with it, or states that it has ended.
+    time : str or None
+        ``0.5``, ``6 h`` or ``2024-01-31T06:00``, if the file states it.
     """
 
     offset: int
@@ -75,6 +77,7 @@ class FrameInfo:
     leans: list[int | None]
     before: list[bool]
     complete: bool = True
+    time: str | None = None
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from ..field.samples import interval_value
 from ..format.chunks import Envelope
 from ..format.events import ChunkSkipped, Event, FrameRead, IsovalueRead, MaskComplete, SeriesRead
 from ..format.header import Header
-from ..format.program import Layer
+from ..format.program import Layer, Progress
 from ..grid.layers.layer_reader import LayerReader
 from ..grid.passes.runner import Tube
 from ..grid.tube.decoded import Decoded
@@ -139,6 +139,12 @@ class GridContents:
         """The tube of the isovalue whose layers are being read; None if it is skipped."""
         return self._strands.present
 
+    def at_rest(self) -> list[tuple[Tube, Progress]]:
+        """For each isovalue of a complete frame, its state and the position in its program: the next one leans on them.
+        """
+        self._strands.settle()
+        return [(tube, progress) for tube, progress in zip(self.tubes, self.outline.progresses, strict=True) if tube]
+
     @property
     def mask_tube(self) -> Tube | None:
         """The tube of the mask, if its chunk has begun."""
@@ -210,7 +216,7 @@ class GridContents:
 
         It is empty before a mesh is known. With ``before``, that of the previous frame, which is complete.
         """
-        tube, notes, n = self._tube_of(number, before), self.outline.metadata, self._header.n
+        tube, notes, n = self._tube_of(number, before), self.outline.notes(before), self._header.n
         if tube is None:
             contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), math.nan, self._header.shape, False)
         else:
@@ -221,7 +227,7 @@ class GridContents:
                 leaves = replace(leaves, whole=None)
             drawn = draw(leaves, complete=before or self._complete, smooth=rounds, check=self._beside(tube))
             contour = replace(drawn, origin_above=tube.origin_above)
-        return replace(contour, metadata=dict(notes), placement=self.placement)
+        return replace(contour, metadata=notes, placement=self.placement)
 
     @property
     def whole_cells(self) -> WholeCells | None:
@@ -364,7 +370,7 @@ class GridContents:
             levels = leaves.levels
         return Tessellation(
             points, cells, levels, above, self.outline.isovalues[number], tube.shape, self._complete, self.placement,
-            dict(self.outline.metadata),
+            self.outline.notes(),
         )
 
     @property

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 from isospec.container import ChunkType
 
@@ -37,6 +38,7 @@ from ..search.original import original
 from ..search.promise import Promise
 from ..search.tolerance import grid_offsets
 from .container import ContainerEncoder
+from .decoder import Decoder
 from .grid_file import GridFile
 from .interleaving import bases, coarse, coarsely, finer
 from .layer_plans import plan_of
@@ -52,6 +54,13 @@ INDEX_SHARE = 100
 """A layer index is written if it takes at most this fraction of the data."""
 
 
+class Leant(NamedTuple):
+    """An isovalue of the previous frame: its decoded state, and the position in its program."""
+
+    tube: Tube
+    progress: Progress
+
+
 class GridFrame:
     """Encodes the isovalues of a frame one after the other; `chunks`, to be called once, yields the bytes.
 
@@ -61,7 +70,7 @@ class GridFrame:
         Its series is at this frame.
     fields : sequence of Samples
         The frame at each isovalue.
-    before : sequence of LayerWriter
+    before : sequence of Leant
         Isovalues of the previous frame; empty if this is a key frame.
 
     Attributes
@@ -70,7 +79,7 @@ class GridFrame:
         Isovalues that have begun; initially the first one.
     """
 
-    def __init__(self, file: GridFile, fields: Sequence[Samples], before: Sequence[LayerWriter] = ()) -> None:
+    def __init__(self, file: GridFile, fields: Sequence[Samples], before: Sequence[Leant] = ()) -> None:
         self.file = file
         self._fields = fields
         self._known: tuple[int, GroundTruth] | None = None
@@ -105,11 +114,11 @@ class GridFrame:
                 yield write_chunk(ChunkType.INDEX, index, ancillary=True)
         _warn_of_memory([strand.tube for strand in self.strands])
 
-    def part(self) -> list[LayerWriter]:
+    def part(self) -> list[Leant]:
         """Keep what the next frame is predicted from, once all chunks are made."""
         self.strands[-1].rest()
         self._before, self._fields, self._known = (), (), None
-        return self.strands
+        return [Leant(strand.tube, strand.progress) for strand in self.strands]
 
     def _begin(self) -> None:
         """Prepare the next isovalue for encoding."""
@@ -122,7 +131,7 @@ class GridFrame:
         leans[number:] = [lean]
         self.strands.append(strand)
 
-    def _leant_on(self, number: int, lean: int) -> LayerWriter:
+    def _leant_on(self, number: int, lean: int) -> LayerWriter | Leant:
         """The layers that an isovalue is predicted from."""
         return self._before[number] if lean == FRAME_BEFORE else self.strands[lean]
 
@@ -394,7 +403,7 @@ class _Uncrossed(GridFrame):
         return Fences(sizes[number], coded, waiting)
 
 
-def _frame_of(file: GridFile, fields: Sequence[Samples], before: Sequence[LayerWriter] = ()) -> GridFrame:
+def _frame_of(file: GridFile, fields: Sequence[Samples], before: Sequence[Leant] = ()) -> GridFrame:
     """Make the encoder of a frame, in the order that the options ask for.
 
     Raises
@@ -467,7 +476,12 @@ class GridFrames:
 
     def __init__(self, file: GridFile) -> None:
         self.file = file
-        self._before: list[LayerWriter] = []
+        self._before: list[Leant] = []
+
+    def resume(self, decoder: Decoder) -> None:
+        """Continue a file after its last frame, which has been decoded."""
+        self.file.series.frame = decoder.frame
+        self._before = [Leant(*each) for each in decoder.grid.at_rest()]
 
     def chunks(self, fields: Sequence[Samples]) -> list[bytes]:
         """Return the chunks of a frame, the first with the header; if an error is raised, earlier frames are kept.
@@ -484,7 +498,7 @@ class GridFrames:
                 remedy="fill the missing samples, or give one mask for all frames",
             )
         with series.next_frame():
-            frame = _frame_of(file, fields, [] if series.key else self._before)
+            frame = _frame_of(file.of_frame(fields), fields, [] if series.key else self._before)
             out = [*(file.beginning() if series.frame == 0 else ()), *frame.chunks()]
         self._before = frame.part()
         return out

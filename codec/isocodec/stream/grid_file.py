@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
 
@@ -59,9 +59,7 @@ class GridFile:
     fine : float or None
         Distance that crossings on the full grid are stored to; None without crossings.
     searched : float or None
-        Distance in cells for which a plan is searched, if it is.
-    on_grid : bool
-        Whether the options lead to the full grid without fixing the layers in between.
+        Distance in cells for which a plan of the frame is searched, if it is.
     free : bool
         Whether crossings may be coded with slack.
     full_level : int
@@ -83,11 +81,20 @@ class GridFile:
     values: list[Entry]
     fine: float | None
     searched: float | None
-    on_grid: bool
     free: bool
     full_level: int
     geometry: Sequence[list[Entry]] | None
     report: Report | None
+
+    @property
+    def on_grid(self) -> bool:
+        """Whether the options lead to the full grid without fixing the layers in between."""
+        o = self.options
+        return o.layers.default and o.precision.steps is self.searched is None and not o.keep_topology
+
+    def of_frame(self, fields: Sequence[Samples]) -> GridFile:
+        """The file with the search that suits a frame, given at each isovalue."""
+        return replace(self, searched=_searched(fields, self.options, bool(self.periodic)))
 
     @cached_property
     def sides(self) -> SharedSides | None:
@@ -135,19 +142,18 @@ def grid_file(
         missing = mask_field(gone)
         run, holes = encoded_mask(header, missing, truth_of(missing))
         shared.append(write_chunk(ChunkType.MASK, run))
-    precision, layers = options.precision, options.layers
+    precision = options.precision
     if promised is None:
         # under a criterion the mesh keeps to another distance, or to none; a plan has its promises
-        promised = [precision.tolerance if layers.criterion is None else None] * len(series.isovalues)
+        promised = [precision.tolerance if options.layers.criterion is None else None] * len(series.isovalues)
     values: list[Entry] = [(LayerKind.VALUES, None)] if precision.exact or precision.step is not None else []
     fine = None if values or precision.signs else precision.offsets or DEFAULT_TOLERANCE
     searched = _searched(fields, options, placement is not None and bool(placement.periodic))
-    on_grid = layers.default and precision.steps is searched is None and not options.keep_topology
     # smoothed crossings lie in their parts
     free = options.entropy == Profile.MAIN and not precision.smooth and _in_order(series.isovalues, options, fine)
     return GridFile(
         options, series, header, notes, () if placement is None else placement.periodic, gone, holes, shared, promised,
-        values, fine, searched, on_grid, free, len(shape) * cube_exponent(shape), geometry, report,
+        values, fine, searched, free, len(shape) * cube_exponent(shape), geometry, report,
     )
 
 

@@ -214,7 +214,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     ends = [*(start for start, _, _ in survey.frames[1:]), session.at]
     frames = [
         FrameInfo(start, end - start, is_key(number, outline.interval or 0), leans, before or [False] * len(leans),
-                  number < session.frames)
+                  number < session.frames, outline.times.get(number))
         for number, ((start, leans, before), end) in enumerate(zip(survey.frames, ends, strict=True))
     ]
     return FileInfo(

@@ -142,7 +142,7 @@ class MeshContents:
         """
         if smooth:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
-        n, notes = self._header.n, dict(self.outline.metadata)
+        n, notes = self._header.n, self.outline.notes(before)
         found, points = self.strand(number, before=before), self._points
         if found is None or points is None or not _begun(found):
             d = n if self.head is None else self.head.d
@@ -226,7 +226,7 @@ class MeshContents:
         return Tessellation(
             self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), above, found.value,
             (), self._session.whole(self.outline.wanted), own_placement(self.outline.metadata, self._points.shape[1]),
-            dict(self.outline.metadata),
+            self.outline.notes(),
         )
 
     def _wound(self, cells: NDArray[np.int64], mirrored: NDArray[np.bool_]) -> NDArray[np.int64]:

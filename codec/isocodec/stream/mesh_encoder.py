@@ -19,6 +19,7 @@ from ..field.meshed import Mesh, valued
 from ..field.placement import COORDINATE_UNIT, CRS
 from ..field.samples import Samples, isovalue_of
 from ..field.stretch import in_unit
+from ..field.times import time_texts
 from ..field.units import distance_of
 from ..format.chunks import Promises, payload_of, write_chunk, write_promises
 from ..format.domain import MOST_STEP, MeshLayerHead, read_domain, read_mesh_layer, write_mesh_layer
@@ -34,6 +35,7 @@ from ..mesh.quantised import refitted
 from ..search.mesh_cuts import KeptCut, contour_on, far_apart
 from .container import ContainerEncoder, beginning
 from .cut_plan import Cut, CutPlan, check_cuts, cut_promise_of, cut_under
+from .decoder import Decoder
 from .grid_file import Report
 from .leaning import chain
 from .mesh_contents import code_layer, coordinates_of
@@ -160,6 +162,12 @@ class MeshFrames:
         head, _ = read_domain(self._stored.payload, self.domain.n, 0)
         return self._stored.points if head.digest else coordinates_of(self.domain, head)
 
+    def resume(self, decoder: Decoder) -> None:
+        """Continue a file after its last frame, which has been decoded."""
+        self.series.frame = decoder.frame
+        strands = map(decoder.on_mesh.strand, range(len(self.series.isovalues)))
+        self._before = [strand for strand in strands if strand]
+
     def chunks(self, values: ArrayLike) -> list[bytes]:
         """Return the chunks of a frame, the first with the header; if an error is raised, earlier frames are kept.
 
@@ -182,13 +190,13 @@ class MeshFrames:
         fields = self._fields(values)
         self.options.check_data(fields[0].integer)
         with self.series.next_frame():
-            begun = self._beginning() if self.series.frame == 0 else ()
+            begun = self.beginning() if self.series.frame == 0 else ()
             strands: list[MeshIsovalue] = []
             out = [*begun, *self._frame(fields, strands)]
         self._before = strands
         return out
 
-    def _beginning(self) -> list[bytes]:
+    def beginning(self) -> list[bytes]:
         """Write the header, and the chunks that concern the whole file."""
         domain = write_chunk(ChunkType.DOMAIN, self._stored.payload)
         return beginning(self.header, self._metadata, [domain], self.series.interval)
@@ -402,10 +410,12 @@ class MeshEncoder(ContainerEncoder):
     ) -> None:
         interval = options.interval if np.ndim(mesh.values) == 2 else None  # type: ignore[arg-type]
         self.frames = MeshFrames(mesh, Series(isovalues, interval, options.independent), options, report=report)
+        self._times = time_texts(mesh.times, len(self.frames.given))
         self.header = self.frames.header
 
     def _chunks(self) -> Iterator[bytes]:
-        for values in self.frames.given:
+        for values, time in zip(self.frames.given, self._times, strict=True):
+            self.frames.series.time = time
             yield from self.frames.merged_chunks(values)
 
 

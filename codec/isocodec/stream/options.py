@@ -43,6 +43,8 @@ WORTH_SEARCHING = 0.75
 """From this tolerance in cells on, a search for a mesh is worth its time without being asked for."""
 COORDINATES_SHARE = 0.05
 """Coordinates of samples may take this share of a distance in the world, unless it is stated how precise they are."""
+KEY_INTERVAL = 16
+"""Default interval of key frames: the last of many frames decodes in the time of so many."""
 SMOOTH = " smooth"
 """Suffix of a precision."""
 _CRITERIA = ("crossing", "topology", "curvature", "distortion", "level")
@@ -324,7 +326,7 @@ class Options:
     order : str or None
         Order of the layers of several isovalues, one of `ORDERS`; None: "levels" where possible, else "isovalues".
     interval : int
-        Frames whose number is a multiple of this are key frames.
+        Frames whose number is a multiple of this are key frames; 0 if only the first is.
     metadata : mapping of str to str
         Notes for the file.
     """
@@ -335,7 +337,7 @@ class Options:
     effort: str = "normal"
     layers: Layers = Layers()
     order: str | None = None
-    interval: int = 0
+    interval: int = KEY_INTERVAL
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -352,7 +354,8 @@ class Options:
                               remedy=f"one of {', '.join(cls.__dataclass_fields__)}")
         options = replace(
             cls(**given), precision=Precision.of(given.get("precision")), layers=Layers.of(given.get("layers")),
-            interval=check_interval(given.get("interval", 0)), metadata=_notes_of(given.get("metadata") or {}),
+            interval=check_interval(given.get("interval", KEY_INTERVAL)),
+            metadata=_notes_of(given.get("metadata") or {}),
         )
         if str(options.profile).upper() not in Profile.__members__:
             names = ", ".join(p.name.lower() for p in Profile)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from isospec.container import ChunkType, DomainKind
 
 from ..errors import FormatError
+from ..field.times import TIME
 from ..format.chunks import (
     Envelope,
     LayerRecord,
@@ -51,6 +52,9 @@ class Outline:
     promises : list of Promises
         For each isovalue, the promises for its layers.
     metadata : dict of str to str
+        Notes of the file.
+    times : dict of int to str
+        Times of frames, by number.
     layers : list of Layer
         Layers announced so far; added by the code that reads chunks of layers.
     records : list of LayerRecord
@@ -98,6 +102,7 @@ class Outline:
     _begun: set[float] = field(default_factory=set, repr=False)
     promises: list[Promises] = field(default_factory=list)
     metadata: dict[str, str] = field(default_factory=dict)
+    times: dict[int, str] = field(default_factory=dict)
     layers: list[Layer] = field(default_factory=list)
     records: list[LayerRecord] = field(default_factory=list)
     masked: bool = False
@@ -139,6 +144,11 @@ class Outline:
     def full_level(self) -> int:
         """Level of the full grid; 0 on a mesh."""
         return len(self.shape) * cube_exponent(self.shape) if self.shape else 0
+
+    def notes(self, before: bool = False) -> dict[str, str]:
+        """Notes on a drawing of the frame that is decoded, or of the one before it, with its time."""
+        frame = (self.frame if self.wanted is None else min(self.frame, self.wanted)) - before
+        return {**self.metadata, **({TIME: self.times[frame]} if frame in self.times else {})}
 
     @property
     def past(self) -> bool:
@@ -272,7 +282,10 @@ def _frame_end(outline: Outline, payload: bytes, start: int, behind: int) -> Non
 
 def _metadata(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
     found = read_metadata(payload)
-    outline.metadata.update(found)
+    own = {**found}
+    if outline.interval is not None and TIME in own:
+        outline.times[outline.frame] = own.pop(TIME)
+    outline.metadata.update(own)
     return MetadataRead(behind, found)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import product, zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +127,7 @@ def beside_crossings(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -
 
 def recoded_frames(
     frames: Sequence[Sequence[Source]], interval: int | None, options: Options, *, kept: bool = False,
-    promised: Sequence[float | None] | None = None,
+    promised: Sequence[float | None] | None = None, times: Sequence[str | None] = (),
 ) -> bytes:
     """Encode a file of what frames of files hold.
 
@@ -143,6 +143,8 @@ def recoded_frames(
         Code the same curves, whatever the precision is.
     promised : sequence of float or None, optional
         Distances that the curves of isovalues are promised to keep to those of the field; nothing if not given.
+    times : sequence of str or None
+        Times of frames.
     """
     promised = [None] * len(frames[0]) if promised is None else promised
     samples = [[source.field for source in sources] for sources in frames]
@@ -152,4 +154,9 @@ def recoded_frames(
         geometry = [max((one.geometry for one in sources), key=len) for sources in zip(*frames, strict=True)]
     series = Series([one.isovalue for one in samples[0]], interval, options.independent)
     encoder = GridFrames(grid_file(samples[0], series, options, geometry=geometry, promised=promised))
-    return b"".join(closed(chain.from_iterable(map(encoder.chunks, samples))))
+
+    def chunks() -> Iterator[bytes]:
+        for fields, series.time in zip_longest(samples, times):
+            yield from encoder.chunks(fields)
+
+    return b"".join(closed(chunks()))

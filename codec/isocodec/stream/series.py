@@ -31,6 +31,8 @@ class Series:
     leans : list of int or None
         For each isovalue of the current frame that has begun, what it is predicted from: the number of an earlier one,
         or ``FRAME_BEFORE``.
+    time : str or None
+        Time of the next frame, or of the current one once it has begun.
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class Series:
         self.interval, self._independent = interval, independent
         self.frame = -1
         self.leans: list[int | None] = []
+        self.time: str | None = None
 
     @contextmanager
     def next_frame(self) -> Iterator[None]:
@@ -66,4 +69,4 @@ class Series:
 
     def opening(self, number: int) -> list[bytes]:
         """Write the chunk with which an isovalue of the current frame begins, if there is any."""
-        return opening(self.frame, number, self.isovalues[number], self.leans[number], self.interval)
+        return opening(self.frame, number, self.isovalues[number], self.leans[number], self.interval, self.time)

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 from isospec.container import ChunkType, DomainKind, MeshLayer
 
-from ..errors import InputError, OptionError
+from ..errors import InputError, OptionError, TruncatedError
 from ..field.labelling import of_some
+from ..field.times import TIME
 from ..format.chunks import payload_of, write_chunk
-from ..format.frames import FRAME_BEFORE, is_key
+from ..format.frames import FRAME_BEFORE, LAST, is_key
 from ..format.header import Header, read_header
 from .container import beginning, closed, opening
 from .file_info import FileInfo
@@ -150,8 +151,8 @@ def spliced(files: Iterable[bytes]) -> bytes:
     first = all_parts[0]
     for i, other in enumerate(all_parts[1:], start=2):
         _check_alike(first, other, f"file {i}")
-        if (len(other.frames), other.info.interval) != (len(first.frames), first.info.interval):
-            raise InputError(f"file {i} differs from the first in its frames", code="merge")
+        if _rhythm(other) != _rhythm(first):
+            raise InputError(f"file {i} differs from the first in its frames or their times", code="merge")
     values = [value for parts in all_parts for value in parts.info.isovalues]
     if len(set(values)) < len(values):
         raise OptionError("an isovalue is in two of the files", code="isovalue", remedy="leave it out of one of them")
@@ -200,7 +201,42 @@ def appended(files: Iterable[tuple[str, bytes]], interval: int) -> bytes:
     first = all_parts[0]
     frames = [strands for parts in all_parts for strands in parts.frames]
     metadata = _all_notes(all_parts)
-    return _joined(first.header, replace(first.info, interval=interval), first.shared, frames, metadata)
+    times = [time for parts in all_parts for time in _times(parts.info) or [parts.info.metadata.get(TIME)]]
+    metadata.pop(TIME, None)
+    return _joined(first.header, replace(first.info, interval=interval), first.shared, frames, metadata, times)
+
+
+def _rhythm(parts: Parts) -> tuple[int | None, list[str | None]]:
+    """Interval of key frames, and times of frames."""
+    return parts.info.interval, _times(parts.info)
+
+
+def _times(info: FileInfo) -> list[str | None]:
+    """Times of the frames of a series."""
+    return [frame.time for frame in info.frames]
+
+
+def whole_frames(data: bytes) -> bytes:
+    """The beginning of a file that was written frame by frame, up to the last mark of an end of a frame.
+
+    Nothing, if its first frame is not complete. The mark that ends a finished file does not count.
+
+    Raises
+    ------
+    OptionError
+        If the file was not written frame by frame.
+    FormatError
+    """
+    try:
+        info = inspect(data)
+    except TruncatedError:  # within the header
+        return b""
+    marks = [one for one in info.chunks if one.type == "frame_end" and one.offset + one.bytes <= len(data)]
+    ends = [one.offset + one.bytes for one in marks if not data[one.offset] & LAST]
+    if not ends and (info.complete or len(info.frames) > 1 or (info.layers and info.interval is None)):
+        raise OptionError("the file was not written frame by frame", code="resume",
+                          remedy="files of isocodec.Encoder can be resumed")
+    return data[: ends[-1]] if ends else b""
 
 
 def signs_of(data: bytes) -> bytes:
@@ -229,13 +265,14 @@ def _check_alike(first: Parts, other: Parts, what: str) -> None:
 
 def _joined(
     header: Header, info: FileInfo, shared: Sequence[bytes], frames: Sequence[Sequence[Strand]],
-    metadata: dict[str, str],
+    metadata: dict[str, str], times: Sequence[str | None] = (),
 ) -> bytes:
     """Assemble the file from these chunks."""
     chunks: list[bytes] = []
-    for f, strands in enumerate(frames):
+    all_times = times or _times(info) or [None] * len(frames)
+    for strands, (f, time) in zip(frames, enumerate(all_times), strict=True):
         for i, strand in enumerate(strands):
-            chunks += [*opening(f, i, strand.isovalue, strand.lean, info.interval), *strand.chunks]
+            chunks += [*opening(f, i, strand.isovalue, strand.lean, info.interval, time), *strand.chunks]
     if not chunks and not shared:
         chunks.append(write_chunk(ChunkType.METADATA, b"", ancillary=True))
     begun = beginning(replace(header, isovalue=frames[0][0].isovalue), metadata, shared, info.interval)
