@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import Field, dataclass, field, fields
 from itertools import chain
 from numbers import Integral
+from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 from .errors import OptionError
@@ -484,6 +485,14 @@ class Info(OptionRecord):
         "Also count symbols by syntax element, bits per crossed pixel, vertex and face, and how many signs were "
         "predicted correctly (decodes the file).", default=False,
     )
+
+
+@dataclass(frozen=True)
+class Plugins(OptionRecord):
+    """Request of what to do with plugins for other programs."""
+
+    bundle: Path | None = option("Write isocodec for other programs to OUT.zip.", metavar="OUT.zip")
+    qgis: bool = option("Install the plugin for QGIS, with isocodec, in the user's default profile.", default=False)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,81 @@
+"""``isocodec plugins``: where the plugins for other programs lie, and isocodec as one file or folder for them."""
+
+from __future__ import annotations
+
+import os
+import sys
+import zipfile
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import click
+
+from ..errors import OptionError
+from ..verbs import Plugins
+from .parameters import Call, command
+from .report import concerning
+
+FOLDER = Path(__file__).parent.parent / "plugins"
+PLUGINS = {
+    "GDAL": ("gdal_iso.py", "set GDAL_PYTHON_DRIVER_PATH to the folder of this file"),
+    "QGIS": ("qgis", "isocodec plugins --qgis; then switch Isocontours on in the manager of plugins"),
+    "ParaView": ("paraview_iso.py", "Tools, Manage Plugins, Load New; isocodec has to be in PYTHONPATH"),
+    "napari": ("napari.yaml", "pip install isocodec beside napari is all"),
+    "Blender": ("blender_iso.py", "Edit, Preferences, Add-ons, Install; isocodec has to be in PYTHONPATH"),
+    "3D Slicer": ("slicer_iso.py", "Edit, Application Settings, Modules: add the folder of this file"),
+}
+"""The file of each program, and how to switch it on."""
+PROFILES = {"win32": "AppData/Roaming", "darwin": "Library/Application Support"}
+"""Where programs keep what users set, below the home folder; elsewhere ``.local/share``."""
+
+
+def _contents() -> Iterator[tuple[Path, str]]:
+    """The files of isocodec and of what decoding needs beside numpy, and their names in a bundle."""
+    for package in ("isocodec", "isospec", "construct"):
+        spec = find_spec(package)
+        assert spec is not None and spec.submodule_search_locations
+        home = Path(spec.submodule_search_locations[0])
+        for path in sorted(home.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                yield path, f"{package}/{path.relative_to(home).as_posix()}"
+
+
+def _to_qgis() -> Path:
+    """Put the plugin and what it needs into the default profile of QGIS; returns its folder."""
+    base = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / PROFILES.get(sys.platform, ".local/share"))
+    home = base / "QGIS/QGIS3/profiles/default/python/plugins/isocontours"
+    for path, name in [*((path, path.name) for path in sorted((FOLDER / "qgis").iterdir()) if path.is_file()),
+                       *((path, f"bundle/{name}") for path, name in _contents())]:
+        (home / name).parent.mkdir(parents=True, exist_ok=True)
+        (home / name).write_bytes(path.read_bytes())
+    return home
+
+
+@command("plugins", Plugins, "Open .iso files in other programs.")
+def plugins_command(call: Call, options: Plugins) -> None:
+    """Show where the plugins for other programs lie, and how to switch them on.
+
+    With --bundle, write isocodec as one file: programs that have numpy 1.24 or later decode with it once it is in
+    PYTHONPATH, faster when it is unpacked.
+    """
+    facts = {program: str(FOLDER / name) for program, (name, _) in PLUGINS.items()}
+    if options.bundle is not None:
+        if options.bundle.suffix != ".zip":
+            raise OptionError(f"{options.bundle} does not end in .zip", code="output")
+        with concerning(str(options.bundle)), zipfile.ZipFile(options.bundle, "w", zipfile.ZIP_DEFLATED) as archive:
+            for path, name in _contents():
+                archive.write(path, name)
+        facts["bundle"] = str(options.bundle)
+    if options.qgis:
+        facts["qgis"] = str(_to_qgis())
+    if call.as_json:
+        import json
+
+        click.echo(json.dumps(facts))
+        return
+    for program, (name, how) in PLUGINS.items():
+        click.echo(f"{program:10}  {FOLDER / name}\n{'':10}  {how}")
+    for made in ("bundle", "qgis"):
+        if made in facts:
+            click.echo(f"written: {facts[made]}")

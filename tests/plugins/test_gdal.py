@@ -1,0 +1,132 @@
+"""The driver for GDAL, in the GDAL that comes with pyogrio: features are what the library decodes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import isocodec
+import isocodec.plugins
+from isocodec import Field, Frames
+
+DRIVERS = Path(isocodec.plugins.__file__).parent
+SCRIPT = """
+import json, sys
+import pyogrio
+path, layer, box, *options = json.loads(sys.argv[1])
+table = pyogrio.read_dataframe(path, layer=layer, bbox=box and tuple(box), **dict(options))
+shapes = table.geometry.values
+print(json.dumps({
+    "layers": [[*map(str, each)] for each in pyogrio.list_layers(path)],
+    "crs": str(table.crs), "bounds": pyogrio.read_info(path, layer=layer, **dict(options))["total_bounds"],
+    "columns": {name: table[name].tolist() for name in table.columns if name != "geometry"},
+    "points": [[[float(x) for x in point] for point in shape.coords] if shape.geom_type == "LineString" else None
+               for shape in shapes],
+    "areas": [shape.area for shape in shapes], "valid": [bool(shape.is_valid) for shape in shapes],
+    "kinds": [shape.geom_type for shape in shapes],
+}))
+"""
+
+
+def by_gdal(path, layer, box=None, **options):
+    """What pyogrio reads, in a process of its own: GDAL looks for drivers when it is loaded."""
+    found = subprocess.run(
+        [sys.executable, "-c", SCRIPT, json.dumps([str(path), layer, box, *options.items()])],
+        env={**os.environ, "GDAL_PYTHON_DRIVER_PATH": str(DRIVERS),
+             "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        capture_output=True, text=True, check=False,
+    )
+    assert found.returncode == 0, found.stderr
+    assert not found.stderr, found.stderr
+    return json.loads(found.stdout)
+
+
+def waves(*sizes):
+    at = np.meshgrid(*(np.arange(size) for size in sizes), indexing="ij")
+    return sum(np.sin(x / (3.0 + i)) for i, x in enumerate(at)) + 0.01 * at[0]
+
+
+MATRIX = [[2.0, 10.0, 500_000.0], [-10.0, 1.0, 4_000_000.0]]  # a step along axis 0, along axis 1, the origin
+
+
+def place_of(points):
+    matrix = np.array(MATRIX)
+    return points @ matrix[:, :2].T + matrix[:, 2]
+
+
+def test_lines_and_bands_of_a_map(tmp_path):
+    path = tmp_path / "map.iso"
+    isovalues = [-0.5, 0.25, 1.0]
+    path.write_bytes(isocodec.encode(Field(waves(60, 80), placement=MATRIX, crs="EPSG:32631"), isovalues))
+    found = by_gdal(path, "lines")
+    contours = isocodec.open(path).contours()
+    wanted = [(contour.isovalue, place_of(line)) for contour in contours for line in contour.lines]
+    assert found["layers"] == [["lines", "LineString"]]
+    assert found["crs"] == "EPSG:32631"
+    assert found["columns"]["isovalue"] == [isovalue for isovalue, _ in wanted]
+    assert all(np.allclose(mine, line, rtol=1e-14) for mine, (_, line) in zip(found["points"], wanted, strict=True))
+    corners = place_of(np.array([[0, 0], [0, 79], [59, 0], [59, 79]]))
+    assert np.allclose(found["bounds"], [*corners.min(axis=0), *corners.max(axis=0)])
+    bands = by_gdal(path, "bands", BANDS="YES")
+    assert bands["columns"]["lower"][1:] == isovalues and bands["columns"]["upper"][:-1] == isovalues
+    cell = abs(np.linalg.det(np.array(MATRIX)[:, :2]))
+    assert all(bands["valid"]) and np.isclose(sum(bands["areas"]), 59 * 79 * cell)
+
+
+def test_fewer_layers_and_bytes(tmp_path):
+    path = tmp_path / "map.iso"
+    path.write_bytes(isocodec.encode(waves(60, 80), 0.25))
+    count = {how: sum(map(len, by_gdal(path, "lines", **options)["points"])) for how, options in {
+        "all": {}, "layers": {"LAYERS": "2"}, "bytes": {"MAX_BYTES": "60"}}.items()}
+    file = isocodec.open(path)
+    assert count["layers"] == sum(map(len, file.contour(layers=2).lines)) < count["all"]
+    assert count["bytes"] == sum(map(len, file.contour(max_bytes=60, partial=True).lines)) < count["all"]
+
+
+def test_labels_series_and_surfaces(tmp_path):
+    labels = np.zeros((40, 50), np.int16)
+    labels[5:20, 5:30], labels[15:35, 25:45] = 3, 7
+    files = {"labels": isocodec.encode(Field(labels, labels="all")),
+             "series": isocodec.encode(Frames([waves(30, 40) + shift for shift in (0.0, 0.2, 0.4)]), [0.25, 1.0]),
+             "surface": isocodec.encode(Field(waves(12, 13, 14), placement=[2.0, 3.0, 4.0]), 0.5)}
+    for name, data in files.items():
+        (tmp_path / f"{name}.iso").write_bytes(data)
+    areas = by_gdal(tmp_path / "labels.iso", "areas")
+    assert [name for name, _ in areas["layers"]] == ["lines", "areas"] and areas["columns"]["label"] == [3.0, 7.0]
+    series = by_gdal(tmp_path / "series.iso", "lines")["columns"]
+    wanted = [(contour.isovalue, frame) for frame, contours in enumerate(isocodec.open(files["series"]).each_frame())
+              for contour in contours for _ in contour.lines]
+    assert [*zip(series["isovalue"], series["frame"], strict=True)] == wanted
+    surface = by_gdal(tmp_path / "surface.iso", "triangles")
+    assert surface["kinds"] == ["MultiPolygon"]
+
+
+@pytest.mark.parametrize("layer", ["lines", "overview"])
+def test_only_tiles_in_view_are_read(tmp_path, layer):
+    path = tmp_path / "tiles.iso"
+    isocodec.save(path, Field(waves(300, 300), placement=MATRIX), [0.25, 1.0], tile=64)
+    corners = place_of(np.array([[10.0, 10.0], [40.0, 40.0]]))
+    box = [*corners.min(axis=0), *corners.max(axis=0)]
+    found = by_gdal(path, layer, box)
+    assert found["layers"] == [["overview", "LineString"], ["lines", "LineString"]]
+    inside = np.concatenate([np.array(line) for line in found["points"]])
+    back = (inside - np.array(MATRIX)[:, 2]) @ np.linalg.inv(np.array(MATRIX)[:, :2]).T
+    assert len(inside) and back.max() < 64
+    if layer == "lines":
+        # a line of whole tiles that passes the view is there with all of its points within
+        whole = np.concatenate([line for contour in isocodec.open(path).contours() for line in contour.lines])
+        whole = whole[((whole > 12) & (whole < 38)).all(axis=1)]
+        assert {tuple(p) for p in np.round(whole, 6).tolist()} <= {tuple(p) for p in np.round(back, 6).tolist()}
+
+
+def test_other_files_are_left_to_others(tmp_path):
+    path = tmp_path / "disc.iso"
+    path.write_bytes(b"\0" * 40_000)
+    with pytest.raises(AssertionError, match="not recognized"):
+        by_gdal(path, "lines")
