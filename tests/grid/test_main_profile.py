@@ -305,7 +305,7 @@ class Values(Plain):
         said += [sum(of_name) for of_name in leans.values()]
         kind = min(number.bit_length(), 3)
         t = clip(sum(w * x for w, x in zip(self.mix[kind], said, strict=True)) >> 16, -2047, 2047)
-        error = ((bit << 16) - self.squash[t + 2047]) * 48
+        error = ((bit << 16) - self.squash[t + 2047]) * 40
         self.mix[kind] = [
             clip(w + ((error * x) >> 20), -(1 << 22), 1 << 22) for w, x in zip(self.mix[kind], said, strict=True)
         ]

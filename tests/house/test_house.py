@@ -17,7 +17,8 @@ import isocodec
 HOME = Path(inspect.getfile(isocodec)).parent
 FLOORS = (
     "errors", "limits", "verbs", "extras", "kernel", "field", "entropy", "format", "storage", "grid", "tin",
-    "mesh", "plotting", "drawing", "search", "io", "stream", "tiles", "api", "isocodec", "cli", "__main__",
+    "mesh", "plotting", "drawing", "search", "io", "stream", "tiles", "api", "isocodec", "plugins", "cli",
+    "__main__",
 )
 """Rooms from the ground up: each imports from those below it only. ``isocodec`` is the root itself."""
 LOOSE = {"__init__", "__main__", "errors", "limits", "verbs", "extras"}

@@ -19,25 +19,28 @@ DRIVERS = Path(isocodec.plugins.__file__).parent
 SCRIPT = """
 import json, sys
 import pyogrio
-path, layer, box, *options = json.loads(sys.argv[1])
-table = pyogrio.read_dataframe(path, layer=layer, bbox=box and tuple(box), **dict(options))
-shapes = table.geometry.values
-print(json.dumps({
-    "layers": [[*map(str, each)] for each in pyogrio.list_layers(path)],
-    "crs": str(table.crs), "bounds": pyogrio.read_info(path, layer=layer, **dict(options))["total_bounds"],
-    "columns": {name: table[name].tolist() for name in table.columns if name != "geometry"},
-    "points": [[[float(x) for x in point] for point in shape.coords] if shape.geom_type == "LineString" else None
-               for shape in shapes],
-    "areas": [shape.area for shape in shapes], "valid": [bool(shape.is_valid) for shape in shapes],
-    "kinds": [shape.geom_type for shape in shapes],
-}))
+
+def answer(path, layer, box=None, **options):
+    table = pyogrio.read_dataframe(path, layer=layer, bbox=box and tuple(box), **options)
+    shapes = table.geometry.values
+    return {
+        "layers": [[*map(str, each)] for each in pyogrio.list_layers(path)],
+        "crs": str(table.crs), "bounds": pyogrio.read_info(path, layer=layer, **options)["total_bounds"],
+        "columns": {name: table[name].tolist() for name in table.columns if name != "geometry"},
+        "points": [[[float(x) for x in point] for point in shape.coords] if shape.geom_type == "LineString" else None
+                   for shape in shapes],
+        "areas": [shape.area for shape in shapes], "valid": [bool(shape.is_valid) for shape in shapes],
+        "kinds": [shape.geom_type for shape in shapes],
+    }
+
+print(json.dumps([answer(**each) for each in json.loads(sys.argv[1])]))
 """
 
 
-def by_gdal(path, layer, box=None, **options):
+def by_gdal(*asked):
     """What pyogrio reads, in a process of its own: GDAL looks for drivers when it is loaded."""
     found = subprocess.run(
-        [sys.executable, "-c", SCRIPT, json.dumps([str(path), layer, box, *options.items()])],
+        [sys.executable, "-c", SCRIPT, json.dumps([{**each, "path": str(each["path"])} for each in asked])],
         env={**os.environ, "GDAL_PYTHON_DRIVER_PATH": str(DRIVERS),
              "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         capture_output=True, text=True, check=False,
@@ -64,7 +67,7 @@ def test_lines_and_bands_of_a_map(tmp_path):
     path = tmp_path / "map.iso"
     isovalues = [-0.5, 0.25, 1.0]
     path.write_bytes(isocodec.encode(Field(waves(60, 80), placement=MATRIX, crs="EPSG:32631"), isovalues))
-    found = by_gdal(path, "lines")
+    found, bands = by_gdal({"path": path, "layer": "lines"}, {"path": path, "layer": "bands", "BANDS": "YES"})
     contours = isocodec.open(path).contours()
     wanted = [(contour.isovalue, place_of(line)) for contour in contours for line in contour.lines]
     assert found["layers"] == [["lines", "LineString"]]
@@ -73,7 +76,6 @@ def test_lines_and_bands_of_a_map(tmp_path):
     assert all(np.allclose(mine, line, rtol=1e-14) for mine, (_, line) in zip(found["points"], wanted, strict=True))
     corners = place_of(np.array([[0, 0], [0, 79], [59, 0], [59, 79]]))
     assert np.allclose(found["bounds"], [*corners.min(axis=0), *corners.max(axis=0)])
-    bands = by_gdal(path, "bands", BANDS="YES")
     assert bands["columns"]["lower"][1:] == isovalues and bands["columns"]["upper"][:-1] == isovalues
     cell = abs(np.linalg.det(np.array(MATRIX)[:, :2]))
     assert all(bands["valid"]) and np.isclose(sum(bands["areas"]), 59 * 79 * cell)
@@ -82,28 +84,31 @@ def test_lines_and_bands_of_a_map(tmp_path):
 def test_fewer_layers_and_bytes(tmp_path):
     path = tmp_path / "map.iso"
     path.write_bytes(isocodec.encode(waves(60, 80), 0.25))
-    count = {how: sum(map(len, by_gdal(path, "lines", **options)["points"])) for how, options in {
-        "all": {}, "layers": {"LAYERS": "2"}, "bytes": {"MAX_BYTES": "60"}}.items()}
+    asked = [{"path": path, "layer": "lines", **options} for options in ({}, {"LAYERS": "2"}, {"MAX_BYTES": "60"})]
+    every, layers, some = (sum(map(len, each["points"])) for each in by_gdal(*asked))
     file = isocodec.open(path)
-    assert count["layers"] == sum(map(len, file.contour(layers=2).lines)) < count["all"]
-    assert count["bytes"] == sum(map(len, file.contour(max_bytes=60, partial=True).lines)) < count["all"]
+    assert layers == sum(map(len, file.contour(layers=2).lines)) < every
+    assert some == sum(map(len, file.contour(max_bytes=60, partial=True).lines)) < every
 
 
 def test_labels_series_and_surfaces(tmp_path):
     labels = np.zeros((40, 50), np.int16)
     labels[5:20, 5:30], labels[15:35, 25:45] = 3, 7
-    files = {"labels": isocodec.encode(Field(labels, labels="all")),
-             "series": isocodec.encode(Frames([waves(30, 40) + shift for shift in (0.0, 0.2, 0.4)]), [0.25, 1.0]),
+    named = Field(labels, labels="all", notes={"label 3": "lake"})
+    stack = Frames([waves(30, 40) + shift for shift in (0.0, 0.2, 0.4)], times=[0, 1.5, 4])
+    files = {"labels": isocodec.encode(named), "series": isocodec.encode(stack, [0.25, 1.0]),
              "surface": isocodec.encode(Field(waves(12, 13, 14), placement=[2.0, 3.0, 4.0]), 0.5)}
     for name, data in files.items():
         (tmp_path / f"{name}.iso").write_bytes(data)
-    areas = by_gdal(tmp_path / "labels.iso", "areas")
+    areas, lines, surface = by_gdal(*({"path": tmp_path / f"{name}.iso", "layer": layer} for name, layer in (
+        ("labels", "areas"), ("series", "lines"), ("surface", "triangles"))))
     assert [name for name, _ in areas["layers"]] == ["lines", "areas"] and areas["columns"]["label"] == [3.0, 7.0]
-    series = by_gdal(tmp_path / "series.iso", "lines")["columns"]
+    assert areas["columns"]["name"] in (["lake", ""], ["lake", None])
+    series = lines["columns"]
     wanted = [(contour.isovalue, frame) for frame, contours in enumerate(isocodec.open(files["series"]).each_frame())
               for contour in contours for _ in contour.lines]
     assert [*zip(series["isovalue"], series["frame"], strict=True)] == wanted
-    surface = by_gdal(tmp_path / "surface.iso", "triangles")
+    assert [*dict.fromkeys(series["time"])] == ["0", "1.5", "4"]
     assert surface["kinds"] == ["MultiPolygon"]
 
 
@@ -113,7 +118,7 @@ def test_only_tiles_in_view_are_read(tmp_path, layer):
     isocodec.save(path, Field(waves(300, 300), placement=MATRIX), [0.25, 1.0], tile=64)
     corners = place_of(np.array([[10.0, 10.0], [40.0, 40.0]]))
     box = [*corners.min(axis=0), *corners.max(axis=0)]
-    found = by_gdal(path, layer, box)
+    (found,) = by_gdal({"path": path, "layer": layer, "box": box})
     assert found["layers"] == [["overview", "LineString"], ["lines", "LineString"]]
     inside = np.concatenate([np.array(line) for line in found["points"]])
     back = (inside - np.array(MATRIX)[:, 2]) @ np.linalg.inv(np.array(MATRIX)[:, :2]).T
@@ -129,4 +134,4 @@ def test_other_files_are_left_to_others(tmp_path):
     path = tmp_path / "disc.iso"
     path.write_bytes(b"\0" * 40_000)
     with pytest.raises(AssertionError, match="not recognized"):
-        by_gdal(path, "lines")
+        by_gdal({"path": path, "layer": "lines"})

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import meshio
-import npe2
 import numpy as np
 import pytest
-import pyvista
-import trimesh
-import xarray
 
 import isocodec
 import isocodec.plugins
-from isocodec.plugins import meshes_iso, xarray_iso
+from libraries import Late
+
+meshio = Late("meshio")
+npe2 = Late("npe2")
+pyvista = Late("pyvista")
+trimesh = Late("trimesh")
+xarray = Late("xarray")
 
 
 def ball(*sizes, radius=4.0):
@@ -38,6 +39,8 @@ def test_the_manifest_of_napari_names_what_there_is(surface):
 
 
 def test_meshes(surface):
+    from isocodec.plugins import meshes_iso
+
     contours = isocodec.open(surface).contours()
     first = contours[0]
     blocks = pyvista.read(surface)
@@ -54,6 +57,8 @@ def test_meshes(surface):
 
 
 def test_samples_and_contours_of_xarray(tmp_path):
+    from isocodec.plugins import xarray_iso
+
     field = ball(20, 24)
     array = xarray.DataArray(field, dims=("y", "x"), coords={"y": np.arange(20) * 10.0, "x": np.arange(24) * 5.0})
     contour = array.iso.contour(0.5)

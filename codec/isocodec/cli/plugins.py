@@ -27,11 +27,11 @@ PLUGINS = {
 }
 """The file of each program, and how to switch it on."""
 PROFILES = {"win32": "AppData/Roaming", "darwin": "Library/Application Support"}
-"""Where programs keep what users set, below the home folder; elsewhere ``.local/share``."""
+"""Folders below the home folder in which programs keep what users set; elsewhere ``.local/share``."""
 
 
 def _contents() -> Iterator[tuple[Path, str]]:
-    """The files of isocodec and of what decoding needs beside numpy, and their names in a bundle."""
+    """Yield the files of isocodec and of what decoding needs beside numpy, with their names in a bundle."""
     for package in ("isocodec", "isospec", "construct"):
         spec = find_spec(package)
         assert spec is not None and spec.submodule_search_locations

@@ -1,7 +1,7 @@
 """Add-on for Blender 3.4 or later: File, Import, Isocontours (.iso).
 
 Each isovalue becomes a mesh: triangles of a surface, edges of curves. With levels of detail, each layer that leads to
-it becomes an object of its own, hidden, the whole one shown. Frames of a series are shown one by one on the time line.
+it becomes a further object, hidden. Frames of a series are shown one by one on the time line.
 """
 
 from __future__ import annotations

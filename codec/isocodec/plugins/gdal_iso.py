@@ -44,15 +44,17 @@ def of_areas(geometry: dict[str, Any]) -> str:
     return f"MULTIPOLYGON ({','.join(polygons)})" if polygons else "MULTIPOLYGON EMPTY"
 
 
-class Layer(BaseLayer):
-    """Features of one kind, decoded when they are first asked for; those in tiles, for each view."""
+class Features(BaseLayer):
+    """Layer with features of one kind, decoded when they are first asked for; those in tiles, for each view."""
 
     def __init__(self, file: isocodec.IsoFile, name: str, view: dict[str, Any]) -> None:
         self.file, self.view, self.kept = file, view, None
         self.name, self.fid_name, self.spatial_filter_extent = name, "", None
         columns = {"lower": "Real", "upper": "Real"} if name == "bands" else {file.info.noun: "Real"}
+        if name != "bands" and "name" in self.empty().columns(1):
+            columns["name"] = "String"
         if file.frames > 1:
-            columns["frame"] = "Integer"
+            columns |= {"frame": "Integer", "time": "String"}
         self.fields = [{"name": column, "type": kind} for column, kind in columns.items()]
         self.geometry_fields = [{"name": "", "type": KINDS[name], **({"srs": file.crs} if file.crs else {})}]
 
@@ -69,28 +71,40 @@ class Layer(BaseLayer):
 
     def corners(self) -> np.ndarray | None:
         """Places of the grid's corners, in lexicographic order."""
-        shape, placement = self.file.shape, self.file.placement
-        if not shape or self.file.info.coordinates or (placement is not None and placement.coordinates is not None):
+        shape = self.file.shape
+        if not shape or self.file.info.coordinates:
             return None
-        corners = np.array(list(product(*((0.0, size - 1.0) for size in shape))))
-        return isocodec.Contour(corners, np.zeros((0, len(shape)), int), 0.0, shape, placement=placement).placed
+        return self.empty().place(np.array(list(product(*((0.0, size - 1.0) for size in shape)))))
 
-    def window(self) -> dict[str, Any]:
-        """Of a file in tiles, the samples that the spatial filter needs, and how fine an overview has to be."""
-        size, wide = np.array(self.file.shape) - 1.0, self.spatial_filter_extent
-        window = np.column_stack([np.zeros(len(size)), size])
-        corners = self.corners()
-        if wide is not None and corners is not None and len(size) == 2:
-            steps = (corners[[2, 1]] - corners[0]) / size[:, None]
-            asked = np.array(list(product(wide[::2], wide[1::2])))
-            places = np.linalg.solve(steps.T, (asked - corners[0]).T)
-            window = np.column_stack([np.clip(places.min(axis=1), 0, size), np.clip(places.max(axis=1), 0, size)])
-        fine = max(float(np.ptp(window, axis=1).max()) / PIXELS, 1.0)
-        return {"window": window.tolist(), **({"within": fine} if self.name == "overview" else {})}
+    def empty(self) -> isocodec.Contour:
+        """A contour of the file without points."""
+        n, file = len(self.file.shape) or 2, self.file
+        return isocodec.Contour(np.zeros((0, n)), np.zeros((0, n), int), 0.0, file.shape, placement=file.placement,
+                                metadata=file.metadata)
+
+    def window(self) -> dict[str, Any] | None:
+        """Find what the spatial filter needs of a file in tiles, and how fine an overview is; None for nothing."""
+        view: dict[str, Any] = {}
+        window = [(0.0, size - 1.0) for size in self.file.shape]
+        if (box := self.spatial_filter_extent) is not None and len(window) == 2:
+            if self.file.placement is None:
+                window = [(max(low, 0.0), min(high, last))
+                          for low, high, (_, last) in zip(box[1::-1], box[:1:-1], window, strict=True)]
+                if any(low > high for low, high in window):
+                    return None
+            else:
+                try:
+                    window = self.file.window_around(box)
+                except isocodec.IsoError:  # no sample lies there
+                    return None
+            view["window"] = window
+        if self.name == "overview":
+            view["within"] = max(max(end - start for start, end in window) / PIXELS, 1.0)
+        return view
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         if self.file.kind == "tiles":
-            return self.features(**self.window())
+            return iter(()) if (view := self.window()) is None else self.features(**view)
         if self.kept is None:
             self.kept = list(self.features())
         return iter(self.kept)
@@ -99,15 +113,15 @@ class Layer(BaseLayer):
         numbers, view = count(), {**self.view, **view, "partial": True}
         view["through_holes"] = self.name in ("areas", "bands") and self.file.info.mask_bytes is not None
         for frame in range(self.file.frames):
-            more = {"frame": frame} if self.file.frames > 1 else {}
-            contours = self.file.contours(**{key: value for key, value in {**view, **more}.items() if value})
+            contours = self.file.contours(**{key: value for key, value in {**view, "frame": frame}.items() if value})
+            more = {"frame": frame, "time": contours[0].metadata.get("time")} if self.file.frames > 1 else {}
             for fields, geometry in self.parts(contours):
                 yield {"type": "OGRFeature", "id": next(numbers), "fields": {**fields, **more},
                        "geometry_fields": {"": geometry}}
 
     def parts(self, contours: list[isocodec.Contour]) -> Iterator[tuple[dict[str, Any], str]]:
         """Fields and geometry of each feature of a frame."""
-        noun, valid = self.file.info.noun, None
+        valid = None
         if self.name in ("areas", "bands") and self.file.info.mask_bytes is not None:
             valid = self.file.valid()
         if self.name == "bands":
@@ -115,7 +129,7 @@ class Layer(BaseLayer):
                 yield {"lower": band.lower, "upper": band.upper}, of_areas(band.geometry)
             return
         for contour in contours:
-            fields = {noun: float(contour.isovalue)}
+            fields = {name: rows[0] if name == "name" else float(rows[0]) for name, rows in contour.columns(1).items()}
             if self.name == "triangles":
                 yield fields, of_surface(contour)
             elif self.name == "areas":
@@ -136,7 +150,7 @@ class Dataset(BaseDataset):
             names.append("areas")
         elif curves and options.get("BANDS", "NO").upper() in ("YES", "TRUE", "ON", "1"):
             names.append("bands")
-        self.file, self.layers = file, [Layer(file, name, view) for name in names]
+        self.file, self.layers = file, [Features(file, name, view) for name in names]
 
     def metadata(self, domain: str | None) -> dict[str, str] | None:
         return None if domain else self.file.metadata
@@ -144,7 +158,7 @@ class Dataset(BaseDataset):
 
 class Driver(BaseDriver):
     def identify(self, filename: str, first_bytes: bytes, open_flags: int, open_options: Any = None) -> bool:
-        """By its first bytes: images of optical discs have the same suffix."""
+        """Look at the first bytes: images of optical discs have the same suffix."""
         return first_bytes[:4] in (b"\x89ISO", b"\x89IST")
 
     def open(

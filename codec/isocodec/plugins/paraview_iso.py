@@ -1,6 +1,7 @@
 """Plugin for ParaView 5.9 or later: reads ``.iso`` files, and writes isosurfaces of image data to them.
 
-Load it with Tools, Manage Plugins, or by ``LoadPlugin(.., remote=False)``. A series has its frames as time steps.
+Load it with Tools, Manage Plugins, or by ``LoadPlugin(.., remote=False)``. A series has its frames as time steps, at
+their times if these are numbers.
 ``Layers`` decodes only the first layers, 0 all. Several isovalues make one data set, with the array ``isovalue`` (or
 ``label``) at its cells. Coordinates are those of the file, or samples.
 """
@@ -73,7 +74,10 @@ class IsoReader(VTKPythonAlgorithmBase):
 
     @smproperty.doublevector(name="TimestepValues", information_only="1", si_class="vtkSITimeStepsProperty")
     def GetTimestepValues(self) -> Any:
-        return [float(frame) for frame in range(self._opened().frames)] if self._opened().frames > 1 else None
+        file = self._opened()
+        times = file.times
+        known = times is not None and times.dtype.kind == "f"
+        return None if file.frames < 2 else [float(each) for each in (times if known else range(file.frames))]
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
         about = outputs.GetInformationObject(0)

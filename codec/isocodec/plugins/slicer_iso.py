@@ -50,7 +50,7 @@ class slicer_iso(ScriptedLoadableModule):
 
 
 class slicer_isoFileReader:
-    """What Slicer asks of a reader."""
+    """Reader of Slicer."""
 
     def __init__(self, parent: Any) -> None:
         self.parent = parent
@@ -65,7 +65,7 @@ class slicer_isoFileReader:
         return ["Isocontours (*.iso)"]
 
     def canLoadFile(self, path: str) -> bool:
-        """By its first bytes: images of optical discs have the same suffix."""
+        """Look at the first bytes: images of optical discs have the same suffix."""
         with open(path, "rb") as file:
             return file.read(4) in (b"\x89ISO", b"\x89IST")
 

@@ -36,7 +36,7 @@ class ToIso(QgsProcessingAlgorithm):
 
     def initAlgorithm(self, config: Any = None) -> None:
         self.addParameter(QgsProcessingParameterRasterLayer("INPUT", "Elevation model"))
-        self.addParameter(QgsProcessingParameterString("ISOVALUES", "Isovalues, separated by commas", "100"))
+        self.addParameter(QgsProcessingParameterString("ISOVALUES", "Isovalues: 100,250 or 0:3000:50", "0:3000:50"))
         self.addParameter(QgsProcessingParameterString("PRECISION", "Precision, such as 5m", "", optional=True))
         self.addParameter(QgsProcessingParameterFileDestination("OUTPUT", "Contours", "Isocontours (*.iso)"))
 
@@ -44,6 +44,7 @@ class ToIso(QgsProcessingAlgorithm):
         import numpy as np
 
         import isocodec
+        from isocodec.verbs import values_of
 
         layer = self.parameterAsRasterLayer(parameters, "INPUT", context)
         out = self.parameterAsFileOutput(parameters, "OUTPUT", context)
@@ -55,10 +56,10 @@ class ToIso(QgsProcessingAlgorithm):
         mask = None if hole is None else (np.isnan(values) if hole != hole else values == hole)
         field = isocodec.Field(values, mask, placement=matrix, crs=layer.crs().authid() or None)
         try:
-            isovalues = [float(text) for text in self.parameterAsString(parameters, "ISOVALUES", context).split(",")]
+            isovalues = values_of(self.parameterAsString(parameters, "ISOVALUES", context))
             made = isocodec.encode(field, isovalues,
                                    precision=self.parameterAsString(parameters, "PRECISION", context) or None)
-        except (isocodec.IsoError, ValueError) as error:
+        except isocodec.IsoError as error:
             raise QgsProcessingException(str(error)) from error
         Path(out).write_bytes(made)
         return {"OUTPUT": out}
