@@ -50,8 +50,8 @@ class ImportIso(bpy.types.Operator, ImportHelper):
     bl_idname = "import_mesh.iso"
     bl_label = "Import isocontours"
     filename_ext = ".iso"
-    filter_glob: bpy.props.StringProperty(default="*.iso", options={"HIDDEN"})
-    detail: bpy.props.BoolProperty(name="Levels of detail", description="Import each layer as an object, too")
+    filter_glob: bpy.props.StringProperty(default="*.iso", options={"HIDDEN"})  # type: ignore[valid-type]
+    detail: bpy.props.BoolProperty(name="Levels of detail", description="Import each layer, too")  # type: ignore[valid-type]
 
     def execute(self, context: Any) -> set[str]:
         import isocodec

@@ -48,7 +48,8 @@ class Features(BaseLayer):
     """Layer with features of one kind, decoded when they are first asked for; those in tiles, for each view."""
 
     def __init__(self, file: isocodec.IsoFile, name: str, view: dict[str, Any]) -> None:
-        self.file, self.view, self.kept = file, view, None
+        self.file, self.view = file, view
+        self.kept: list[dict[str, Any]] | None = None
         self.name, self.fid_name, self.spatial_filter_extent = name, "", None
         columns = {"lower": "Real", "upper": "Real"} if name == "bands" else {file.info.noun: "Real"}
         if name != "bands" and "name" in self.empty().columns(1):

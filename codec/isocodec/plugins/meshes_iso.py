@@ -26,7 +26,7 @@ def of_meshio(path: Any) -> Any:
                        cell_data={"isovalue": [values]})
 
 
-def of_pyvista(path: Any, **_: Any) -> Any:
+def of_pyvista(path: Any, /, **_: Any) -> Any:
     """Read a ``pyvista.PolyData``, or of several isovalues a ``MultiBlock``, by isovalue."""
     import pyvista
 

@@ -51,7 +51,8 @@ class IsoReader(VTKPythonAlgorithmBase):
 
     def __init__(self) -> None:
         super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
-        self._path, self._layers, self._file = "", 0, None
+        self._path, self._layers = "", 0
+        self._file: isocodec.IsoFile | None = None
 
     def _opened(self) -> isocodec.IsoFile:
         if self._file is None:
@@ -76,8 +77,9 @@ class IsoReader(VTKPythonAlgorithmBase):
     def GetTimestepValues(self) -> Any:
         file = self._opened()
         times = file.times
-        known = times is not None and times.dtype.kind == "f"
-        return None if file.frames < 2 else [float(each) for each in (times if known else range(file.frames))]
+        if times is None or times.dtype.kind != "f":
+            times = np.arange(file.frames, dtype=float)
+        return None if file.frames < 2 else times.tolist()
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
         about = outputs.GetInformationObject(0)

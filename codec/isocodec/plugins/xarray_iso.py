@@ -26,14 +26,14 @@ class Backend(BackendEntrypoint):
 
     def open_dataset(self, filename_or_obj: Any, *, drop_variables: Any = None) -> xarray.Dataset:
         file = isocodec.open(filename_or_obj)
-        frames = [{"frame": frame} for frame in range(file.frames)] if file.frames > 1 else [{}]
+        frames = range(file.frames) if file.frames > 1 else [None]
         axes = [f"axis_{axis}" for axis in range(len(file.shape))]
         if file.info.noun == "label":
             name, lead = "labels", []
-            each = [file.labels(**frame) for frame in frames]
+            each = [file.labels(frame=frame) for frame in frames]
         else:
             name, lead = "above", ["isovalue"]
-            each = [np.stack([file.above(value, **frame) for value in file.isovalues]) for frame in frames]
+            each = [np.stack([file.above(value, frame=frame) for value in file.isovalues]) for frame in frames]
         values, dims = (np.stack(each), ["frame", *lead, *axes]) if file.frames > 1 else (each[0], [*lead, *axes])
         coords = {"isovalue": list(file.isovalues)} if lead else {}
         found = xarray.Dataset({name: (dims, values)}, coords=coords, attrs=file.metadata)
