@@ -45,7 +45,7 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
         if sys.stdout is None:
             raise OSError(errno.EBADF, "standard output is closed")
         return
-    check_target(target)
+    check_target(output)
     if target.exists() and os.path.exists(source) and target.samefile(source):
         raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
     _, dot, ending = target.name.lower().rpartition(".")

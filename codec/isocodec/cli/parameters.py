@@ -55,6 +55,11 @@ class Parsed(click.ParamType):
         return found
 
 
+def target_of(text: str) -> Path | str:
+    """Parse the name of a file, or the URL of an object in a store, which stays as it is."""
+    return text if "://" in text else Path(text)
+
+
 def limits_of(text: str) -> Limits:
     """Parse limits on decoding: ``memory=4G,work=1000000,samples=500000000``."""
     given: dict[str, int] = {}
@@ -72,7 +77,7 @@ class Call(verbs.OptionRecord):
 
     source: Any = ""
     field: str = ""
-    output: Path = verbs.option("File to write.", default=Path(), flag="-o --output",
+    output: Any = verbs.option("File to write.", default=Path(), flag="-o --output", read=target_of,
                                 metavar="OUT", required=True)
     mesh: str | None = verbs.option("The mesh that IN.iso was made on, if the file does not store it.", verbs.INPUT,
                                     metavar="FILE")

@@ -20,7 +20,7 @@ def thin_command(call: Call, options: Thin) -> None:
     INPUT is a picture, a terrain or any array with two axes that encode reads; or points: .csv, .xyz, .las, .laz,
     .gpkg.
     """
-    coded = call.output.suffix.lower() == ".iso"
+    coded = str(call.output).lower().endswith(".iso")
     options.check(coded)
     from ..api.encoding import encode
     from ..api.export import check_export, write

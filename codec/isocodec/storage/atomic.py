@@ -1,4 +1,7 @@
-"""Write files completely or not at all: first next to the target, then renamed over it; unfinished work is undone."""
+"""Write files completely or not at all: first next to the target, then renamed over it; unfinished work is undone.
+
+Objects in stores, by URL, are written to a temporary file first, and sent when they are complete.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,8 @@ from pathlib import Path
 from shutil import copyfile, rmtree
 from tempfile import mkdtemp
 from typing import BinaryIO
+
+from .content import by_fsspec, is_url, is_web
 
 _begun: list[Callable[[], object]] = []
 
@@ -38,8 +43,14 @@ def undo_all() -> None:
 def check_target(path: str | os.PathLike[str]) -> None:
     """Check, before the work begins, that ``path`` can be written.
 
-    Raises `OSError` if ``path`` is a directory or write-protected, or its directory is missing or not writable.
+    Raises `OSError` if ``path`` is a directory or write-protected, its directory is missing or not writable, or it is
+    the URL of a web server; `MissingExtraError` if what writes to a store is not installed.
     """
+    if is_url(path):
+        if is_web(path):
+            raise OSError(errno.EROFS, "web servers are only read: name a store, as s3://bucket/name", path)
+        with by_fsspec(str(path)):
+            return
     target = Path(path)
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
@@ -65,6 +76,10 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     (``/dev/null``, a pipe) is written to directly, because it must not be replaced. Raises `OSError` as the operating
     system reports it.
     """
+    if is_url(path):
+        with beside(path, "") as target, target.open("wb") as file:
+            yield file
+        return
     if _is_special(Path(path)):
         # checked before links are followed: /dev/stdout may not link to a path
         with open(path, "wb") as file:
@@ -86,7 +101,7 @@ def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = 
     ``keep``, the library begins with a copy of the file that exists. Raises `OSError` as the system reports it, or if
     there are several files for an open one; all files are then unchanged.
     """
-    special = not isinstance(target, str | os.PathLike) or _is_special(Path(target))
+    special = not isinstance(target, str | os.PathLike) or is_url(target) or _is_special(Path(target))
     real = None if special else Path(os.path.realpath(target))  # type: ignore[arg-type]
     if real is not None:
         check_target(target)  # type: ignore[arg-type]
@@ -104,7 +119,11 @@ def beside(target: str | os.PathLike[str] | BinaryIO, suffix: str, keep: bool = 
         if real is None:
             if len(made) > 1:
                 raise OSError(f"{suffix} has several files: write to a name")
-            if isinstance(target, str | os.PathLike):
+            if is_url(target):
+                with by_fsspec(str(target)) as fsspec:
+                    system, name = fsspec.core.url_to_fs(target)
+                    system.put_file(str(path), name)
+            elif isinstance(target, str | os.PathLike):
                 Path(target).write_bytes(path.read_bytes())
             else:
                 target.write(path.read_bytes())

@@ -6,7 +6,9 @@ import os
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
+from tempfile import gettempdir
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ from ..field.missing import HOLE, filled
 from ..field.sampled import Field
 from ..field.samples import isovalue_of, missing_of
 from ..storage.atomic import check_target, writing
+from ..storage.content import is_url
 from ..stream.given import in_cells, levels_of, of_labels
 from ..stream.options import Isovalues, Options, Precision
 from ..stream.promises import PROMISE
@@ -71,7 +74,8 @@ def encode_tiles(
 
     check_target(path)
     field = slices_of(field)
-    folder = Path(spool) if spool is not None else Path(f"{os.fspath(path)}.tiles")
+    beside = Path(gettempdir(), quote(str(path), safe="")) if is_url(path) else path
+    folder = Path(spool) if spool is not None else Path(f"{os.fspath(beside)}.tiles")
     tried = tiling.tried()
     left = tried[begun(folder, tried) :]
     while True:
