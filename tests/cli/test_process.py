@@ -24,6 +24,7 @@ ARGUMENTS = {
     "encode": ["h.npy", "-o", "out.iso", "--isovalue", "80.5"], "decode": ["h.iso", "-o", "out.npz"],
     "edit": ["h.iso", "-o", "out.iso", "--layers", "1"], "info": ["h.iso"], "verify": ["h.iso", "h.npy"],
     "plot": ["h.iso", "-o", "out.svg", "--steps", "1"], "thin": ["h.npy", "-o", "out.npz", "--points", "20"],
+    "plugins": [],
 }
 STREAMS = {"stdin": 0, "stdout": 1, "stderr": 2}
 FORKS = """
@@ -77,7 +78,7 @@ def test_each_verb_with_each_stream_closed(tmp_path: Path) -> None:
             isocodec.save(folder / "h.iso", HILLS, 80.5)
             given = [str(folder / word) if "." in word and word != "80.5" else word for word in words]
             runs.append([folder.name, number, [verb, *given]])
-            if stream == "stdin":
+            if stream == "stdin" and given:
                 runs.append([f"{folder.name} needed", number, [verb, "-", *given[1:]]])
             if stream == "stdout" and "-o" in given and verb != "thin":
                 to = ["--to", "npz"] if verb == "decode" else []
