@@ -358,6 +358,20 @@ def test_isovalues_outside_the_data_are_said_one_by_one(tmp_path: Path) -> None:
         assert warnings_of(tmp_path / "a.npy", out, *options) == said
         for contour in isocodec.open(out.read_bytes()).contours():
             assert (len(contour.points) == 0) == (not low <= contour.isovalue < high)
+    (many,) = warnings_of(tmp_path / "a.npy", out, "--isovalue", "1000:1900:100")
+    assert many == f"10 isovalues (1000, ..) lie outside the data ({low:g} to {high:g}): their curves are empty"
+
+
+def test_nothing_is_closed_along_a_window(curve: Path, tmp_path: Path) -> None:
+    for what in "areas", "areas-below", "bands":
+        line = fails(2, "decode", curve, "-o", tmp_path / "a.gpkg", "--what", what, "--window", "4:20,4:20")
+        assert "crop the file first: isocodec edit --window" in line
+        assert not (tmp_path / "a.gpkg").exists()
+
+
+def test_distances_of_a_sequence_are_refused_in_cells(hills: Path, tmp_path: Path) -> None:
+    line = fails(2, "encode", hills, "-o", tmp_path / "a.iso", "--isovalue", 80.5, "--precision", "4,0.0625,exact")
+    assert "a distance of 0.0625 cells; each must be at least 0.1 cells" in line
 
 
 def test_an_isovalue_equal_to_the_maximum(hills: Path, tmp_path: Path) -> None:

@@ -107,3 +107,21 @@ def test_surfaces_and_parts_of_layers_have_none():
         torn.areas()
     with pytest.raises(TruncatedError):
         Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), 1.0, (3, 3), False).areas()
+
+
+@pytest.mark.parametrize("tile", [None, 64], ids=["one piece", "tiles"])
+@pytest.mark.parametrize("window", [[(2, 24), (2, 24)], [(0, 64), (0, 64)], [(90, 124), (90, 124)]], ids=str)
+def test_areas_of_a_window_are_refused(tile, window, tmp_path):
+    """Also where all lines in it are rings, beyond which others are missing; a cropped file has them."""
+    distances = [np.hypot(*(np.mgrid[:129, :129] - np.array(at).reshape(2, 1, 1))) for at in ((12, 12), (108, 108))]
+    isocodec.save(tmp_path / "a.iso", 9 - np.minimum(*distances), 0.0, precision="step=0.01", tile=tile)
+    file = isocodec.open(tmp_path / "a.iso")
+    part = file.contour(window=window)
+    assert len(part.lines) == 1
+    for closing in (part.areas, lambda: isocodec.bands([part])):
+        with pytest.raises(TruncatedError, match="crop the file"):
+            closing()
+    for whole in (file.contour(window=[(0, 129), (0, 129)]), file.contour()):
+        assert shape_of(whole.areas()).area == pytest.approx(2 * np.pi * 81, rel=1e-2)
+    cropped = isocodec.open(file.edited(window=window)).contour()
+    assert shape_of(cropped.areas()).area == pytest.approx(np.pi * 81, rel=1e-2)

@@ -209,6 +209,9 @@ def _contours(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> OneB
         view["through_holes"] = True
     if wanted.bbox is not None:
         view["window"] = file.window_around(view.pop("bbox"))
+    if view.get("window") is not None and (kind == "areas" or wanted.capped):
+        raise OptionError("areas and surfaces are not closed along a window", code="window",
+                          remedy="crop the file first: isocodec edit --window or --bbox")
     # of the first layers, notes behind them are not read: there may be damage between
     several, of_labels = kind != "areas", "layers" not in view and is_of_labels(file.metadata)
     asked = tuple(dict.fromkeys(wanted.isovalues))

@@ -187,10 +187,12 @@ class Observed:
         if not there:
             return out
         low, high = min(one.low for one in there), max(one.high for one in there)
-        for isovalue in file.isovalues:
-            if not low <= isovalue < high:
-                data = f"the data ({low:g} to {high:g})" if low < high else f"the data, which are all {low:g}"
-                out.append(f"the isovalue {isovalue:g} lies outside {data}: the curve is empty")
+        data = f"the data ({low:g} to {high:g})" if low < high else f"the data, which are all {low:g}"
+        outside = [f"{isovalue:g}" for isovalue in file.isovalues if not low <= isovalue < high]
+        if len(outside) > 2:
+            out.append(f"{len(outside):,} isovalues ({outside[0]}, ..) lie outside {data}: their curves are empty")
+        else:
+            out += [f"the isovalue {each} lies outside {data}: the curve is empty" for each in outside]
         return out if isinstance(self.what, Mesh) else [*out, *self._ties(file.isovalues, keywords)]
 
     def _ties(self, isovalues: Sequence[float], keywords: Mapping[str, Any]) -> list[str]:

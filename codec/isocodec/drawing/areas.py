@@ -206,5 +206,5 @@ def _along_border(points: Points, far: Points) -> Points:
 def _unfinished() -> TruncatedError:
     return TruncatedError(
         "too little has been received to close the areas: the curve ends inside the field", code="truncated",
-        remedy="draw whole layers only",
+        remedy="draw whole layers of the whole field; for a window, crop the file (isocodec edit)",
     )

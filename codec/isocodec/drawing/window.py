@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,9 +30,16 @@ def ends_of(window: Window, d: int) -> NDArray[np.float64]:
 
 
 def clipped(contour: Contour, window: Window | None) -> Contour:
-    """Keep the cells of a contour that reach into a window of index coordinates (on a mesh: of its coordinates)."""
+    """Keep the cells of a contour that reach into a window of index coordinates (on a mesh: of its coordinates).
+
+    Unless the window is as large as the grid, the part cannot be closed: rings may be missing from it.
+    """
     if window is None:
         return contour
+    if contour.origin_above is not None:
+        low, high = ends_of(window, len(contour.shape)).T
+        if (low > 0).any() or (high < np.array(contour.shape) - 1).any():
+            contour = replace(contour, origin_above=None)
     inside = reaching(contour, window)
     used, number = np.unique(contour.cells[inside], return_inverse=True)
     return contour.part(used, number.reshape(-1, contour.cells.shape[1]))

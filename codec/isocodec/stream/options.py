@@ -472,8 +472,8 @@ def _steps_of(steps: object) -> tuple[float, ...] | None:
     for step in out[:-1] if out and out[-1] == EXACT else out:
         if not (math.isfinite(step) and step >= SEARCHED):
             raise OptionError(
-                f"the distance {step!r} in a sequence must be at least {SEARCHED:g} cells", code="steps",
-                remedy="only the last one may be exact or step=..",
+                f"a sequence has a distance of {step:.3g} cells; each must be at least {SEARCHED:g} cells",
+                code="steps", remedy="leave it out; the last one may be exact or step=..",
             )
     if not out:
         raise OptionError("no steps", code="steps", remedy="for example 4, 1, 0.25")
