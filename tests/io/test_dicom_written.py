@@ -141,3 +141,30 @@ def test_what_is_refused(tmp_path: Path) -> None:
     isocodec.save(tmp_path / "a.iso", isocodec.Field(ball().T, placement=place), 600.5)
     assert "--like does not apply" in fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "a.stl", "--like", like)
     assert "give --like" in fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "a.dcm")
+
+
+@looped("name", ["Liver", "Läsion 腫瘍", "a\\b", "x" * 70])
+def test_segments_have_names_and_colours_of_labels(tmp_path: Path, name: str) -> None:
+    like = series(tmp_path / "series")
+    for one in like.iterdir():
+        header = pydicom.dcmread(one)
+        header.SpecificCharacterSet, header.PatientName = "ISO_IR 100", "Müller^Eva"
+        header.save_as(one)
+    field = isocodec.read(like)
+    labels = 4 * (field.values > 500).astype(np.uint8)
+    notes = {"label 4": name, "colour 4": "#dd8265"}
+    isocodec.save(tmp_path / "a.iso", isocodec.Field(labels, placement=field.placement, labels=[4], notes=notes))
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.dcm", "--what", "labels", "--like", like)
+    assert pydicom.dcmread(tmp_path / "a.dcm").PatientName == "Müller^Eva"
+    made = highdicom.seg.segread(tmp_path / "a.dcm").get_segment_description(4)
+    assert made.segment_label == name.replace("\\", "/")[:64]
+    rgb = highdicom.color.CIELabColor.from_dicom_value(made.RecommendedDisplayCIELabValue).to_rgb()
+    assert np.abs(np.subtract(rgb, (0xDD, 0x82, 0x65))).max() <= 1
+
+
+def test_errors_name_the_series(tmp_path: Path) -> None:
+    like, other = series(tmp_path / "series"), tmp_path / "empty"
+    other.mkdir()
+    ok("encode", like, "-o", tmp_path / "a.iso", "--isovalue", 600.5)
+    message = fails(3, "decode", tmp_path / "a.iso", "-o", tmp_path / "a.dcm", "--like", other)
+    assert str(other) in message and "holds no samples: give" in message

@@ -85,8 +85,7 @@ def test_small_distances_are_kept_without_a_search(kind: str, monkeypatch: pytes
     """Below a tenth of the median edge, alone and in steps; above, the search reports what it tries."""
     mesh = MESHES[kind](3)
     values, edge = hills(mesh[0], 3), edge_of(mesh)
-    unit = 1000 / edge  # steps of less than 0.1 units are refused
-    mesh, edge = (mesh[0] * unit, mesh[1]), 1000.0
+    mesh, edge = (mesh[0] / edge, mesh[1]), 1.0
     whole, tried = whole_of(mesh, values, VALUE), list[tuple[int, int]]()
 
     def encoded(precision: float | str) -> isocodec.IsoFile:
@@ -101,13 +100,13 @@ def test_small_distances_are_kept_without_a_search(kind: str, monkeypatch: pytes
     for distance in (0.099 * edge, 1e-3 * edge, 1e-5 * edge):
         contour = encoded(distance).contour()
         assert max(farthest(contour, whole), farthest(whole, contour)) <= distance + 2e-6 * edge
-    file = encoded("90,20,2")
+    file = encoded("0.09,0.02,0.002")
     ends = [number for number, layer in enumerate(file.info.layers, 1) if layer.kind == "offsets"]
-    for distance, layers in zip((90, 20, 2), ends, strict=True):
+    for distance, layers in zip((0.09, 0.02, 0.002), ends, strict=True):
         contour = file.contour(layers=layers)
         assert max(farthest(contour, whole), farthest(whole, contour)) <= distance + 2e-6 * edge
     within = [layer.within for layer in file.info.layers if layer.within is not None]
-    assert not tried and np.allclose(within, [90.0, 20.0, 2.0], atol=1e-6)
+    assert not tried and np.allclose(within, [0.09, 0.02, 0.002], atol=1e-6)
 
 
 @pytest.mark.cover(1)

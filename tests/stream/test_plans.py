@@ -297,3 +297,9 @@ def test_steps_that_do_not_fall_are_refused(
 def test_steps_that_hardly_fall() -> None:
     data = isocodec.encode(HILLS, 80.5, precision=[JUST, 1, 0.25])
     assert isocodec.open(data).verify(HILLS)[0].kept
+
+
+def test_steps_of_less_than_a_tenth_of_a_cell_are_refused() -> None:
+    assert isocodec.open(isocodec.encode(HILLS, 80.5, precision=[1, 0.1])).info.layers
+    with pytest.raises(OptionError, match=r"at least 0\.1 cells"):
+        isocodec.encode(HILLS, 80.5, precision=[1, 0.05])

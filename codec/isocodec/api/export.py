@@ -293,7 +293,7 @@ def _labels(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Export
     count = len({*found} & {*file.isovalues})
     text = f"{labels.size:,} samples, {count} label{'s' * (count != 1)}"
     facts = {"samples": labels.size, "labels": found, "shape": list(labels.shape)}
-    return Exported(SampleMask(labels, file.placement), facts, text)
+    return Exported(SampleMask(labels, file.placement, file.metadata), facts, text)
 
 
 def _mesh(file: IsoFile, suffix: str, wanted: Decode, progress: Any) -> Exported:

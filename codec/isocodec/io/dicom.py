@@ -20,7 +20,7 @@ from ..drawing.contour import Contour
 from ..drawing.separation import single
 from ..errors import InputError, OptionError, one_line, plain
 from ..field.framed import Frames
-from ..field.labelling import PROBABILITY, about
+from ..field.labelling import PROBABILITY, about, colour_of, name_of
 from ..field.missing import missing_samples
 from ..field.placement import LPS, Placement
 from ..field.sampled import Field
@@ -56,6 +56,9 @@ _TIMES = (
 _STL = "1.2.840.10008.5.1.4.1.1.104.3"
 """Class of files of an encapsulated STL."""
 _MOST_LABEL = 65535
+_MOST_LETTERS = 64
+"""Characters of a name (VR LO)."""
+_UTF_8 = "ISO_IR 192"
 
 
 def _library(name: str) -> Any:
@@ -181,7 +184,7 @@ def of_volume(volume: Any, _: Choice) -> Field:
 def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
     """Find the frames of all files that hold samples."""
     pydicom, found, others = _library("pydicom"), list[_Plane](), list[str]()
-    for one in [each for each in sorted(path.rglob("*")) if each.is_file()] or [path]:
+    for one in [each for each in sorted(path.rglob("*")) if each.is_file()] if path.is_dir() else [path]:
         if one != path and not pydicom.misc.is_dicom(one):
             others.append("not DICOM")
             continue
@@ -204,7 +207,7 @@ def _planes(path: Path, remarks: list[str]) -> list[_Plane]:
         found += [_Plane(one, number, _flat(header, number)) for number in range(count)]
     named = ", ".join(sorted({*others}))
     if not found:
-        raise InputError(f"holds no samples ({named})", code="unreadable",
+        raise InputError("holds no samples" + f" ({named})" * bool(named), code="unreadable",
                          remedy="give a file or folder of slices that are complete")
     remarks += [f"files without samples are left out: {len(others)} ({named})"] * bool(others)
     return found
@@ -335,12 +338,15 @@ def _sortable(value: Any) -> Any:
 # ---- writing ---------------------------------------------------------------------------------------------------------
 
 
-def write_segmentation(values: Array, place: Placement | None, path: Path, like: str) -> None:
+def write_segmentation(
+    values: Array, place: Placement | None, path: Path, series: list[Any], notes: Mapping[str, str]
+) -> None:
     """Write a mask (s0, s1, s2) of uint8, or labels, as a segmentation of a body, which lies where its samples do.
 
-    ``like`` is a series of the patient in the same frame of reference. Segments have the numbers of the labels; they
-    are BINARY where these are 1, 2, .. without a gap, and else a LABELMAP. Raises `OptionError` if the samples do not
-    lie in a body, if nothing is marked, or if labels are not integers from 1 to 65535.
+    ``series`` are headers of the patient in the same frame of reference, by `series_of`. Segments have the numbers of
+    the labels, and the names and colours that ``notes`` gives them; they are BINARY where the numbers are 1, 2, ..
+    without a gap, and else a LABELMAP. Raises `OptionError` if the samples do not lie in a body, if nothing is marked,
+    or if labels are not integers from 1 to 65535.
     """
     highdicom, codes = _library("highdicom"), _library("pydicom.sr.codedict").codes
     numbers, matrix = np.unique(values[values != 0]), _in_lps(place)
@@ -351,23 +357,26 @@ def write_segmentation(values: Array, place: Placement | None, path: Path, like:
                           remedy="write .nrrd")
     how = highdicom.AlgorithmIdentificationSequence("isocodec", codes.DCM.EdgeDetection, "1")
     tissue = codes.SCT.Tissue
+    names = [(name_of(number, notes) or f"label {number:.0f}").replace("\\", "/")[:_MOST_LETTERS] for number in numbers]
     segments = [
-        highdicom.seg.SegmentDescription(int(number), f"label {number:.0f}", tissue, tissue, "SEMIAUTOMATIC", how)
-        for number in numbers
+        highdicom.seg.SegmentDescription(int(number), name, tissue, tissue, "SEMIAUTOMATIC", how,
+                                         display_color=_lab(colour_of(number, notes)))
+        for number, name in zip(numbers, names, strict=True)
     ]
     volume = highdicom.Volume(np.ascontiguousarray(values.T).astype(np.uint16), matrix[:, [2, 1, 0, 3]], "PATIENT")
     binary = np.array_equal(numbers, np.arange(1, len(numbers) + 1))
     made = highdicom.seg.Segmentation(
-        _series(like), volume, "BINARY" if binary else "LABELMAP", segments, series_instance_uid=highdicom.UID(),
-        series_number=1, sop_instance_uid=highdicom.UID(), instance_number=1, **_MAKER,
+        series, volume, "BINARY" if binary else "LABELMAP", segments, series_instance_uid=highdicom.UID(),
+        series_number=1, sop_instance_uid=highdicom.UID(), instance_number=1,
+        **({} if "".join(names).isascii() else {"specific_character_set": _UTF_8}), **_MAKER,
     )
     made.save_as(path)
 
 
-def write_stl(contours: Any, path: Path, like: str) -> None:
+def write_stl(contours: Any, path: Path, series: list[Any]) -> None:
     """Write a surface in a body as an encapsulated STL, in mm to the left, back and top, in single precision.
 
-    ``like`` is as of `write_segmentation`. Raises `OptionError` if the surface does not lie in a body, or is empty.
+    ``series`` is as of `write_segmentation`. Raises `OptionError` if the surface does not lie in a body, or is empty.
     """
     highdicom = _library("highdicom")
     contour: Contour
@@ -376,7 +385,7 @@ def write_stl(contours: Any, path: Path, like: str) -> None:
     if not len(contour.cells):
         raise OptionError("there are no cells, and the format cannot hold that", code="empty",
                           remedy="choose an isovalue within the data, or write .vtp")
-    mesh, first = contour.to_trimesh(), _series(like)[0]
+    mesh, first = contour.to_trimesh(), series[0]
     turn = np.eye(3) if contour.placement is not None and contour.placement.crs == LPS else BODY_TURN
     mesh.vertices = single(mesh.vertices @ turn)
     data = mesh.export(file_type="stl")
@@ -394,6 +403,11 @@ def write_stl(contours: Any, path: Path, like: str) -> None:
     made.save_as(path)
 
 
+def _lab(colour: str | None) -> Any:
+    """Convert ``#rrggbb`` to a colour of DICOM; None stays None."""
+    return colour and _library("highdicom").color.CIELabColor.from_rgb(*bytes.fromhex(colour[1:]))
+
+
 _MAKER = {"manufacturer": "isocodec", "manufacturer_model_name": "isocodec", "software_versions": "1",
           "device_serial_number": "1"}
 _PATIENT = {
@@ -404,7 +418,7 @@ _PATIENT = {
 """Attributes of patient and study, by the names that highdicom has for them; a file may lack any."""
 
 
-def _series(like: str) -> list[Any]:
+def series_of(like: str) -> list[Any]:
     """Read the headers of a series; raises `InputError` if a folder holds several, or they have no frame of reference.
     """
     pydicom, path = _library("pydicom"), Path(like)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
@@ -61,10 +61,11 @@ class Areas:
 
 @dataclass(frozen=True, eq=False)
 class SampleMask:
-    """Samples of a field that lie above an isovalue, or are valid (bool); or the label of each."""
+    """Samples of a field that lie above an isovalue, or are valid (bool); or the label of each, with names in notes."""
 
     values: NDArray[Any]
     placement: Placement | None = None
+    notes: Mapping[str, str] = field(default_factory=dict)
 
 
 class Thing(NamedTuple):
@@ -299,11 +300,12 @@ def _as_picture(what: Iterable[Contour], path: Path, job: Job) -> None:
 
 
 def _as_dicom(what: Any, path: Path, job: Job) -> None:
-    like = str(job.options.like)
+    with about(job.options.like):
+        series = dicom.series_of(str(job.options.like))
     if isinstance(what, SampleMask):
-        dicom.write_segmentation(what.values, job.placement, path, like)
+        dicom.write_segmentation(what.values, job.placement, path, series, what.notes)
     else:
-        dicom.write_stl(what, path, like)
+        dicom.write_stl(what, path, series)
 
 
 def _in_white(values: NDArray[np.uint8], _: object, path: Path) -> None:

@@ -123,7 +123,8 @@ class Encoder:
         OSError
             If the file cannot be read or shortened.
         OptionError
-            If it was not written frame by frame. `add` raises it if the file was begun with other options.
+            If it was not written frame by frame. `add` raises it if the file was begun with other options,
+            but for the precision, which may change between frames.
         FormatError
             If it is damaged. The file is then unchanged.
         """

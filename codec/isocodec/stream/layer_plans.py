@@ -14,7 +14,7 @@ from ..search.reduced import LINEAR_POINTS
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from .grid_file import GridFile
-from .options import BEST
+from .options import BEST, SEARCHED
 from .plan_meshes import with_meshes
 
 FINE_SHARE = 0.25
@@ -57,6 +57,12 @@ def plan_of(
         return [*strategy.grid_plan(len(file.header.shape), file.full_level, base if level is None else level), *behind]
     promise = promise_of()
     if o.precision.steps is not None:
+        for step in o.precision.steps:
+            if 0 < step < SEARCHED:
+                raise OptionError(
+                    f"a sequence has a distance of {step:.3g} cells; each must be at least {SEARCHED:g} cells",
+                    code="steps", remedy="leave it out; the last one may be exact or step=..",
+                )
         return stepwise(promise, o.precision.steps, o.keep_topology)
     if o.layers.criterion is not None:
         return _under_criterion(file, promise, o.layers.criterion, o.layers.parameter)

@@ -104,7 +104,8 @@ class MeshFrames:
         self.options, self.series = options, series
         stored, points, values = stored_kind(mesh, complete), mesh.points, mesh.values
         if values is None:
-            raise InputError("the mesh has no values", code="values", remedy="give a value for each point")
+            raise InputError("the mesh has no values", code="values",
+                             remedy="give a value for each point; of a file choose an array: --key")
         self._scattered: NDArray[Any] | None = None
         self._there: NDArray[np.bool_] | None = None
         if mesh.cells is None:

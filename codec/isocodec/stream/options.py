@@ -470,11 +470,9 @@ def _steps_of(steps: object) -> tuple[float, ...] | None:
         )
     out = tuple(EXACT if step in ("exact", 0) else number_of("steps", step) or math.nan for step in steps)
     for step in out[:-1] if out and out[-1] == EXACT else out:
-        if not (math.isfinite(step) and step >= SEARCHED):
-            raise OptionError(
-                f"a sequence has a distance of {step:.3g} cells; each must be at least {SEARCHED:g} cells",
-                code="steps", remedy="leave it out; the last one may be exact or step=..",
-            )
+        if not (math.isfinite(step) and step > 0):
+            raise OptionError(f"the distance {step!r} in a sequence must be above 0", code="steps",
+                              remedy="only the last one may be exact or step=..")
     if not out:
         raise OptionError("no steps", code="steps", remedy="for example 4, 1, 0.25")
     return out
