@@ -198,7 +198,7 @@ def _descended(n: int, level: int) -> File:
 def main_profile() -> Iterator[Draft]:
     """Main profile: rows that stand for all larger numbers, and limits."""
     yield _random(
-        "main_large_cubes", "main profile: cubes of 2**9 samples and more", (1025, 1025), ((BASE, 1), (REFINE, 2)), 152,
+        "main_large_cubes", "main profile: cubes of 2**9 samples and more", (1025, 1025), ((BASE, 1), (REFINE, 2)), 162,
         20, profile=MAIN,
     )
     yield _random(
@@ -206,7 +206,7 @@ def main_profile() -> Iterator[Draft]:
         ((ADAPTIVE, 0),), 1, 20, profile=MAIN,
     )
     yield _random(
-        "main_sure", "main profile: opinions that are limited", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 11, 40,
+        "main_sure", "main profile: opinions that are limited", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 16, 40,
         profile=MAIN,
     )
     line = np.repeat([[0], [1]], 6000, axis=1)
@@ -228,7 +228,7 @@ def main_profile() -> Iterator[Draft]:
     )
     yield _random(
         "main_sides_at_the_border", "main profile: leaves beside an edge that reach beyond the box", (6, 6),
-        ((ADAPTIVE, 0), (OFFSETS, 8), b"\0", (OFFSETS, ESCAPE), b"\x3e\0"), 166, 40, profile=MAIN,
+        ((ADAPTIVE, 0), (OFFSETS, 8), b"\0", (OFFSETS, ESCAPE), b"\x3e\0"), 2807, 40, profile=MAIN,
     )
     # a curve around one corner: of the last edge's ends both have another crossing that falls together with them
     start = File(write_header(Header((65, 65), 0.5, profile=MAIN)), ())
