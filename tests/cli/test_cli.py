@@ -96,7 +96,7 @@ def unreadable_fields(folder: Path) -> dict[str, Sequence[str]]:
     np.save(folder / "scalar.npy", np.float64(3))
     return {
         "missing.npy": ["No such file"],
-        "directory.npy": ["Is a directory"],
+        "directory.npy": ["holds no samples"],
         "text.npy": ["not a NumPy file"],
         "empty.npy": ["not a NumPy file"],
         "strings.npy": ["strings"],
