@@ -65,7 +65,7 @@ data = b""
 contour = isocodec.decode(data)
 isocodec.encode(field, 1.0, profile="mian")  # profile
 isocodec.encode(field, 1.0, layers=2.5)  # layers
-isocodec.encode(field, 1.0, precision=[4, "exakt"])  # exakt
+isocodec.encode(field, 1.0, precision=[4, None])  # None
 isocodec.encode(field, {1.0: 2})  # Argument 2
 isocodec.encode(field, 1.0, keep_topology="yes")  # keep_topology
 isocodec.encode(field, 1.0, metadata={"step": 3})  # entry
@@ -75,7 +75,7 @@ isocodec.encode(isocodec.Field(field, label=[1]))  # label
 isocodec.save("a.iso", field, 1.0, tile="32")  # tile
 isocodec.Mesh(np.zeros((3, 2)), None, np.zeros(3), stored="coder")  # stored
 isocodec.save("a.iso", field, 1.0, exakt=True)  # exakt
-isocodec.save("a.iso", field, 1.0, precision=["fine"])  # fine
+isocodec.save("a.iso", field, 1.0, precision=[b"fine"])  # bytes
 isocodec.open("a.iso", limit=3)  # limit
 isocodec.decode(data, layer=3)  # layer
 isocodec.open(data).edited(layer=2)  # layer
