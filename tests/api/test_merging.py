@@ -259,6 +259,21 @@ def test_frames_of_other_kinds(tmp_path: Any) -> None:
         isocodec.merge([isocodec.encode(frame(0), 5.0)] * 2)
 
 
+@pytest.mark.parametrize("interval", [0, 2, 16])
+@pytest.mark.parametrize("profile", ["main", "baseline"])
+def test_times_stay_however_frames_are_merged(profile: Any, interval: int) -> None:
+    """Of series and of single frames, whose chunks are copied or which are coded again."""
+    fields = [np.add.outer(np.sin(np.arange(20) / 4 + t), np.arange(24) / 20.0) for t in range(6)]
+    series = [isocodec.encode(isocodec.Frames(fields[i : i + 2], times=[i, i + 1]), 0.5, interval=interval)
+              for i in (0, 3)]
+    single = [isocodec.encode(isocodec.Field(fields[i], notes={"time": str(i)}), 0.5, profile=profile) for i in (2, 5)]
+    for order in ([series[0], single[0], series[1], single[1]], [single[0], series[1]]):
+        merged = isocodec.open(isocodec.merge(order))
+        first = 6 - merged.frames if merged.frames == 6 else 2
+        assert merged.times is not None and [*merged.times] == [*range(first, first + merged.frames)]
+        assert "time" not in merged.metadata
+
+
 def test_commands(tmp_path: Any) -> None:
     for number, span in enumerate((LEFT, RIGHT)):
         (tmp_path / f"{number}.iso").write_bytes(window(ALL, span))

@@ -15,6 +15,7 @@ from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, LimitError, OptionError
 from ..field.labelling import is_of_labels, listed
 from ..field.placement import CRS, PLACEMENT, Placement, read_placement, unplaced
+from ..field.times import TIME
 from ..limits import Limits
 from ..storage.content import Readable
 from ..stream.cropped_source import moved_notes
@@ -142,11 +143,11 @@ def _with_frames(files: Sequence[IsoFile], profile: ProfileName | None, limits: 
                               remedy="encode series on meshes with interval=0 (--frame-interval 0)")
         else:
             held = held_by(file.data, limits, name)
-            key = -done % interval if interval else 0
+            key, times = -done % interval if interval else 0, held.times or [held.metadata.get(TIME)]
             for span in (slice(0, key), slice(key, None)):
                 if held.frames[span]:
                     piece = replace(held, frames=held.frames[span], contours=held.contours[span], interval=interval,
-                                    times=held.times[span])
+                                    times=times[span])
                     pieces.append((name, same_again(piece, Options(profile=wanted, metadata=held.kept_notes))))
         done += file.frames
     return appended(pieces, interval)
@@ -203,16 +204,16 @@ def _starts(files: Sequence[tuple[tuple[int, ...], Mapping[str, str]]]) -> NDArr
     """Find the first sample of each file, by shape and notes, in the grid of the first, (F, n)."""
     n = len(files[0][0])
     places = [read_placement(notes, n) or Placement(unplaced(n)) for _, notes in files]
-    matrix = places[0].matrix
+    first, matrix = places[0], places[0].matrix
     assert matrix is not None
     found = []
     for number, ((shape, _), place) in enumerate(zip(files, places, strict=True), start=1):
         corners = np.indices((2,) * n).reshape(n, -1).T * (np.array(shape, np.float64) - 1)
-        away, steps = (place.place(corners) - matrix[:, n]).T, matrix[:, :n]
-        index = np.linalg.lstsq(steps, away, rcond=None)[0]
-        off = (steps @ index - away) / np.sqrt((steps**2).sum(axis=0)).min()
-        start = np.rint(index[:, 0])
-        if max(np.abs(index.T - corners - start).max(), np.abs(off).max()) > _OFF:
+        there = place.place(corners)
+        index = first.index(there)
+        off = (first.place(index) - there) / np.linalg.norm(matrix[:, :n], axis=0).min()
+        start = np.rint(index[0])
+        if max(np.abs(index - corners - start).max(), np.abs(off).max()) > _OFF:
             raise InputError(f"file {number} differs from the first in placement, and in its grid", code="merge",
                              remedy="merge windows of one grid")
         found.append(start.astype(np.int64))

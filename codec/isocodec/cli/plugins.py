@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import zipfile
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from shutil import rmtree
 
 import click
 
 from ..errors import OptionError
 from ..verbs import Plugins
 from .parameters import Call, command
-from .report import concerning
+from .report import concerning, write_output
 
 FOLDER = Path(__file__).parent.parent / "plugins"
 PLUGINS = {
@@ -45,6 +47,7 @@ def _to_qgis() -> Path:
     """Put the plugin and what it needs into the default profile of QGIS; returns its folder."""
     base = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / PROFILES.get(sys.platform, ".local/share"))
     home = base / "QGIS/QGIS3/profiles/default/python/plugins/isocontours"
+    rmtree(home, ignore_errors=True)  # files of another version must not stay
     for path, name in [*((path, path.name) for path in sorted((FOLDER / "qgis").iterdir()) if path.is_file()),
                        *((path, f"bundle/{name}") for path, name in _contents())]:
         (home / name).parent.mkdir(parents=True, exist_ok=True)
@@ -63,12 +66,15 @@ def plugins_command(call: Call, options: Plugins) -> None:
     if options.bundle is not None:
         if options.bundle.suffix != ".zip":
             raise OptionError(f"{options.bundle} does not end in .zip", code="output")
-        with concerning(str(options.bundle)), zipfile.ZipFile(options.bundle, "w", zipfile.ZIP_DEFLATED) as archive:
+        whole = io.BytesIO()
+        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
             for path, name in _contents():
                 archive.write(path, name)
+        write_output(options.bundle, whole.getvalue())
         facts["bundle"] = str(options.bundle)
     if options.qgis:
-        facts["qgis"] = str(_to_qgis())
+        with concerning("QGIS"):
+            facts["qgis"] = str(_to_qgis())
     if call.as_json:
         import json
 

@@ -70,11 +70,11 @@ def _in_cells(place: Placement | None, contour: Curve) -> Numbers | None:
                          remedy="convert the values to that of the contour")
     if place.matrix is None:
         return None
-    steps, origin = place.matrix[:, :-1], place.matrix[:, -1]
-    if len(origin) != places.shape[1]:
-        raise InputError(f"the values have {len(origin)} coordinates, the contour {places.shape[1]}", code="placement")
-    points: Numbers = np.linalg.lstsq(steps, (places - origin).T, rcond=None)[0].T.astype(np.float64)
-    off = np.linalg.norm(place.place(points) - places, axis=1) > _SAME * np.linalg.norm(steps, axis=0).min()
+    if len(place.matrix) != places.shape[1]:
+        raise InputError(f"the values have {len(place.matrix)} coordinates, the contour {places.shape[1]}",
+                         code="placement")
+    points, step = place.index(places), np.linalg.norm(place.matrix[:, :-1], axis=0).min()
+    off = np.linalg.norm(place.place(points) - places, axis=1) > _SAME * step
     return np.where(off[:, None], np.nan, points)
 
 

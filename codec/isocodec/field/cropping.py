@@ -50,7 +50,7 @@ def window_around(placement: Placement | None, shape: Sequence[int], box: Box) -
     ends = np.indices((2,) * n).reshape(n, -1)
     if placement.matrix is not None:
         matrix = matrix_of(placement.matrix, n)
-        index = np.linalg.solve(matrix[:, :n], np.where(ends, most[:, None], least[:, None]) - matrix[:, n:])
+        index = placement.index(np.where(ends.T, most, least)).T
         index = np.where(np.abs(index - np.rint(index)) < _EVEN, np.rint(index), index)
         window = np.stack([index.min(axis=1), index.max(axis=1)], axis=1)
         nodes = [*(matrix[:, :n] @ (ends * (np.array(shape) - 1)[:, None]) + matrix[:, n:])]

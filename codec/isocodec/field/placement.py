@@ -203,9 +203,7 @@ class Placement:
 
     def lifted(self, points: Array) -> Array:
         """Places (P, 3) of points of a plane in space whose coordinates are those of `flat`, (P, 2) float64."""
-        flat = self.flat.matrix
-        assert flat is not None
-        return self.place(np.asarray(np.linalg.solve(flat[:, :2], (points - flat[:, 2]).T).T, np.float64))
+        return self.place(self.flat.index(points))
 
     def with_nodes(self, shape: Sequence[int]) -> Placement:
         """Replace the matrix by coordinates, for a field of that shape.
@@ -239,6 +237,16 @@ class Placement:
         # axis by axis: how a product of matrices is rounded depends on the library
         placed = sum(points[:, a, None] * matrix[:, a] for a in range(n)) + matrix[:, n]
         return np.asarray(placed)
+
+    def index(self, places: Array) -> Array:
+        """Index coordinates (P, n) float64 of places (P, m) by the matrix, the reverse of `place`.
+
+        Beside a plane in space, those of the nearest point in the plane.
+        """
+        assert self.matrix is not None
+        steps, away = self.matrix[:, :-1], (places - self.matrix[:, -1]).T
+        index = np.linalg.lstsq(steps, away, rcond=None)[0] if self.in_space else np.linalg.solve(steps, away)
+        return np.asarray(index.T, np.float64)
 
     def _between_nodes(self, points: Array) -> Array:
         """Multilinear within each unit cell, the one that closes a periodic axis included."""
