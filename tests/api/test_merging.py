@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from typing import Any
@@ -114,6 +115,43 @@ def test_windows_of_one_grid(cut: str, precision: Any, place: str, kind: str, ho
         assert corners <= {point for cell in wanted for point in cell}
     if precision in ("exact", "signs") and kind == "grid" and cut in ("two", "four", "deep") and place == "down":
         assert merged.data == whole.data
+
+
+@looped("cut, place, kind", product(CUTS, ["down", "turned"], ["grid", "series", "tiles"]))
+def test_windows_of_labels(cut: str, place: str, kind: str, tmp_path: Any) -> None:
+    """Each window has its own labels, one of them a hole; the whole has all labels, names and types."""
+    frames = [PLANE // 400 % 4 * 7 + shift for shift in (0, 7)][: 2 if kind == "series" else 1]
+    mask = np.zeros(PLANE.shape, np.bool_)
+    mask[15:22, 25:33] = True
+    files = []
+    for window in CUTS[cut]:
+        each = [placed(np.ma.masked_array(values[window], mask[window]).astype(np.int32),
+                       tuple(span.start for span in window), PLACES[place]) for values in frames]
+        names = {f"label {label}": f"class {label}" for label in np.unique(frames)}
+        there = {*np.unique([values[window][~mask[window]] for values in frames]).tolist()} - {0}
+        each = [replace(one, labels=[*there], notes=names) for one in each]
+        if kind == "tiles":
+            isocodec.save(tmp_path / "a.iso", each[0], tile=32)
+        else:
+            isocodec.save(tmp_path / "a.iso", Frames(each, times=[3, 8]) if kind == "series" else each[0])
+        files.append((tmp_path / "a.iso").read_bytes())
+    merged = isocodec.open(isocodec.merge(files))
+    valid = np.zeros(PLANE.shape, np.bool_)
+    for window in CUTS[cut]:
+        valid[window] = ~mask[window]
+    assert np.array_equal(merged.valid(), valid) and {*merged.isovalues} == {*np.unique(frames)} - {0}
+    assert all(merged.metadata[f"label {each:g}"] == f"class {each:g}" for each in merged.isovalues)
+    assert [*([] if merged.times is None else merged.times)] == [3, 8] * (kind == "series")
+    low = np.min([[span.start for span in window] for window in CUTS[cut]], axis=0)
+    assert merged.placement is not None and merged.crs == "EPSG:32631"
+    (found,) = merged.placement.place(np.array([[2.0, 5.0]]) - low)
+    assert found == pytest.approx(np.array(PLACES[place]) @ [2, 5, 1])
+    for frame, values in enumerate(frames):
+        found = merged.labels(frame=frame)
+        assert found.dtype == np.int32 and np.array_equal(found[valid], values[valid])
+    other = placed(frames[0][CUTS[cut][0]] + 7, tuple(span.start for span in CUTS[cut][0]), PLACES[place])
+    with pytest.raises(InputError, match="frames" if kind == "series" else "labels at sample|missing samples"):
+        isocodec.merge([*files[1:], isocodec.encode(replace(other, labels="all"))])
 
 
 def test_seams_join_and_promises_hold() -> None:

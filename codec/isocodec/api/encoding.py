@@ -64,9 +64,8 @@ def encode(
         to within half a step. "signs": which samples lie above, no geometry; crossings are drawn half-way. "0.2 smooth"
         and "signs smooth": the file asks readers to move points within the parts of edges that it states, where that
         brings the curve nearer in the mean, and keeps to the distance with and without that; for smooth fields, such as
-        distances, at one isovalue. Falling
-        distances, as [4, 1, 0.25, "exact"], "4m,1m,exact" or [4, 1, "step=0.5"]: what the layers promise one after the
-        other.
+        distances, at one isovalue. Falling distances, as [4, 1, 0.25, "exact"], "4m,1m,exact" or [4, 1, "step=0.5"]:
+        what the layers promise one after the other.
         None: 0.05 cells; "signs" for labels, and for a field of bool without an isovalue; on a mesh 0.05 of the median
         edge. The values of a `Tin` that `thin` did not choose for a file are rounded to within a number, or to steps.
     keep_topology : bool

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from ..drawing.smoothing import SMOOTHING
 from ..errors import InputError, LimitError, OptionError
-from ..field.labelling import is_of_labels, listed
+from ..field.framed import Frames
+from ..field.labelling import LABELS, TYPE, is_of_labels, listed
 from ..field.placement import CRS, PLACEMENT, Placement, read_placement, unplaced
+from ..field.sampled import Field
 from ..field.times import TIME
 from ..limits import Limits
 from ..storage.content import Readable
@@ -23,6 +25,7 @@ from ..stream.mosaic import Mosaic, Window
 from ..stream.options import Options
 from ..stream.promises import PROMISE, last_promise
 from ..stream.splicing import appended, can_follow, parts_of, spliced
+from .encoding import encode
 from .files import TileFile
 from .opening import open
 from .operations import impossible
@@ -43,8 +46,8 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
 
     Files of the same field, with the same placement and missing samples, or on the same mesh give their isovalues,
     which differ. Series with the same isovalues, or single frames and a series, give their frames. Windows of one grid,
-    by their placements, with the same isovalues give the box around them; they share a row of samples with their
-    neighbours.
+    by their placements, with the same isovalues, or of labels, give the box around them; they share a row of samples
+    with their neighbours.
 
     Parameters
     ----------
@@ -90,13 +93,11 @@ def merge(files: Sequence[Readable], *, profile: ProfileName | None = None, limi
     windows = "mesh" not in kinds and len({note.get(PLACEMENT) for note in notes}) > 1
     alike = len({each.isovalues for each in whole}) == 1
     frames = alike and not windows and any(each.info.interval is not None for each in whole)
-    if windows and any(of_labels):
-        raise InputError("windows of labels cannot be merged", code="merge", remedy="encode the labels of the whole")
     _check_one(notes, *[CRS] if windows else [PLACEMENT, CRS])
     if frames:
         return _with_frames(whole, profile, limits)
     if windows:
-        return _around(whole, profile, limits)
+        return _labels_around(whole, profile, limits) if all(of_labels) else _around(whole, profile, limits)
     if all(of_labels):
         _check_apart(whole)
     if all(of_labels) or {"mesh", "series"} & set(kinds):
@@ -157,7 +158,7 @@ def _around(files: Sequence[IsoFile], profile: ProfileName | None, limits: Limit
     """Join windows of one grid."""
     all_held = [held_by(each.data, limits, f"file {i}") for i, each in enumerate(files, start=1)]
     first = all_held[0]
-    starts = _starts([(held.header.shape, held.metadata) for held in all_held])
+    mosaic, low = _mosaic_of([(held.valid, held.metadata) for held in all_held], limits)
     values = [source.field.isovalue for source in first.frames[0]]
     for number, held in enumerate(all_held, start=1):
         own = {source.field.isovalue: i for i, source in enumerate(held.frames[0])}
@@ -174,14 +175,6 @@ def _around(files: Sequence[IsoFile], profile: ProfileName | None, limits: Limit
         all_held[number - 1] = replace(held, frames=[[one[i] for i in order] for one in held.frames],
                                        promised=[held.promised[i] for i in order])
     first = all_held[0]
-    low = starts.min(axis=0)
-    size = math.prod((np.array([held.header.shape for held in all_held]) + starts - low).max(axis=0).tolist())
-    if size > (limits or Limits()).samples:
-        raise LimitError(f"all files together have {size:,} samples, more than the limit of "
-                         f"{(limits or Limits()).samples:,}", code="limit-samples", clause="11.2",
-                         remedy="merge fewer files, or raise Limits.samples")
-    mosaic = Mosaic([Window(tuple(start), held.valid)
-                     for start, held in zip((starts - low).tolist(), all_held, strict=True)])
     joined = [[mosaic.source(sources) for sources in zip(*frames, strict=True)]
               for frames in zip(*(held.frames for held in all_held), strict=True)]
     off = max(far for frame in joined for _, far in frame)
@@ -189,7 +182,7 @@ def _around(files: Sequence[IsoFile], profile: ProfileName | None, limits: Limit
                 for some in zip(*(held.promised for held in all_held), strict=True)]
     notes = {name: text for held in all_held[::-1] for name, text in held.metadata.items()
              if name != SMOOTHING and (name != PLACEMENT or held is first)}
-    metadata = moved_notes(notes, low.tolist())
+    metadata = moved_notes(notes, low)
     if off or len({held.metadata.get(PROMISE) for held in all_held}) > 1:
         metadata = last_promise(metadata)
     merged = replace(
@@ -198,6 +191,38 @@ def _around(files: Sequence[IsoFile], profile: ProfileName | None, limits: Limit
         promised=promised,
     )
     return same_again(merged, Options.of(profile=profile or "main", metadata=merged.metadata), expected=False)
+
+
+def _labels_around(files: Sequence[IsoFile], profile: ProfileName | None, limits: Limits | None) -> bytes:
+    """Join windows of one grid of labels; each has the labels that lie in it."""
+    first, labels = files[0], [*dict.fromkeys(label for file in files for label in file.isovalues)]
+    if len({(file.frames, file.info.interval) for file in files}) > 1:
+        raise InputError("the files differ in their frames", code="merge")
+    mosaic, low = _mosaic_of([(file.valid(), file.metadata) for file in files], limits)
+    kept = {name: text for file in files[::-1] for name, text in file.metadata.items()
+            if name not in (LABELS, TYPE, TIME, PROMISE, SMOOTHING) and (name != PLACEMENT or file is first)}
+    notes, gone = moved_notes(kept, low), False if mosaic.valid.all() else ~mosaic.valid
+    frames = [Field(np.ma.masked_array(mosaic.labels([file.labels(frame=frame) for file in files]), gone),
+                    labels=labels, notes=notes) for frame in range(first.frames)]
+    if first.info.interval is None:
+        return encode(frames[0], profile=profile or "main")
+    times = None if first.times is None else [*first.times]
+    return encode(Frames(frames, first.info.interval, times), profile=profile or "main")
+
+
+def _mosaic_of(
+    files: Sequence[tuple[NDArray[np.bool_], Mapping[str, str]]], limits: Limits | None
+) -> tuple[Mosaic, list[int]]:
+    """Lay windows, by their valid samples and notes, beside one another; with the first sample of the box around them
+    in the grid of the first."""
+    starts = _starts([(valid.shape, notes) for valid, notes in files])
+    low = starts.min(axis=0)
+    size = math.prod((np.array([valid.shape for valid, _ in files]) + starts - low).max(axis=0).tolist())
+    if size > (most := (limits or Limits()).samples):
+        raise LimitError(f"all files together have {size:,} samples, more than the limit of {most:,}",
+                         code="limit-samples", clause="11.2", remedy="merge fewer files, or raise Limits.samples")
+    windows = [Window(tuple(start), valid) for start, (valid, _) in zip((starts - low).tolist(), files, strict=True)]
+    return Mosaic(windows), low.tolist()
 
 
 def _starts(files: Sequence[tuple[tuple[int, ...], Mapping[str, str]]]) -> NDArray[np.int64]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,15 @@ class Mosaic:
             raise InputError(f"file {number} differs from an earlier one in {what} at sample {place} of all files "
                              f"together, and at {len(at) - 1} others", code="merge",
                              remedy="merge windows of the same field")
+
+    def labels(self, windows: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """Join the labels of windows; raises `InputError` if these differ."""
+        joined, covered = np.zeros(self.shape, np.result_type(*windows)), np.zeros(self.shape, np.bool_)
+        for number, (window, labels) in enumerate(zip(self.windows, windows, strict=True), start=1):
+            box = window.box
+            self._check(covered[box] & window.valid & (joined[box] != labels), number, "labels")
+            joined[box], covered[box] = labels, True
+        return joined
 
     def source(self, sources: Sequence[Source]) -> tuple[Source, float]:
         """Join the sources of an isovalue, one for each window.
