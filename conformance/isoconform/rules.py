@@ -206,7 +206,7 @@ def main_profile() -> Iterator[Draft]:
         ((ADAPTIVE, 0),), 1, 20, profile=MAIN,
     )
     yield _random(
-        "main_sure", "main profile: opinions that are limited", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 16, 40,
+        "main_sure", "main profile: opinions that are limited", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 123, 40,
         profile=MAIN,
     )
     line = np.repeat([[0], [1]], 6000, axis=1)
@@ -253,8 +253,8 @@ def refused() -> Iterator[Draft]:
     for shape, name, clause, about, seed in (
         ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 548),
         ((5, 5), "start_visited", "5.3.2", "where one has been", 0),
-        ((5, 5, 5), "start_not_mixed", "5.3.3", "where the surface does not pass", 47),
-        ((5, 5, 5), "start_visited", "5.3.2", "where one has been", 1),
+        ((5, 5, 5), "start_not_mixed", "5.3.3", "where the surface does not pass", 92),
+        ((5, 5, 5), "start_visited", "5.3.2", "where one has been", 2),
     ):
         yield _random(
             f"main_{name}", f"main profile: a component starts {about}", shape, ((BASE, 3),), seed, 14, profile=MAIN,
@@ -266,7 +266,7 @@ def refused() -> Iterator[Draft]:
     )
     for name, about, shape, steps, seed, size in (
         ("main_leftover", "bytes left over in a run", (5, 5), ((BASE, 1), (REFINE, 1)), 65, 20),
-        ("main_overrun", "symbols past the end of a run", (5, 5, 5), ((BASE, 3), (REFINE, ALL)), 11, 8),
+        ("main_overrun", "symbols past the end of a run", (5, 5, 5), ((BASE, 3), (REFINE, ALL)), 0, 8),
     ):
         run = layers(steps_of(*steps), bytes(random_numbers(seed, size, 8)))
         file = File(write_header(Header(shape, 0.5, profile=MAIN)), (run,))

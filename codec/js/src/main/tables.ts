@@ -84,7 +84,7 @@ class Bits {
 
 /** Read `isospec/main.bin` (7.10(1)). */
 export function readTables(bytes: Uint8Array, n: number): Tables {
-  if (bytes.length !== 142270) throw new RangeError("the tables of the main profile have 142270 bytes");
+  if (bytes.length !== 142300) throw new RangeError("the tables of the main profile have 142300 bytes");
   if (n !== 2 && n !== 3) throw new RangeError("two or three axes");
   const file = new Bits(new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength));
   const squash = new Uint16Array(4095).fill(32768);
