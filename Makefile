@@ -18,14 +18,18 @@ BENCH ?=
 # Tables that growth is measured in, and other arguments, for example GROWTH="length --most 1e7".
 GROWTH ?=
 
+# Debian's packages of the programs in which plugins are tested.
+PROGRAMS ?= gdal-bin qgis python3-qgis paraview python3-paraview xvfb blender python3-fsspec python3-aiohttp
+
 PLATFORMS ?= linux-x86_64 linux-aarch64 macos-aarch64 macos-x86_64 windows-x86_64
 
 DOCS_PYTHON := .venv-docs/bin/python
+SUDO := $(if $(filter 0,$(shell id -u)),,sudo)
 DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help kernels wheels demo docs test test-web view heavy heavy-changed slips lint bench growth vectors zoo fuzz clean
+.PHONY: help kernels wheels demo docs test test-web view heavy heavy-changed apps slips lint bench growth vectors zoo fuzz clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -60,10 +64,14 @@ view: ## Build the viewer and serve it at http://localhost:8137/.
 
 heavy: export ISOCODEC_HEAVY = 1
 heavy: kernels .venv-test/.installed ## Run all tests, those that take long too, with all of their examples.
-	$(TEST_PYTHON) -m pytest -n $(JOBS) -m 'heavy or not heavy' tests
+	$(TEST_PYTHON) -m pytest -n $(JOBS) -m 'not apps' tests
 
 heavy-changed: kernels .venv-test/.installed ## Run the heavy tests of figures, packaging, zoo and others whose sources have changed.
 	$(TEST_PYTHON) tools/heavy_changed.py $(SINCE)
+
+apps: kernels .venv-test/.installed .venv-apps/.installed ## Install GDAL, QGIS, ParaView, Blender and napari (Debian's packages), and test the plugins in them.
+	dpkg --status $(PROGRAMS) >/dev/null 2>&1 || { $(SUDO) apt-get update && $(SUDO) apt-get install --yes --no-install-recommends $(PROGRAMS); }
+	$(TEST_PYTHON) -m pytest -m apps tests/apps
 
 slips: kernels .venv-test/.installed ## Plant slips in a copy of the package, and count those that the tests catch; takes an hour.
 	$(TEST_PYTHON) tools/slips.py $(SLIPS)
@@ -92,13 +100,14 @@ fuzz: .venv-test/.installed ## Fuzz the decoder, then the encoder, for MINUTES=5
 	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --encoder
 
 clean: ## Remove everything that make has made; builds that are kept elsewhere stay, see docs/kernels.md.
-	rm -rf .venv-build .venv-demo .venv-docs .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist codec/js/dist codec/js/node_modules
+	rm -rf .venv-apps .venv-build .venv-demo .venv-docs .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist codec/js/dist codec/js/node_modules
 	find codec spec conformance tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
+.venv-apps/.installed: EXTRA = apps
 .venv-demo/.installed: EXTRA = demo
 .venv-docs/.installed: EXTRA = docs
 .venv-test/.installed: EXTRA = dev
-.venv-demo/.installed .venv-docs/.installed .venv-test/.installed: pyproject.toml | kernels
+.venv-apps/.installed .venv-demo/.installed .venv-docs/.installed .venv-test/.installed: pyproject.toml | kernels
 	$(PYTHON) -m venv --clear $(@D)
 	$(@D)/bin/python -m pip install --disable-pip-version-check --quiet --no-compile --editable '.[$(EXTRA)]'
 	touch $@

@@ -36,11 +36,12 @@ _long: dict[str, float] = {}
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Do not even read modules that are heavy as a whole, unless heavy tests are asked for."""
-    if collection_path.suffix != ".py" or config.option.markexpr != "not heavy":
+    """Do not even read modules that are heavy or of programs as a whole, unless such tests are asked for."""
+    left_out = {part.removeprefix("not ") for part in config.option.markexpr.split(" and ") if part.startswith("not ")}
+    if collection_path.suffix != ".py" or not left_out:
         return None
-    heavy = re.search(r"^pytestmark = \[?\s*pytest\.mark\.heavy\b", collection_path.read_text(), re.M)
-    return True if heavy else None
+    mark = re.search(r"^pytestmark = \[?\s*pytest\.mark\.(\w+)", collection_path.read_text(), re.M)
+    return True if mark and mark[1] in left_out else None
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -68,7 +69,7 @@ def _columns(values: Iterable[object]) -> list[object]:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    if "heavy" not in report.keywords and not INTERPRETED:
+    if not {"heavy", "apps"}.intersection(report.keywords) and not INTERPRETED:
         _long[report.nodeid] = _long.get(report.nodeid, 0.0) + report.duration
 
 

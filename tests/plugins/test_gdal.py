@@ -14,6 +14,9 @@ import pytest
 import isocodec
 import isocodec.plugins
 from isocodec import Field, Frames
+from libraries import Late
+
+shapely = Late("shapely")
 
 DRIVERS = Path(isocodec.plugins.__file__).parent
 SCRIPT = """
@@ -128,6 +131,28 @@ def test_only_tiles_in_view_are_read(tmp_path, layer):
         whole = np.concatenate([line for contour in isocodec.open(path).contours() for line in contour.lines])
         whole = whole[((whole > 12) & (whole < 38)).all(axis=1)]
         assert {tuple(p) for p in np.round(whole, 6).tolist()} <= {tuple(p) for p in np.round(back, 6).tolist()}
+
+
+def test_options_and_missing_samples_of_tiles(tmp_path):
+    labels, mask = np.zeros((150, 150), np.int16), np.zeros((150, 150), bool)
+    labels[20:100, 30:90], labels[60:140, 90:140], mask[50:60, 50:60] = 3, 5, True
+    for name, field in {"labels": Field(labels, mask, labels="all"), "map": waves(150, 150)}.items():
+        isocodec.save(tmp_path / f"{name}.iso", field, None if name == "labels" else [0.25, 1.0], tile=64)
+    areas, lines, coarse, short = by_gdal(
+        {"path": tmp_path / "labels.iso", "layer": "areas"}, {"path": tmp_path / "labels.iso", "layer": "lines"},
+        {"path": tmp_path / "map.iso", "layer": "overview", "LAYERS": "1"},
+        {"path": tmp_path / "map.iso", "layer": "overview", "MAX_BYTES": "400"},
+    )
+    file = isocodec.open(tmp_path / "labels.iso")
+    whole = file.whole()
+    wanted = [shapely.geometry.shape(each.areas(valid=whole.valid())).area
+              for each in whole.contours(through_holes=True)]
+    assert areas["areas"] == pytest.approx(wanted) and all(areas["valid"])
+    assert sum(map(len, lines["points"])) == sum(len(line) for each in file.contours() for line in each.lines)
+    tiled = isocodec.open(tmp_path / "map.iso")
+    for seen, view in ((coarse, {"layers": 1}), (short, {"within": 2.0, "max_bytes": 400})):
+        tiles = [contour for contours in tiled.each_tile(**view) for contour in contours]
+        assert seen["points"] == [line[:, ::-1].tolist() for contour in tiles for line in contour.lines] != []
 
 
 def test_other_files_are_left_to_others(tmp_path):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -69,6 +70,41 @@ def test_surfaces_of_slicer_point_outwards_in_their_system(tmp_path, system, tur
     a, b, c = (points[cells[:, i]] for i in range(3))
     volume = np.einsum("ij,ij->i", np.cross(a - centre, b - centre), c - centre).sum() / 6
     assert volume == pytest.approx(24 * 4 / 3 * np.pi * 4**3, rel=0.06)
+
+
+def test_slicer_is_handed_the_meshes(tmp_path, monkeypatch):
+    """By its calls alone: nodes of models with points and triangles; a message for a file of curves."""
+    from vtk.util.numpy_support import vtk_to_numpy
+
+    nodes, messages = [], []
+
+    class Node(SimpleNamespace):
+        def SetAndObservePolyData(self, mesh):
+            self.mesh = mesh
+
+        def CreateDefaultDisplayNodes(self):
+            self.shown = True
+
+        def GetID(self):
+            return self.name
+
+    def added(kind, name):
+        nodes.append(Node(kind=kind, name=name))
+        return nodes[-1]
+
+    monkeypatch.setitem(sys.modules, "slicer", SimpleNamespace(
+        mrmlScene=SimpleNamespace(AddNewNodeByClass=added), util=SimpleNamespace(errorDisplay=messages.append)))
+    parent = SimpleNamespace()
+    reader = slicer_iso.slicer_isoFileReader(parent)
+    path = written(tmp_path, ball(12, 13, 14), 0.0, 1.0)
+    assert reader.canLoadFile(path) and reader.load({"fileName": path})
+    assert parent.loadedNodes == ["isovalue 0", "isovalue 1"] and all(node.shown for node in nodes)
+    for node, (_, points, cells) in zip(nodes, slicer_iso.surfaces(path), strict=True):
+        assert node.kind == "vtkMRMLModelNode"
+        assert np.array_equal(vtk_to_numpy(node.mesh.GetPoints().GetData()), points)
+        assert np.array_equal(vtk_to_numpy(node.mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3), cells)
+    assert not reader.load({"fileName": written(tmp_path, ball(20, 24), 0.0)})
+    assert messages == ["the file has curves, no surfaces"]
 
 
 def test_a_bundle_decodes_with_numpy_alone(tmp_path):

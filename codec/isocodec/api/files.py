@@ -26,9 +26,11 @@ from ..stream.inspect import inspect, kind_of
 from ..verbs import Edit, Viewed
 from .editing import edited, edited_tiles
 from .isofile import IsoFile
-from .operations import ONE_FRAME
+from .operations import ONE_FRAME, ViewOptions
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     from ..drawing.contour import Contour
     from ..drawing.tessellation import Tessellation
     from ..field.placement import Placement
@@ -348,15 +350,30 @@ class TileFile(IsoFile):
 
     def _windows(self, numbers: Sequence[int], view: Viewed) -> Iterator[Contour]:
         """Decode the curves or surfaces of isovalues, by number, in a window; all is fetched before the first."""
-        self._check_frame(view.frame)
-        tiled = self.tiled if view.max_bytes is None else self._beginning(view.max_bytes)
-        layer = None if view.layers is None else min(view.layers, len(tiled.head.stages)) - 1
-        partial = view.partial or view.max_bytes is not None
-        drawings = tiled.windows(view.window, numbers, within=view.within, layer=layer, partial=partial)
+        tiled, options = self._asked(view)
+        drawings = tiled.windows(view.window, numbers, **options)
         for done, drawn in enumerate(drawings, start=1):
             if view.progress is not None:
                 view.progress(done, len(numbers))
             yield drawn
+
+    def _asked(self, view: Viewed) -> tuple[TiledFile, dict[str, Any]]:
+        """Open what a view may read of the file, with its options for `TiledFile.windows`."""
+        self._check_frame(view.frame)
+        tiled = self.tiled if view.max_bytes is None else self._beginning(view.max_bytes)
+        layer = None if view.layers is None else min(view.layers, len(tiled.head.stages)) - 1
+        partial = view.partial or view.max_bytes is not None
+        return tiled, {"within": view.within, "layer": layer, "partial": partial}
+
+    def each_tile(self, **view: Unpack[ViewOptions]) -> Iterator[list[Contour]]:
+        """Decode the curves or surfaces of all isovalues tile by tile, with ends at the borders of tiles.
+
+        ``view`` has parameters of `contours`. All is fetched before the first tile; a tile at a time is in memory.
+        """
+        wanted = self._viewed(**view)
+        tiled, options = self._asked(wanted)
+        for window in tiled.fetched(wanted.window, **options):
+            yield [*tiled.windows(window, **options)]
 
     def _beginning(self, size: int) -> TiledFile:
         """Open the same file, cut after its first bytes."""

@@ -59,8 +59,8 @@ def _to_qgis() -> Path:
 def plugins_command(call: Call, options: Plugins) -> None:
     """Show where the plugins for other programs lie, and how to switch them on.
 
-    With --bundle, write isocodec as one file: programs that have numpy 1.24 or later decode with it once it is in
-    PYTHONPATH, faster when it is unpacked.
+    With --bundle, write isocodec as one file of 2 MB: programs that have Python 3.10 and numpy 1.24, or later versions,
+    decode with it once it is in PYTHONPATH, faster when it is unpacked.
     """
     facts = {program: str(FOLDER / name) for program, (name, _) in PLUGINS.items()}
     if options.bundle is not None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OptionError, TruncatedError
+from ..errors import MissingExtraError, OptionError, TruncatedError
 from ..extras import optional
 from ..field.placement import Placement
 from .curve import Curve
@@ -20,8 +20,12 @@ _DIGITS = 44
 
 
 def polygons() -> Any:
-    """Import the library for polygons; raises `MissingExtraError` if it is missing."""
-    return optional("shapely", extra="vector", purpose="making areas")
+    """Import the library for polygons; raises `MissingExtraError` if it is missing, or older than version 2."""
+    shapely = optional("shapely", extra="vector", purpose="making areas")
+    if not hasattr(shapely, "GeometryType"):
+        raise MissingExtraError(f"making areas needs shapely 2.1 or later, this is {shapely.__version__}",
+                                code="missing-extra", remedy="pip install --upgrade shapely")
+    return shapely
 
 
 def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> Any:

@@ -8,8 +8,8 @@
 
 GDAL finds it in the folder that ``GDAL_PYTHON_DRIVER_PATH`` names, and reads the lines above. Layers are ``lines`` of
 curves or ``triangles`` of surfaces; ``areas`` of labels; ``bands`` if asked for; and of files in tiles ``overview``,
-with lines fine enough for a view of `PIXELS` pixels of the spatial filter. Coordinates are those of the file; without a
-placement, x runs along axis 1 and y along axis 0, in samples.
+with cells at most two pixels wide if the spatial filter is `PIXELS` wide, and lines cut at the borders of tiles.
+Coordinates are those of the file; without a placement, x runs along axis 1 and y along axis 0, in samples.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from gdal_python_driver import BaseDataset, BaseDriver, BaseLayer
 import isocodec
 
 PIXELS = 1000
-KINDS = {"lines": "LineString", "overview": "LineString", "triangles": "MultiPolygon Z",
-         "areas": "MultiPolygon", "bands": "MultiPolygon"}
+AREAS = dict.fromkeys(("areas", "bands"), "MultiPolygon")
+KINDS = {"lines": "LineString", "overview": "LineString", "triangles": "MultiPolygon Z", **AREAS}
 
 
 def text(points: Any) -> str:
@@ -35,7 +35,8 @@ def text(points: Any) -> str:
 
 def of_surface(contour: isocodec.Contour) -> str:
     """Triangles of a surface, as polygons: geopandas takes no TIN."""
-    return f"MULTIPOLYGON Z ({','.join(f'({text(each)})' for each in contour.placed[contour.cells[:, [0, 1, 2, 0]]])})"
+    corners = contour.placed[contour.placed_cells[:, [0, 1, 2, 0]]]
+    return f"MULTIPOLYGON Z ({','.join(f'({text(each)})' for each in corners)})"
 
 
 def of_areas(geometry: dict[str, Any]) -> str:
@@ -47,9 +48,8 @@ def of_areas(geometry: dict[str, Any]) -> str:
 class Features(BaseLayer):
     """Layer with features of one kind, decoded when they are first asked for; those in tiles, for each view."""
 
-    def __init__(self, file: isocodec.IsoFile, name: str, view: dict[str, Any]) -> None:
-        self.file, self.view = file, view
-        self.kept: list[dict[str, Any]] | None = None
+    def __init__(self, file: Any, name: str, view: dict[str, Any]) -> None:
+        self.file, self.view, self.kept = file, view, list[dict[str, Any]]()
         self.name, self.fid_name, self.spatial_filter_extent = name, "", None
         columns = {"lower": "Real", "upper": "Real"} if name == "bands" else {file.info.noun: "Real"}
         if name != "bands" and "name" in self.empty().columns(1):
@@ -59,23 +59,15 @@ class Features(BaseLayer):
         self.fields = [{"name": column, "type": kind} for column, kind in columns.items()]
         self.geometry_fields = [{"name": "", "type": KINDS[name], **({"srs": file.crs} if file.crs else {})}]
 
-    def metadata(self, domain: str | None) -> None:
-        """The notes of the file are those of the data set."""
-
     def test_capability(self, capability: str) -> bool:
         return capability in (BaseLayer.StringsAsUTF8, BaseLayer.FastGetExtent)
 
     def extent(self, force_computation: bool) -> list[float] | None:
         """Bounds of all samples; None where GDAL has to look at the features: on meshes and mapped grids."""
-        corners = self.corners()
-        return None if corners is None else [*corners.min(axis=0)[:2], *corners.max(axis=0)[:2]]
-
-    def corners(self) -> np.ndarray | None:
-        """Places of the grid's corners, in lexicographic order."""
-        shape = self.file.shape
-        if not shape or self.file.info.coordinates:
+        if not self.file.shape or self.file.info.coordinates:
             return None
-        return self.empty().place(np.array(list(product(*((0.0, size - 1.0) for size in shape)))))
+        corners = self.empty().place(np.array([*product(*((0.0, size - 1.0) for size in self.file.shape))]))
+        return [*corners.min(axis=0)[:2], *corners.max(axis=0)[:2]]
 
     def empty(self) -> isocodec.Contour:
         """A contour of the file without points."""
@@ -85,46 +77,38 @@ class Features(BaseLayer):
 
     def window(self) -> dict[str, Any] | None:
         """Find what the spatial filter needs of a file in tiles, and how fine an overview is; None for nothing."""
-        view: dict[str, Any] = {}
-        window = [(0.0, size - 1.0) for size in self.file.shape]
-        if (box := self.spatial_filter_extent) is not None and len(window) == 2:
-            if self.file.placement is None:
-                window = [(max(low, 0.0), min(high, last))
-                          for low, high, (_, last) in zip(box[1::-1], box[:1:-1], window, strict=True)]
-                if any(low > high for low, high in window):
-                    return None
-            else:
-                try:
-                    window = self.file.window_around(box)
-                except isocodec.IsoError:  # no sample lies there
-                    return None
-            view["window"] = window
-        if self.name == "overview":
-            view["within"] = max(max(end - start for start, end in window) / PIXELS, 1.0)
-        return view
+        box, view, spans = self.spatial_filter_extent, dict(self.view), [size - 1.0 for size in self.file.shape]
+        if box is not None and len(spans) == 2:
+            try:
+                placed = self.file.placement is not None
+                ends = self.file.window_around(box) if placed else [(box[1], box[3]), (box[0], box[2])]
+            except isocodec.IsoError:  # no sample lies there
+                return None
+            view["window"] = [(max(low, 0.0), min(high, last)) for (low, high), last in zip(ends, spans, strict=True)]
+            spans = [high - low for low, high in view["window"]]
+        if self.name == "overview" and "layers" not in view:
+            view["within"] = 2.0 * max(*spans, PIXELS) / PIXELS
+        return None if min(spans) < 0 else view
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        if self.file.kind == "tiles":
-            return iter(()) if (view := self.window()) is None else self.features(**view)
-        if self.kept is None:
-            self.kept = list(self.features())
+        if self.file.kind == "tiles" and self.name not in AREAS:
+            return iter(()) if (view := self.window()) is None else self.features(self.file, view)
+        if not self.kept:
+            self.kept = [*self.features(self.file.whole() if self.file.kind == "tiles" else self.file, self.view)]
         return iter(self.kept)
 
-    def features(self, **view: Any) -> Iterator[dict[str, Any]]:
-        numbers, view = count(), {**self.view, **view, "partial": True}
-        view["through_holes"] = self.name in ("areas", "bands") and self.file.info.mask_bytes is not None
-        for frame in range(self.file.frames):
-            contours = self.file.contours(**{key: value for key, value in {**view, "frame": frame}.items() if value})
-            more = {"frame": frame, "time": contours[0].metadata.get("time")} if self.file.frames > 1 else {}
-            for fields, geometry in self.parts(contours):
-                yield {"type": "OGRFeature", "id": next(numbers), "fields": {**fields, **more},
-                       "geometry_fields": {"": geometry}}
+    def features(self, file: Any, view: dict[str, Any]) -> Iterator[dict[str, Any]]:
+        at, masked = count(), self.name in AREAS and file.info.mask_bytes is not None
+        meeting = file.kind == "tiles" and file.info.noun == "label"  # which labels do where all of a view is there
+        view = {**view, "partial": self.name == "overview" or not meeting, "through_holes": masked}
+        frames = (file.contours(**view, frame=frame) for frame in range(file.frames))
+        for frame, contours in enumerate(file.each_tile(**view) if self.name == "overview" else frames):
+            more = {"frame": frame, "time": contours[0].metadata.get("time")} if file.frames > 1 else {}
+            for fields, geometry in self.parts(contours, file.valid() if masked else None):
+                yield {"type": "OGRFeature", "id": next(at), "fields": fields | more, "geometry_fields": {"": geometry}}
 
-    def parts(self, contours: list[isocodec.Contour]) -> Iterator[tuple[dict[str, Any], str]]:
-        """Fields and geometry of each feature of a frame."""
-        valid = None
-        if self.name in ("areas", "bands") and self.file.info.mask_bytes is not None:
-            valid = self.file.valid()
+    def parts(self, contours: list[isocodec.Contour], valid: Any) -> Iterator[tuple[dict[str, Any], str]]:
+        """Fields and geometry of each feature of a frame or tile; ``valid`` samples, if some are missing."""
         if self.name == "bands":
             for band in isocodec.bands(contours, valid=valid):
                 yield {"lower": band.lower, "upper": band.upper}, of_areas(band.geometry)
@@ -144,9 +128,7 @@ class Dataset(BaseDataset):
     def __init__(self, file: isocodec.IsoFile, options: dict[str, str]) -> None:
         view = {key.lower(): int(options[key]) for key in ("LAYERS", "MAX_BYTES") if key in options}
         curves = file.kind == "mesh" or len(file.shape) == 2
-        names = ["lines"] if curves else ["triangles"]
-        if file.kind == "tiles":
-            names.insert(0, "overview")
+        names = [*(["overview"] if file.kind == "tiles" else []), "lines" if curves else "triangles"]
         if curves and file.info.noun == "label":
             names.append("areas")
         elif curves and options.get("BANDS", "NO").upper() in ("YES", "TRUE", "ON", "1"):
@@ -162,9 +144,7 @@ class Driver(BaseDriver):
         """Look at the first bytes: images of optical discs have the same suffix."""
         return first_bytes[:4] in (b"\x89ISO", b"\x89IST")
 
-    def open(
-        self, filename: str, first_bytes: bytes, open_flags: int, open_options: Any = None
-    ) -> Dataset | None:
+    def open(self, filename: str, first_bytes: bytes, open_flags: int, open_options: Any = None) -> Dataset | None:
         if not self.identify(filename, first_bytes, open_flags):
             return None
         return Dataset(isocodec.open(filename.removeprefix("/vsicurl/")), dict(open_options or {}))

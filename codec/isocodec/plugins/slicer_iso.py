@@ -83,8 +83,8 @@ class slicer_isoFileReader:
         for name, points, cells in found:
             places, faces, mesh = vtk.vtkPoints(), vtk.vtkCellArray(), vtk.vtkPolyData()
             places.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
-            rows = np.insert(cells, 0, 3, axis=1).astype(np.int64)
-            faces.SetCells(len(cells), numpy_to_vtkIdTypeArray(rows.ravel(), deep=True))
+            faces.SetData(numpy_to_vtkIdTypeArray(np.arange(0, 3 * len(cells) + 1, 3, dtype=np.int64), deep=True),
+                          numpy_to_vtkIdTypeArray(cells.astype(np.int64).ravel(), deep=True))
             mesh.SetPoints(places)
             mesh.SetPolys(faces)
             node = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLModelNode", name)

@@ -189,8 +189,7 @@ class TiledFile:
         the whole field, and tiles meet without seams. A contour is not complete if a needed layer of a tile is missing.
         """
         grid, call = self.head.grid, Shared(self.limits)
-        low, high = bounds_of(self.shape, box)
-        ranges = grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64))
+        low, high, ranges = self._reached(box)
         stage = within if callable(within) else self.stage_of(within, layer)
         numbers = range(len(self.isovalues)) if numbers is None else numbers
         leaves, found = self._found(ranges, numbers, stage, call, partial)
@@ -220,6 +219,27 @@ class TiledFile:
             call.budget.release(*parts)
             call.keep(drawing.points.nbytes + drawing.cells.nbytes)
             yield drawing
+
+    def fetched(
+        self, box: Sequence[Sequence[float]] | None = None, *, within: float | Callable[[Box], float] | None = None,
+        layer: int | None = None, partial: bool = False,
+    ) -> Iterator[list[list[float]]]:
+        """Fetch what `windows` needs of all isovalues in a box, then yield the parts of the box in coded tiles."""
+        grid, (low, high, ranges) = self.head.grid, self._reached(box)
+        stage = within if callable(within) else self.stage_of(within, layer)
+        _, found = self._found(ranges, range(len(self.isovalues)), stage, Shared(self.limits), partial)
+        index = np.concatenate([each.index for wanted in found.values() for each in wanted])
+        for tile in map(tuple, np.unique(index, axis=0).tolist()):
+            first = np.array(grid.origin(tile))
+            last = first + grid.size(tile) - 1
+            yield np.stack([np.maximum(low, first), np.minimum(high, last)], axis=1).tolist()
+
+    def _reached(
+        self, box: Sequence[Sequence[float]] | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[range, ...]]:
+        """First and last samples of a box, by default all, and the box of tiles that it reaches into."""
+        low, high = bounds_of(self.shape, box)
+        return low, high, self.head.grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64))
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
         """Make a separate ``.iso`` file of a tile, with all isovalues of the group of one."""

@@ -1,0 +1,28 @@
+"""Data of the layers of files, by napari; layers that it writes."""
+
+import json
+import sys
+
+import napari
+import numpy as np
+
+asked = json.loads(sys.argv[-1])
+out = {}
+for key, path in asked["files"].items():
+    viewer = napari.Viewer(show=False)
+    for number, layer in enumerate(viewer.open(path, plugin="isocodec")):
+        kind = type(layer).__name__
+        out[f"{key} {number} {kind}"] = np.array(layer.metadata.get("isovalue", 0.0))
+        parts = layer.data if kind != "Labels" else [layer.data]
+        for place, part in enumerate(parts):
+            out[f"{key} {number} {place}"] = np.asarray(part)
+    viewer.close()
+viewer = napari.Viewer(show=False)
+for source, path, kind in asked["written"]:
+    data = np.load(source)
+    if kind == "labels":
+        layer = viewer.add_labels(data)
+    else:
+        layer = viewer.add_image(data, contrast_limits=(-2, 3), scale=(2, 3, 4))
+    assert layer.save(path, plugin="isocodec") == [path]
+np.savez(asked["out"], **out)
