@@ -19,6 +19,7 @@ SOURCES = {
     "test_kernel_library": ("tools/kernels/", "codec/isocodec/kernel/"),
     "test_labelled": ("codec/isocodec/io/", "codec/isocodec/tiles/workers.py"),
     "test_packaging": ("pyproject.toml", "tools/kernels/"),
+    "test_s3": ("codec/isocodec/storage/", "codec/isocodec/tiles/writing.py"),
     "test_spec_figures": ("spec/", "tools/spec_figures.py"),
     "test_terminal": ("codec/isocodec/cli/", "codec/isocodec/errors.py", "codec/isocodec/io/"),
     "test_typing": ("codec/isocodec/__init__.py", "codec/isocodec/api/"),

@@ -38,6 +38,14 @@ for (const file of Object.keys(outputs)) {
 }
 await build({ ...common, entryPoints: { cli: "src/cli.ts" }, outdir: "dist", platform: "node",
   banner: { js: "#!/usr/bin/env node" } });
+/** One file of a module and all that it needs, but for compiled kernels. */
+async function whole(entry, more) {
+  const { outputFiles: [made] } = await build({ ...common, minify: true, write: false, external: ["./kernels.js"], entryPoints: [entry], ...more });
+  return (await minify(made.text, { module: true, ecma: 2022, compress: { passes: 3 } })).code;
+}
+const worker = await whole("src/worker.ts", { mangleProps: internalNames() });
+const widget = await whole("../../tools/viewer/widget.ts", { define: { WORKER: JSON.stringify(worker) } });
+writeFileSync("dist/widget.js", widget);
 copyFileSync("../../spec/isospec/main.bin", "dist/main.bin");
 /** Made by `python tools/kernels --target wasm32 --out build/wasm`, where that can be. */
 const kernels = "../../build/wasm/decoder.wasm";
@@ -55,6 +63,7 @@ function sizeOf(file, seen = new Set()) {
 }
 const loaded = new Set();
 sizeOf("dist/index.js", loaded);
+console.log(`widget.js: ${gzipSync(widget, { level: 9 }).length} bytes gzipped`);
 for (const name of groups.flatMap(Object.keys)) {
   const whole = sizeOf(`dist/${name}.js`), beside = sizeOf(`dist/${name}.js`, new Set(loaded));
   console.log(`${name}.js: ${whole} bytes gzipped, ${name === "index" ? whole : beside} beside index.js`);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import isocodec
 from commands import fails, ok
+from isocodec.errors import MissingExtraError
 from libraries import Late
 
 fsspec = Late("fsspec")
@@ -48,3 +50,11 @@ def test_what_fails_leaves_the_store_as_it_was(store, tmp_path: Path) -> None:
     encode = ("encode", tmp_path / "field.npy", "--isovalue", 0.5, "-o")
     assert "web servers are only read" in fails(3, *encode, "https://example.org/map.iso")
     assert "Protocol not known" in fails(3, *encode, "nowhere://map.iso")
+
+
+@pytest.mark.parametrize("url, package", [("gs://maps/map.iso", "gcsfs"), ("az://maps/map.iso", "adlfs")])
+def test_packages_of_stores_are_named(url: str, package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    for use in (isocodec.open, lambda url: isocodec.save(url, FIELD, 0.5)):
+        with pytest.raises(MissingExtraError, match=package):
+            use(url)

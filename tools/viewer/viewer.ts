@@ -1,13 +1,13 @@
 /** The page: files in, contours on the canvas while bytes arrive. Decoding is a worker's. */
 import type { IsoEvent } from "../../codec/js/src/decoder.js";
-import type { Drawing } from "../../codec/js/src/draw.js";
 import type { Promises } from "../../codec/js/src/metadata.js";
 import type { Answer, Drawn, PlainEvent, Request } from "../../codec/js/src/worker.js";
 import { placement } from "../../codec/js/src/world.js";
-import { type Colour, colour, places } from "./colours.js";
+import type { Colour } from "./colours.js";
 import { promiseOf } from "./promise.js";
 import { Scene } from "./scene.js";
 import type { TilesAnswer, TilesRequest } from "./tiles.js";
+import { coloursOf, fit, grown, type Seen, upright } from "./upright.js";
 
 declare const WORKER: string;
 
@@ -16,30 +16,18 @@ const root = document.documentElement, canvas = by<HTMLCanvasElement>("view"), c
 const world = by<HTMLInputElement>("world"), slider = by<HTMLInputElement>("frame");
 
 /** What is known of the open file. */
-interface File {
+interface File extends Seen {
   id: number;
-  n: number;
-  shape: number[];
-  isovalues: number[];
-  metadata: Record<string, string>;
   layers: number[];
   promises: Promises[];
   /** Layers of the present frame, whose first isovalue begins it. */
   frame: number;
   /** Times of frames, as the file states them. */
   times: string[];
-  kind: "grid" | "mesh" | "surface" | "tiles";
   /** The number of the isovalue that is shown alone; all are, unless one is. */
   alone: number | undefined;
-  drawings: Map<number, Drawing>;
-  box: Float64Array | undefined;
   /** Of a file in tiles the box in samples and, if it says where it lies, in the world. */
   boxes: [samples: Float64Array, world: Float64Array | undefined] | undefined;
-  /** Whether all of it has been shown, in world coordinates or others. */
-  fitted: boolean;
-  /** How much larger heights of a surface of points are drawn. */
-  raised: number;
-  world: boolean;
   /** The frame that was chosen; the last one there is, unless one was. */
   chosen: number | undefined;
   /** Where it is, if it is no file of this computer; as it was given, and in full. */
@@ -105,64 +93,16 @@ const openFile = async (chosen: globalThis.File | null | undefined): Promise<voi
 const openUrl = (given: string, wanted?: URLSearchParams): void =>
   begin(given.split("/").pop() ?? given, { url: new URL(given, location.href).href, given }, wanted);
 
-/** Axes of a volume that does not say where it lies, as rows x, y, z: slices from the top, rows from the front. */
-const UNPLACED = [[0, 0, -1], [0, -1, 0], [-1, 0, 0]];
-/** The sides that are seen at first: of a volume its front, from above; of other surfaces the south. */
-const SIDES = { volume: [Math.PI + 0.6327, -1.1467], other: [0.6, -1.0] } as const;
-
-/** Rows x, y, z from samples of a volume to what is seen of it, with the steps of its placement. */
-function standing(): number[][] {
-  const rows = placement(file!.metadata, 3);
-  if (!rows) return UNPLACED;
-  const steps = [0, 1, 2].map((a) => Math.hypot(...rows.map((row) => row[a]!))), least = Math.min(...steps);
-  return rows.map((row) => steps.map((step, a) => (row[a]! / step) * Math.min(step / least, 100)));
-}
-
-/** Points as they are seen, `d` numbers each: in samples axis 1 of a plane to the right and axis 0 downwards. */
-function upright(points: Float64Array, d: number): Float64Array {
-  if (!file) return points;
-  if (file.kind === "surface") {
-    const { raised, metadata, drawings } = file, rows = drawings.get(0)?.sampled ? (placement(metadata, 2) ?? [[0, 1, 0], [-1, 0, 0]]) : [[1, 0, 0], [0, 1, 0]];
-    return points.map((z, i) => {
-      const row = rows[i % 3], at = i - (i % 3);
-      return row ? row[0]! * points[at]! + row[1]! * points[at + 1]! + row[2]! : z * raised;
-    });
-  }
-  if (!file.shape.length || file.world) return points;
-  if (d === 2) return points.map((_, i) => (i & 1 ? -points[i - 1]! : points[i + 1]!));
-  const rows = standing();
-  return points.map((_, i) => rows[i % 3]!.reduce((sum, by, a) => sum + by * points[i - (i % 3) + a]!, 0));
-}
-
-/** How much shorter a degree of longitude is than one of latitude in the middle of a box, where coordinates are degrees. */
-function shrinking(box: Float64Array): number {
-  const { world: inWorld, metadata: { crs, coordinate_unit: unit } } = file!, ys = box.filter((_, i) => i & 1);
-  const middle = (Math.min(...ys) + Math.max(...ys)) / 2;
-  return inWorld && (/^EPSG:(4326|4258|4269)$/.test(crs ?? "") || unit?.startsWith("degree")) && Math.abs(middle) < 85 ? Math.cos((middle * Math.PI) / 180) : 1;
-}
-
-/** By how much heights of a surface of points have to be multiplied to be seen: a number that is easily said. */
-function raising(box: Float64Array): number {
-  const [width, depth, height] = [0, 1, 2].map((a) => Math.abs(box[3 + a]! - box[a]!)) as [number, number, number];
-  const share = height / Math.max(width, depth);
-  if (!(share > 0) || (share >= 0.05 && share <= 0.6)) return 1;
-  return Number((0.25 / share).toPrecision(1));
-}
-
 /** Put drawings on the canvas: all anew, if how they are seen has changed. */
 function show(some: readonly Drawn[]): void {
   if (!file) return;
   const drawn = [...file.drawings.values()].find(({ cells }) => cells.length);
   if (!file.fitted && drawn) {
-    file.raised = 1;
-    if (file.kind === "surface") file.raised = raising(upright(file.box!, 3));
+    fit(scene, file, drawn.d);
     by("raised").textContent = file.raised === 1 ? "" : file.raised < 0.01 ? "heights not to scale" : `heights × ${file.raised}`;
-    scene.fit(drawn.d, upright(file.box!, drawn.d), [...SIDES[file.shape.length === 3 ? "volume" : "other"]],
-      drawn.d === 2 ? shrinking(file.box!) : 1);
-    file.fitted = true;
     some = [...file.drawings].map(([isovalue, drawing]) => ({ isovalue, drawing }));
   }
-  for (const { isovalue, drawing } of some) scene.set(isovalue, { ...drawing, points: upright(drawing.points, drawing.d) });
+  for (const { isovalue, drawing } of some) scene.set(isovalue, { ...drawing, points: upright(file, drawing.points, drawing.d) });
   if (drawn && file.wanted && file.world === world.checked) {
     const at = file.wanted.get("at")?.split(",").map(Number) ?? [], turn = file.wanted.get("turn")?.split(",").map(Number) ?? scene.pose.turn;
     const zoom = Number(file.wanted.get("zoom") ?? 1);
@@ -246,12 +186,8 @@ function choose(isovalue: number): void {
   }
 }
 
-/** Colours of the isovalues that there are; one alone of a file that has no other has that of the page. */
-function colours(): Colour[] {
-  const dark = root.dataset["theme"] === "dark", { isovalues, n } = file ?? { isovalues: [], n: 2 };
-  if (isovalues.length > 1) return places(isovalues).map((place) => colour(place, dark, n === 3));
-  return n === 3 || file?.kind === "surface" ? [dark ? [0.62, 0.78, 0.9] : [0.5, 0.66, 0.8]] : [dark ? [0.42, 0.72, 0.94] : [0.086, 0.408, 0.659]];
-}
+/** Colours of the isovalues that there are. */
+const colours = (): Colour[] => coloursOf(file, root.dataset["theme"] === "dark");
 
 const css = (parts: Colour): string => `rgb(${parts.map((x) => Math.round(255 * x)).join(" ")})`;
 
@@ -314,12 +250,13 @@ function openTiles(bytes: Uint8Array | undefined): void {
 function turn(): void {
   if (!file?.boxes) return;
   const { n, boxes } = file;
-  Object.assign(file, { world: world.checked, box: boxes[Number(world.checked)], fitted: n === 2 });
+  Object.assign(file, { world: world.checked, box: boxes[Number(world.checked)] });
   file.drawings.clear();
   scene.clear();
   // so that what is asked for is of this plane
   if (n === 2) scene.set(0, { n, d: n, points: new Float64Array(0), cells: new Uint32Array(0) });
-  scene.fit(n, upright(file.box!, n), n === 2 ? [0, 0] : [...SIDES.volume], n === 2 ? shrinking(file.box!) : 1);
+  fit(scene, file, n);
+  file.fitted = n === 2;
 }
 
 /** Ask for what is seen of a file in tiles, unless that was asked for last. */
@@ -407,8 +344,8 @@ worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
     scene.clear();
   }
   for (const { isovalue, drawing } of answer.drawings) file.drawings.set(isovalue, drawing);
+  if (answer.world !== file.world || grown(file, answer.box)) file.fitted = false;
   file.box = answer.box;
-  if (answer.world !== file.world) file.fitted = false;
   file.world = answer.world;
   const time = file.times[answer.frame];
   slider.value = String(answer.frame);

@@ -315,6 +315,9 @@ class TileFile(IsoFile):
         """All bytes of the file."""
         return self.tiled.fetch(0, self.size)
 
+    def _read(self, start: int, end: int) -> bytes:
+        return self.tiled.fetch(start, min(end, self.size))
+
     @property
     def size(self) -> int:
         """Bytes of the file."""

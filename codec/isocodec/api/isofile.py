@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,6 +66,7 @@ class IsoFile:
     _refused: tuple[str, ...] = ()
     """Parameters of a view that do not apply to drawings of this kind of file."""
     mesh_given: tuple[ArrayLike, ArrayLike] | None = None
+    _widget: Any = None
 
     def __enter__(self) -> Self:
         """Return the file itself: it is read by each method that needs bytes, so there is nothing to close."""
@@ -84,18 +86,36 @@ class IsoFile:
         """
         from ..plotting.panels import html_of
 
-        info = self.info
         try:
             contours = [self.contour(value) for value in self.isovalues[:_DRAWN]]
         except IsoError:
             contours = []
+        return html_of(contours, self._facts)
+
+    def _repr_mimebundle_(self, **_: Any) -> Any:
+        """Draw the file as a widget, which sharpens while bytes arrive, with facts only for pages without widgets.
+
+        None without anywidget: notebooks then take the picture.
+        """
+        if find_spec("anywidget") is None:
+            return None
+        from ..plotting.panels import html_of
+        from ..plotting.widget import Widget
+
+        self._widget = self._widget or Widget(self._read, self._repr_html_)
+        data, notes = self._widget._repr_mimebundle_()
+        return {**data, "text/plain": repr(self), "text/html": html_of([], self._facts)}, notes
+
+    @property
+    def _facts(self) -> dict[str, str]:
+        info = self.info
         facts = {
             "kind": self.kind, "bytes": f"{self.size:,}", "layers": f"{len(info.layers):,}", "profile": info.profile,
             "samples": " x ".join(map(str, self.shape)), "frames": f"{self.frames:,}" if self.frames > 1 else "",
             f"{info.noun}s": ", ".join(f"{value:g}" for value in self.isovalues),
             "promise": self.promise or "", **self.metadata,
         }
-        return html_of(contours, {name: fact for name, fact in facts.items() if fact})
+        return {name: fact for name, fact in facts.items() if fact}
 
     @property
     def times(self) -> NDArray[Any] | None:
@@ -485,6 +505,9 @@ class IsoFile:
     def info(self) -> FileInfo:
         """Layers, chunks, offsets and promises, read without decoding."""
         raise NotImplementedError
+
+    def _read(self, start: int, end: int) -> bytes:
+        return self.data[start:end]
 
     def _contour(self, isovalue: float | None, view: Viewed) -> Contour:
         raise NotImplementedError

@@ -72,7 +72,8 @@ def save(
         of numpy (also mapped from a file), Dask, xarray, Zarr or h5py with two or three axes. It need not be in memory,
         since only one tile is read at a time.
     engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
-        Encodes the tiles; if not given, threads do. The bytes of the file are the same.
+        Encodes the tiles; if not given, threads do, or the cluster that Dask would compute ``what`` on. The bytes of
+        the file are the same.
     threads : int, optional
         Number of threads that encode tiles; if not given, that of all cores.
     spool : path, optional

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
 from urllib.parse import urlsplit
 
-from ..errors import InputError, IsoError, LimitError, OptionError, plain
+from ..errors import InputError, IsoError, LimitError, MissingExtraError, OptionError, plain
 from ..extras import optional
 from ..limits import FIELD_SAMPLES, Limits
-from .web import MISSING, WebFile
+from .web import WebFile
 
 Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
 """An ``.iso`` file: its bytes, or where to read them."""
@@ -56,16 +56,22 @@ def opened(url: str) -> Iterator[Any]:
 @contextmanager
 def by_fsspec(url: str) -> Iterator[Any]:
     """Give the library that opens a URL; its errors, whose messages may be no more than the URL, are explained."""
-    fsspec = optional("fsspec", extra="remote", purpose=f"reading {plain(url.partition(':')[0])}: URLs")
+    urls = f"{plain(url.partition(':')[0])}: URLs"
+    fsspec = optional("fsspec", extra="remote", purpose=f"opening {urls}")
     try:
         yield fsspec
     except FileNotFoundError as exc:
-        raise FileNotFoundError(errno.ENOENT, MISSING, url) from exc
+        raise FileNotFoundError(errno.ENOENT, "the store has no such bucket, folder or file", url) from exc
+    except PermissionError as exc:
+        raise PermissionError(errno.EACCES, plain(exc.strerror or str(exc)), url) from exc
     except (IsoError, OSError):
         raise
+    except ImportError as exc:
+        raise MissingExtraError(f"opening {urls} needs another package ({plain(str(exc))})", code="missing-extra",
+                                remedy="pip install it beside isocodec") from exc
     except Exception as exc:
-        raise InputError(f"cannot be read ({type(exc).__name__}: {plain(str(exc))})", code="url",
-                         remedy="check the address, and install what the error names") from exc
+        raise InputError(f"cannot be opened ({type(exc).__name__}: {plain(str(exc))})", code="url",
+                         remedy="check the address and the credentials") from exc
 
 
 def content_of_path(path: str | os.PathLike[str], start: int, limits: Limits | None = None) -> bytes:

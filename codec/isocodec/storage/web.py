@@ -27,7 +27,6 @@ PAUSES = (0.25, 0.5, 1.0)
 """Seconds before a request is made again."""
 BUSY = (408, 425, 429, 500, 502, 503, 504)
 """Statuses after which a request is made again."""
-MISSING = "the server has no such file"
 _ENDS = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18}|\*)")
 
 
@@ -136,7 +135,7 @@ class WebFile:
     def _check(self, answer: Any) -> None:
         """Check the status, and whether the file is still the one that was read before."""
         if answer.status in (404, 410):
-            raise FileNotFoundError(errno.ENOENT, MISSING, self._url)
+            raise FileNotFoundError(errno.ENOENT, "the server has no such file", self._url)
         if answer.status in BUSY:
             raise _BusyError(answer)
         if answer.status not in (200, 206, 416):

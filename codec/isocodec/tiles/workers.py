@@ -39,12 +39,15 @@ def run(
 
     The field is anything with ``shape``, ``dtype`` and slices: an array of numpy, Dask, xarray, Zarr or h5py, or the
     windows of a file. Other processes read slices themselves if the object can be sent in few bytes (Zarr, windows of a
-    file, Dask on a cluster); otherwise slices are read here. Without an engine, threads encode.
+    file, Dask on a cluster); otherwise slices are read here. Threads read slices of Dask themselves. Without an engine,
+    the cluster that Dask computes an array on encodes, and otherwise threads.
 
     Raises `InputError` as `encode_tile` does, naming the tile, or if workers died; finished tiles are kept.
     """
     total = tiling.grid.total
     waiting = (index for index in map(tuple, in_order(tiling.grid.counts).tolist()) if not spool.done(index))
+    if engine is threads is None and hasattr(field, "__dask_graph__"):
+        engine = _cluster_of(field)
     count = threads_of(threads) if engine is None else _workers_of(engine)
     with ExitStack() as own:
         if engine is None and count > 1:
@@ -72,7 +75,9 @@ def _encoded(
                 tile = encode_tile(_samples(field, tiling, index), index, tiling)
             yield tile
         return
-    read_there = (isinstance(engine, ProcessPoolExecutor) or _is_cluster(engine)) and _is_small(field)
+    processes = isinstance(engine, ProcessPoolExecutor) or _is_cluster(engine)
+    threads = isinstance(engine, ThreadPoolExecutor) and hasattr(field, "__dask_graph__")
+    read_there = threads or (processes and _is_small(field))
     came: SimpleQueue[tuple[Index, Any]] = SimpleQueue()
     flying: dict[Index, Any] = {}
     failure: Exception | None = None
@@ -121,6 +126,14 @@ def _read_and_encoded(field: Any, tiling: Tiling, index: Index) -> TileSegments:
 def _is_cluster(engine: Engine) -> bool:
     """Whether this is a client of ``dask.distributed``, which need not be installed."""
     return hasattr(engine, "scheduler_info")
+
+
+def _cluster_of(field: Any) -> Engine | None:
+    """The client of ``dask.distributed`` that would compute an array of Dask, if any."""
+    from dask.base import get_scheduler
+
+    client = getattr(get_scheduler(collections=[field]), "__self__", None)
+    return client if client is not None and _is_cluster(client) else None
 
 
 def _is_small(field: Any) -> bool:

@@ -74,7 +74,7 @@ def encode_tiles(
 
     check_target(path)
     field = slices_of(field)
-    beside = Path(gettempdir(), quote(str(path), safe="")) if is_url(path) else path
+    beside = Path(gettempdir(), quote(str(path), safe="")[-200:]) if is_url(path) else path
     folder = Path(spool) if spool is not None else Path(f"{os.fspath(beside)}.tiles")
     tried = tiling.tried()
     left = tried[begun(folder, tried) :]
