@@ -5,6 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -12,6 +16,7 @@ import pytest
 import isocodec
 from brute import crossing_points, smooth
 from files import fed
+from isocodec import Field, Frames
 from isocodec.drawing.snapshot import state_of
 from isocodec.errors import InputError, OptionError
 from libraries import Late
@@ -219,19 +224,67 @@ def test_types(dtype):
     assert len(isocodec.decode(isocodec.encode(field.astype(dtype), 0.75)).points) > 0
 
 
-@pytest.mark.parametrize("n", [2, 3])
-def test_layouts(n):
-    """Fortran order, strides, negative strides, read-only memory, lists: the values count, and stay as they were."""
-    field = integers((12, 10, 8)[:n], 4)
-    data = isocodec.encode(field, 3, precision="exact")
-    spaced = np.zeros([2 * s for s in field.shape], np.int64)
-    spaced[(slice(None, None, 2),) * n] = field
-    backwards = np.ascontiguousarray(field[::-1])[::-1]
+LAYOUTS = {
+    "Fortran": np.asfortranarray,
+    "strides": lambda values: np.repeat(values, 2, axis=-1)[..., ::2],
+    "backwards": lambda values: np.ascontiguousarray(values[::-1])[::-1],
+    "transposed": lambda values: np.moveaxis(np.ascontiguousarray(np.moveaxis(values, 0, -1)), -1, 0),
+    "read-only": lambda values: np.frombuffer(values.tobytes(), values.dtype).reshape(values.shape),
+}
+MISSING = {
+    "none": lambda values, gone, layout: layout(values),
+    "NaN": lambda values, gone, layout: layout(np.where(gone, np.nan, values)),
+    "masked": lambda values, gone, layout: np.ma.masked_array(layout(values), layout(gone)),
+    "mask": lambda values, gone, layout: Field(layout(values), mask=layout(gone)),
+    "filled": lambda values, gone, layout: Field(layout(values), mask=layout(gone), missing="nearest"),
+}
+USES = {
+    **{str(each): lambda field, each=each: isocodec.encode(field, 3, precision=each)
+       for each in ("signs", None, 0.3, 1.0, "exact", "4,1")},
+    "several": lambda field: isocodec.encode(field, [1, 3]),
+    "criterion": lambda field: isocodec.encode(field, 3, layers="distortion=1"),
+    "labels": lambda field: isocodec.encode(replace(as_field(field), labels=[1, 3])),
+    "frames": lambda field: isocodec.encode(Frames([field, field]), 3),
+    "tiles": lambda field: in_tiles(field),
+    "verify": lambda field: isocodec.open(PLAIN).verify(field) if as_field(field).values.ndim == 2 else None,
+    "sample": lambda field: isocodec.decode(PLAIN).sample(field).tolist() if as_field(field).values.ndim == 2 else None,
+}
+PLAIN = isocodec.encode(integers((12, 10), 4, span=6), 3)
+
+
+def as_field(field):
+    return field if isinstance(field, Field) else Field(field)
+
+
+def in_tiles(field):
+    with TemporaryDirectory() as folder:
+        isocodec.save(Path(folder, "a.iso"), field, 3, tile=32)
+        return Path(folder, "a.iso").read_bytes()
+
+
+def outcome(use, field):
+    """What comes out, or the error: some uses need all samples."""
+    try:
+        return str(use(field))
+    except (InputError, OptionError) as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("missing", MISSING)
+@looped("n, use, layout", product((2, 3), USES, LAYOUTS))
+def test_layouts(missing, n, use, layout):
+    """The values count, however they lie in memory."""
+    field = integers((12, 10, 8)[:n], 4, span=6)
+    values, gone = field if missing in ("none", "filled") else field.astype(float), field % 5 == 4
+    plain, other = (MISSING[missing](values, gone, each) for each in (np.array, LAYOUTS[layout]))
+    assert outcome(USES[use], other) == outcome(USES[use], plain)
+
+
+def test_values_stay_as_they_were():
+    field = integers((12, 10), 4)
     frozen = field.copy()
     frozen.setflags(write=False)
-    for same in (np.asfortranarray(field), spaced[(slice(None, None, 2),) * n], backwards, frozen, field.tolist()):
-        assert isocodec.encode(same, 3, precision="exact") == data
-    assert np.array_equal(frozen, field)
+    assert isocodec.encode(frozen, 3) == isocodec.encode(field.tolist(), 3) and np.array_equal(frozen, field)
 
 
 @pytest.mark.parametrize(

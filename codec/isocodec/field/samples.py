@@ -241,7 +241,7 @@ def missing_of(field: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bo
         if masked.shape != values.shape:
             raise InputError(f"the mask has shape {masked.shape}, the field {values.shape}", code="mask")
         gone |= masked
-    return gone
+    return np.ascontiguousarray(gone)
 
 
 def check_field(
