@@ -25,7 +25,7 @@ def optional(module: str, *, extra: str, purpose: str) -> Any:
         raise MissingExtraError(
             f"{purpose} needs {library}{reason}",
             code="missing-extra",
-            remedy=f"pip install '.[{extra}]' in a checkout of isocodec",  # it is on no index
+            remedy=f"pip install 'isocodec[{extra}]'",  # beside an installed isocodec: it is on no index
         ) from exc
 
 

@@ -192,7 +192,10 @@ def test_blender(folder: Path, put: tuple[Path, Path], tmp_path: Path) -> None:
             assert np.array_equal(cells, contour.placed_cells), name
             assert arrays[f"{name} {number} value"] == contour.isovalue
         assert f"{name} {len(contours)} points" not in arrays
+        assert arrays[f"{name} seen"].tolist() == [*range(len(frames[0]))]
         if len(frames) > 1:
+            named = [f"{file.info.caption(one.isovalue)}, frame {k}" for k, each in enumerate(frames) for one in each]
+            assert arrays[f"{name} names"].tolist() == named
             assert arrays[f"{name} frames"].tolist() == [1, len(frames)]
             for frame in range(len(frames)):
                 own = np.arange(len(frames[0])) + frame * len(frames[0])
@@ -231,8 +234,11 @@ def test_napari(folder: Path, tmp_path: Path) -> None:
             assert np.array_equal(arrays[f"{name} {number} 0"], np.concatenate(points))
             assert np.array_equal(arrays[f"{name} {number} 1"], cells)
         assert f"{name} {len(file.isovalues)} 0" not in arrays
-    field = Field(np.load(folder / "image.npy"), placement=[2.0, 3.0, 4.0])
-    assert (tmp_path / "image.iso").read_bytes() == isocodec.encode(field, 0.5)
+    made = isocodec.open(tmp_path / "image.iso")
+    assert made.placement is not None
+    contour = made.contour()
+    assert np.array_equal(contour.points, isocodec.decode(isocodec.encode(np.load(folder / "image.npy"), 0.5)).points)
+    assert np.allclose(made.placement.place(arrays["image corners"]), arrays["image places"][:, ::-1], rtol=1e-12)
     assert np.array_equal(isocodec.open(tmp_path / "labels.iso").labels(), np.load(folder / "labels.npy"))
 
 

@@ -125,7 +125,7 @@ def test_missing_extra(tmp_path: Path, surface: Path, monkeypatch: pytest.Monkey
     for module in ("PIL", "trimesh", "matplotlib.figure"):
         monkeypatch.setitem(sys.modules, module, None)
     line = fails(7, "encode", tmp_path / "a.png", "-o", tmp_path / "a.iso", "--isovalue", 1)
-    assert line.endswith("reading pictures needs PIL: pip install '.[pictures]' in a checkout of isocodec")
+    assert line.endswith("reading pictures needs PIL: pip install 'isocodec[pictures]'")
     assert "'.[mesh]'" in fails(7, "decode", surface, "-o", tmp_path / "a.ply")
     assert "'.[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
     # before any work: the file is not even looked at

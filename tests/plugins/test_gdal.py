@@ -24,10 +24,11 @@ import json, sys
 import pyogrio
 
 def answer(path, layer, box=None, **options):
-    table = pyogrio.read_dataframe(path, layer=layer, bbox=box and tuple(box), **options)
+    table = pyogrio.read_dataframe(path, layer=layer, bbox=box and tuple(box), fid_as_index=True, **options)
     shapes = table.geometry.values
     return {
         "layers": [[*map(str, each)] for each in pyogrio.list_layers(path)],
+        "numbers": table.index.tolist(),
         "crs": str(table.crs), "bounds": pyogrio.read_info(path, layer=layer, **options)["total_bounds"],
         "columns": {name: table[name].tolist() for name in table.columns if name != "geometry"},
         "points": [[[float(x) for x in point] for point in shape.coords] if shape.geom_type == "LineString" else None
@@ -105,7 +106,8 @@ def test_labels_series_and_surfaces(tmp_path):
         (tmp_path / f"{name}.iso").write_bytes(data)
     areas, lines, surface = by_gdal(*({"path": tmp_path / f"{name}.iso", "layer": layer} for name, layer in (
         ("labels", "areas"), ("series", "lines"), ("surface", "triangles"))))
-    assert [name for name, _ in areas["layers"]] == ["lines", "areas"] and areas["columns"]["label"] == [3.0, 7.0]
+    assert [name for name, _ in areas["layers"]] == ["lines", "areas"] and areas["columns"]["label"] == [3, 7]
+    assert all(isinstance(each, int) for each in areas["columns"]["label"])
     assert areas["columns"]["name"] in (["lake", ""], ["lake", None])
     series = lines["columns"]
     wanted = [(contour.isovalue, frame) for frame, contours in enumerate(isocodec.open(files["series"]).each_frame())
@@ -153,6 +155,32 @@ def test_options_and_missing_samples_of_tiles(tmp_path):
     for seen, view in ((coarse, {"layers": 1}), (short, {"within": 2.0, "max_bytes": 400})):
         tiles = [contour for contours in tiled.each_tile(**view) for contour in contours]
         assert seen["points"] == [line[:, ::-1].tolist() for contour in tiles for line in contour.lines] != []
+
+
+def test_what_a_filter_finds_are_the_features_of_the_whole(tmp_path):
+    """Their numbers, too: by these programs select. An overview of few samples has all points of the lines."""
+    path = tmp_path / "tiles.iso"
+    isocodec.save(path, Field(waves(90, 90), placement=MATRIX), [0.25, 1.0], tile=32)
+    corners = place_of(np.array([[0.0, 0.0], [31.0, 31.0]]))
+    box = [*corners.min(axis=0), *corners.max(axis=0)]
+    asked = [{"path": path, "layer": layer, **more} for layer in ("overview", "lines") for more in ({}, {"box": box})]
+    every, seen, lines, _ = by_gdal(*asked)
+    first = {number: line for number, line in zip(every["numbers"], every["points"], strict=True)
+             if np.all(np.array(line) @ [[1], [0]] <= corners[:, 0].max() + 1e-6)}
+    shared = first.keys() & {*seen["numbers"]}
+    again = dict(zip(seen["numbers"], seen["points"], strict=True))
+    assert shared and all(first[number] == again[number] for number in shared)
+    assert {tuple(p) for line in lines["points"] for p in line} <= {tuple(p) for line in every["points"] for p in line}
+
+
+def test_files_that_end_too_early_open_where_fewer_bytes_are_asked_for(tmp_path):
+    path = tmp_path / "cut.iso"
+    data = isocodec.encode(waves(60, 80), 0.25)
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(AssertionError, match="ends"):
+        by_gdal({"path": path, "layer": "lines"})
+    (found,) = by_gdal({"path": path, "layer": "lines", "MAX_BYTES": str(len(data))})
+    assert sum(map(len, found["points"])) == sum(map(len, isocodec.open(path).contour(partial=True).lines))
 
 
 def test_other_files_are_left_to_others(tmp_path):

@@ -57,8 +57,15 @@ def test_labels_and_images_to_and_from_napari(tmp_path):
     assert napari_iso.write_labels(path, labels, {"scale": [2.0, 3.0]}) == [path]
     (data, _, kind), = napari_iso.layers_of(path)
     assert kind == "labels" and np.array_equal(data, labels)
-    napari_iso.write_image(path, ball(20, 24), {"contrast_limits": [-2.0, 3.0]})
-    assert isocodec.open(path).isovalues == (0.5,)
+    napari_iso.write_image(path, ball(20, 24), {"contrast_limits": [-2.0, 3.0], "scale": [2, 3], "translate": [7, 8]})
+    file = isocodec.open(path)
+    assert file.isovalues == (0.5,) and file.placement is not None
+    assert file.placement.place(np.array([[1.0, 10.0]])).tolist() == [[38.0, 9.0]]
+    before = file.data
+    for values, limits in ((ball(20, 24), [900, 901]), (np.full((3, 4), 1.0), None), (np.zeros((2, 3, 4, 5)), None)):
+        with pytest.raises((ValueError, isocodec.IsoError)):
+            napari_iso.write_image(path, values, {"contrast_limits": limits})
+    assert isocodec.open(path).data == before
 
 
 @pytest.mark.parametrize("system, turn", [("right-anterior-superior", 1), ("left-posterior-superior", -1)])

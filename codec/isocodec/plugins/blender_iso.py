@@ -19,8 +19,8 @@ bl_info = {
 }
 
 
-def object_of(contour: Any, name: str, collection: Any) -> Any:
-    """Add an object with the mesh of a curve or surface, in the coordinates of the file."""
+def object_of(contour: Any, noun: str, name: str, collection: Any) -> Any:
+    """Add an object with the mesh of a curve or surface, in the coordinates of the file; its property is the noun."""
     whole = contour.joined
     points = np.pad(whole.placed, ((0, 0), (0, 3 - whole.placed.shape[1])))
     cells = whole.placed_cells.tolist()
@@ -28,7 +28,9 @@ def object_of(contour: Any, name: str, collection: Any) -> Any:
     mesh.from_pydata(points.tolist(), cells if contour.n == 2 else [], cells if contour.n == 3 else [])
     mesh.update()
     made = bpy.data.objects.new(name, mesh)
-    made["isovalue"] = contour.isovalue
+    made[noun] = contour.isovalue
+    if (time := contour.metadata.get("time")) is not None:
+        made["time"] = time
     collection.objects.link(made)
     return made
 
@@ -54,28 +56,34 @@ class ImportIso(bpy.types.Operator, ImportHelper):
     detail: bpy.props.BoolProperty(name="Levels of detail", description="Import each layer, too")  # type: ignore[valid-type]
 
     def execute(self, context: Any) -> set[str]:
-        import isocodec
-
+        try:
+            import isocodec
+        except ImportError as error:
+            self.report({"ERROR"}, f"{error}: unpack isocodec's bundle into Blender's folder of modules")
+            return {"CANCELLED"}
         try:
             file = isocodec.open(self.filepath)
             collection = bpy.data.collections.new(bpy.path.display_name_from_filepath(self.filepath))
-            for frame, contours in enumerate(file.each_frame(), 1):
+            noun = file.info.noun
+            for frame, contours in enumerate(file.each_frame(partial=True), 1):
                 for contour in contours:
-                    made = object_of(contour, file.info.caption(contour.isovalue), collection)
+                    name = file.info.caption(contour.isovalue) + f", frame {frame - 1}" * (file.frames > 1)
+                    made = object_of(contour, noun, name, collection)
                     if file.frames > 1:
                         shown_at(made, frame)
             layers = len(file.info.layers) // max(len(file.isovalues), 1)
             for count in range(1, layers) if self.detail and file.frames == 1 else ():
                 for contour in file.contours(layers=count):
                     if len(contour.points):
-                        name = f"{file.info.caption(contour.isovalue)}, {count} layers"
-                        shown_at(object_of(contour, name, collection), None)
+                        name = f"{file.info.caption(contour.isovalue)}, {count:02} layers"
+                        shown_at(object_of(contour, noun, name, collection), None)
         except (isocodec.IsoError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         context.scene.collection.children.link(collection)
         if file.frames > 1:
             context.scene.frame_start, context.scene.frame_end = 1, file.frames
+            context.scene.frame_set(1)
         return {"FINISHED"}
 
 

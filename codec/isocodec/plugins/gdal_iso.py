@@ -8,13 +8,13 @@
 
 GDAL finds it in the folder that ``GDAL_PYTHON_DRIVER_PATH`` names, and reads the lines above. Layers are ``lines`` of
 curves or ``triangles`` of surfaces; ``areas`` of labels; ``bands`` if asked for; and of files in tiles ``overview``,
-with cells at most two pixels wide if the spatial filter is `PIXELS` wide, and lines cut at the borders of tiles.
-Coordinates are those of the file; without a placement, x runs along axis 1 and y along axis 0, in samples.
+with cells at most two pixels wide if the spatial filter is `PIXELS` wide, cut at the borders of tiles.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from hashlib import blake2b
 from itertools import count, product
 from typing import Any
 
@@ -22,6 +22,7 @@ import numpy as np
 from gdal_python_driver import BaseDataset, BaseDriver, BaseLayer
 
 import isocodec
+from isocodec.plugins import has_polygons
 
 PIXELS = 1000
 AREAS = dict.fromkeys(("areas", "bands"), "MultiPolygon")
@@ -51,11 +52,11 @@ class Features(BaseLayer):
     def __init__(self, file: Any, name: str, view: dict[str, Any]) -> None:
         self.file, self.view, self.kept = file, view, list[dict[str, Any]]()
         self.name, self.fid_name, self.spatial_filter_extent = name, "", None
-        columns = {"lower": "Real", "upper": "Real"} if name == "bands" else {file.info.noun: "Real"}
-        if name != "bands" and "name" in self.empty().columns(1):
-            columns["name"] = "String"
-        if file.frames > 1:
-            columns |= {"frame": "Integer", "time": "String"}
+        self.number: Any = int if file.info.noun == "label" and not any(v % 1 for v in file.isovalues) else float
+        kind = "Integer64" if self.number is int else "Real"
+        columns = {"lower": kind, "upper": kind} if name == "bands" else {file.info.noun: kind}
+        columns |= {"name": "String"} if name != "bands" and "name" in self.empty().columns(1) else {}
+        columns |= {"frame": "Integer", "time": "String"} if file.frames > 1 else {}
         self.fields = [{"name": column, "type": kind} for column, kind in columns.items()]
         self.geometry_fields = [{"name": "", "type": KINDS[name], **({"srs": file.crs} if file.crs else {})}]
 
@@ -71,9 +72,8 @@ class Features(BaseLayer):
 
     def empty(self) -> isocodec.Contour:
         """A contour of the file without points."""
-        n, file = len(self.file.shape) or 2, self.file
-        return isocodec.Contour(np.zeros((0, n)), np.zeros((0, n), int), 0.0, file.shape, placement=file.placement,
-                                metadata=file.metadata)
+        none, shape, notes = np.zeros((0, len(self.file.shape) or 2)), self.file.shape, self.file.metadata
+        return isocodec.Contour(none, none.astype(int), 0, shape, placement=self.file.placement, metadata=notes)
 
     def window(self) -> dict[str, Any] | None:
         """Find what the spatial filter needs of a file in tiles, and how fine an overview is; None for nothing."""
@@ -86,8 +86,8 @@ class Features(BaseLayer):
                 return None
             view["window"] = [(max(low, 0.0), min(high, last)) for (low, high), last in zip(ends, spans, strict=True)]
             spans = [high - low for low, high in view["window"]]
-        if self.name == "overview" and "layers" not in view:
-            view["within"] = 2.0 * max(*spans, PIXELS) / PIXELS
+        if self.name == "overview" and "layers" not in view and max(spans) > PIXELS:
+            view["within"] = 2.0 * max(spans) / PIXELS
         return None if min(spans) < 0 else view
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
@@ -99,13 +99,14 @@ class Features(BaseLayer):
 
     def features(self, file: Any, view: dict[str, Any]) -> Iterator[dict[str, Any]]:
         at, masked = count(), self.name in AREAS and file.info.mask_bytes is not None
-        meeting = file.kind == "tiles" and file.info.noun == "label"  # which labels do where all of a view is there
-        view = {**view, "partial": self.name == "overview" or not meeting, "through_holes": masked}
+        view = {**view, "partial": self.name == "overview" or bool(self.view), "through_holes": masked}
         frames = (file.contours(**view, frame=frame) for frame in range(file.frames))
         for frame, contours in enumerate(file.each_tile(**view) if self.name == "overview" else frames):
             more = {"frame": frame, "time": contours[0].metadata.get("time")} if file.frames > 1 else {}
             for fields, geometry in self.parts(contours, file.valid() if masked else None):
-                yield {"type": "OGRFeature", "id": next(at), "fields": fields | more, "geometry_fields": {"": geometry}}
+                digest = blake2b(f"{fields}{geometry}".encode(), digest_size=7).hexdigest()
+                number = int(digest, 16) if file.kind == "tiles" else next(at)  # which a filter does not change
+                yield {"type": "OGRFeature", "id": number, "fields": fields | more, "geometry_fields": {"": geometry}}
 
     def parts(self, contours: list[isocodec.Contour], valid: Any) -> Iterator[tuple[dict[str, Any], str]]:
         """Fields and geometry of each feature of a frame or tile; ``valid`` samples, if some are missing."""
@@ -114,7 +115,7 @@ class Features(BaseLayer):
                 yield {"lower": band.lower, "upper": band.upper}, of_areas(band.geometry)
             return
         for contour in contours:
-            fields = {name: rows[0] if name == "name" else float(rows[0]) for name, rows in contour.columns(1).items()}
+            fields = {key: row[0] if key == "name" else self.number(row[0]) for key, row in contour.columns(1).items()}
             if self.name == "triangles":
                 yield fields, of_surface(contour)
             elif self.name == "areas":
@@ -129,13 +130,12 @@ class Dataset(BaseDataset):
         view = {key.lower(): int(options[key]) for key in ("LAYERS", "MAX_BYTES") if key in options}
         curves = file.kind == "mesh" or len(file.shape) == 2
         names = [*(["overview"] if file.kind == "tiles" else []), "lines" if curves else "triangles"]
-        if curves and file.info.noun == "label":
-            names.append("areas")
-        elif curves and options.get("BANDS", "NO").upper() in ("YES", "TRUE", "ON", "1"):
-            names.append("bands")
+        wanted = "areas" if file.info.noun == "label" else "bands"
+        if curves and (wanted == "areas" or options.get("BANDS", "NO").upper() in ("YES", "TRUE", "ON", "1")):
+            names += [wanted] if has_polygons() else []
         self.file, self.layers = file, [Features(file, name, view) for name in names]
 
-    def metadata(self, domain: str | None) -> dict[str, str] | None:
+    def metadata(self, domain: str | None) -> Any:
         return None if domain else self.file.metadata
 
 

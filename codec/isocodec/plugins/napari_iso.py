@@ -29,9 +29,9 @@ def layers_of(path: str) -> list[Layer]:
         labels = np.stack(frames) if file.frames > 1 else frames[0]
         return [(labels.astype(int), {"name": "labels", "metadata": file.metadata}, "labels")]
     if file.frames == 1:
-        return [contour.to_napari() for contour in file.contours()]
+        return [contour.to_napari() for contour in file.contours(partial=True)]
     layers = []
-    for contours in zip(*file.each_frame(), strict=True):
+    for contours in zip(*file.each_frame(partial=True), strict=True):
         each = [contour.to_napari() for contour in contours]
         _, about, kind = each[0]
         if kind == "shapes":
@@ -45,18 +45,28 @@ def layers_of(path: str) -> list[Layer]:
     return layers
 
 
+def placed(meta: dict[str, Any], n: int) -> np.ndarray:
+    """Placement (n, n + 1) of a layer of n axes, x along the last one: scaled, sheared, turned and moved as it is."""
+    shear = np.eye(n)
+    shear[np.triu_indices(n, 1)] = meta.get("shear", 0.0)
+    linear = np.asarray(meta.get("rotate", np.eye(n))) @ shear * np.asarray(meta.get("scale", np.ones(n)))
+    whole = np.eye(n + 1)
+    whole[:n] = np.column_stack([linear, meta.get("translate", np.zeros(n))])
+    return (np.asarray(meta.get("affine", np.eye(n + 1))) @ whole)[:n][::-1]
+
+
 def write_image(path: str, data: Any, meta: dict[str, Any]) -> list[str]:
     """Write the isosurface of an image half-way between its contrast limits."""
-    low, high = meta.get("contrast_limits") or (float(np.min(data)), float(np.max(data)))
-    field = isocodec.Field(np.asarray(data), placement=meta.get("scale"))
-    with open(path, "wb") as file:
-        file.write(isocodec.encode(field, (low + high) / 2))
+    values = np.asarray(data)
+    low, high = meta.get("contrast_limits") or (np.nanmin(values), np.nanmax(values))
+    if not np.nanmin(values) <= (isovalue := (float(low) + float(high)) / 2) < np.nanmax(values):
+        raise ValueError(f"the image does not cross {isovalue:g}, the middle of its contrast limits: move these")
+    isocodec.save(path, isocodec.Field(values, placement=placed(meta, values.ndim)), isovalue)
     return [path]
 
 
 def write_labels(path: str, data: Any, meta: dict[str, Any]) -> list[str]:
     """Write labels."""
-    field = isocodec.Field(np.asarray(data), placement=meta.get("scale"), labels="all")
-    with open(path, "wb") as file:
-        file.write(isocodec.encode(field))
+    values = np.asarray(data)
+    isocodec.save(path, isocodec.Field(values, placement=placed(meta, values.ndim), labels="all"))
     return [path]

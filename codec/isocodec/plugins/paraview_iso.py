@@ -1,9 +1,8 @@
 """Plugin for ParaView 5.9 or later: reads ``.iso`` files, and writes isosurfaces of image data to them.
 
 Load it with Tools, Manage Plugins, or by ``LoadPlugin(.., remote=False)``. A series has its frames as time steps, at
-their times if these are numbers.
-``Layers`` decodes only the first layers, 0 all. Several isovalues make one data set, with the array ``isovalue`` (or
-``label``) at its cells. Coordinates are those of the file, or samples.
+their times, or the days since the first. ``Layers`` decodes only the first layers of each isovalue, 0 all. Several
+isovalues make one data set, with the array ``isovalue`` (or ``label``) at its cells. Coordinates are those of the file.
 """
 
 from __future__ import annotations
@@ -52,9 +51,9 @@ class IsoReader(VTKPythonAlgorithmBase):
     def __init__(self) -> None:
         super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
         self._path, self._layers = "", 0
-        self._file: isocodec.IsoFile | None = None
+        self._file: Any = None
 
-    def _opened(self) -> isocodec.IsoFile:
+    def _opened(self) -> Any:
         if self._file is None:
             self._file = isocodec.open(self._path)
         return self._file
@@ -70,36 +69,35 @@ class IsoReader(VTKPythonAlgorithmBase):
     @smproperty.intvector(name="Layers", default_values=0)
     @smdomain.intrange(min=0, max=40)
     def SetLayers(self, count: int) -> None:
-        self._layers = count
+        self._layers = max(count, 0)
         self.Modified()
 
     @smproperty.doublevector(name="TimestepValues", information_only="1", si_class="vtkSITimeStepsProperty")
     def GetTimestepValues(self) -> Any:
         file = self._opened()
         times = file.times
-        if times is None or times.dtype.kind != "f":
+        if times is None:
             times = np.arange(file.frames, dtype=float)
+        elif times.dtype.kind == "M":
+            times = (times - times[0]) / np.timedelta64(1, "D")
         return None if file.frames < 2 else times.tolist()
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
         about = outputs.GetInformationObject(0)
-        for key in (Pipeline.TIME_STEPS(), Pipeline.TIME_RANGE()):
+        times = self.GetTimestepValues() or []
+        for key, some in ((Pipeline.TIME_STEPS(), times), (Pipeline.TIME_RANGE(), times[:1] + times[-1:])):
             about.Remove(key)
-        for time in self.GetTimestepValues() or ():
-            about.Append(Pipeline.TIME_STEPS(), time)
-        if times := self.GetTimestepValues():
-            for time in (times[0], times[-1]):
-                about.Append(Pipeline.TIME_RANGE(), time)
+            for time in some:
+                about.Append(key, time)
         return 1
 
     def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
         file, about = self._opened(), outputs.GetInformationObject(0)
-        view: dict[str, Any] = {"layers": self._layers} if self._layers else {}
+        view = {"layers": self._layers} if self._layers else {}
         if file.frames > 1:
             time = about.Get(Pipeline.UPDATE_TIME_STEP()) if about.Has(Pipeline.UPDATE_TIME_STEP()) else 0.0
-            view["frame"] = int(np.argmin(np.abs(np.array(self.GetTimestepValues()) - time)))
-        contours = file.contours(**view)
-        filled(vtkPolyData.GetData(outputs, 0), contours, file.info.noun)
+            view["frame"] = int(np.abs(np.array(self.GetTimestepValues()) - time).argmin())
+        filled(vtkPolyData.GetData(outputs, 0), file.contours(**view), file.info.noun)
         return 1
 
 
@@ -131,16 +129,21 @@ class IsoWriter(VTKPythonAlgorithmBase):
 
     def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
         image = self.GetInputDataObject(0, 0)
-        scalars = image.GetPointData().GetScalars() or image.GetPointData().GetArray(0)
+        arrays = image.GetPointData()
+        scalars = arrays.GetScalars() or (arrays.GetArray(0) if arrays.GetNumberOfArrays() == 1 else None)
+        if scalars is None:
+            raise ValueError("no point array is active: pass on the one, or use Cell Data to Point Data")
         values = np.asarray(dataset_adapter.vtkDataArrayToVTKArray(scalars)).reshape(image.GetDimensions(), order="F")
         turn, extent = image.GetDirectionMatrix(), image.GetExtent()
         steps = np.array([[turn.GetElement(i, j) for j in range(3)] for i in range(3)]) * image.GetSpacing()
         origin = image.GetOrigin() + steps @ np.array(extent[::2], float)
         kept = [axis for axis in range(3) if values.shape[axis] > 1]
-        field = isocodec.Field(values.squeeze(), placement=np.column_stack([steps[:, kept], origin]))
-        data = isocodec.encode(field, self._isovalue, precision=self._precision or None)
-        with open(self._path, "wb") as file:
-            file.write(data)
+        if steps[2, kept].any() and len(kept) == 2:
+            raise ValueError("contours of flat images keep no z: the image has to lie across it")
+        if not values.min() <= self._isovalue < values.max():
+            raise ValueError(f"nothing at {self._isovalue:g}: values are from {values.min():g} to {values.max():g}")
+        field = isocodec.Field(values.squeeze(), placement=np.column_stack([steps[:, kept], origin])[: len(kept)])
+        isocodec.save(self._path, field, self._isovalue, precision=self._precision or None)
         return 1
 
     def Write(self) -> None:

@@ -35,7 +35,9 @@ class Backend(BackendEntrypoint):
             name, lead = "above", ["isovalue"]
             each = [np.stack([file.above(value, frame=frame) for value in file.isovalues]) for frame in frames]
         values, dims = (np.stack(each), ["frame", *lead, *axes]) if file.frames > 1 else (each[0], [*lead, *axes])
-        coords = {"isovalue": list(file.isovalues)} if lead else {}
+        coords: dict[str, Any] = {"isovalue": list(file.isovalues)} if lead else {}
+        if file.times is not None:
+            coords["time"] = ("frame", file.times)
         found = xarray.Dataset({name: (dims, values)}, coords=coords, attrs=file.metadata)
         return found.drop_vars(drop_variables, errors="ignore") if drop_variables else found
 

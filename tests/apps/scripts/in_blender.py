@@ -21,7 +21,11 @@ for key, (path, detail) in asked["files"].items():
         mesh.vertices.foreach_get("co", places)
         cells = [[*each.vertices] for each in (mesh.polygons if len(mesh.polygons) else mesh.edges)]
         out[f"{key} {number} points"], out[f"{key} {number} cells"] = places.reshape(-1, 3), np.array(cells)
-        out[f"{key} {number} value"] = made["isovalue"]
+        out[f"{key} {number} value"] = made["label" if key == "labels" else "isovalue"]
+    view = bpy.context.view_layer
+    view.update()
+    out[f"{key} seen"] = np.array([i for i, each in enumerate(collection.objects) if each.visible_get()])
+    out[f"{key} names"] = np.array([each.name for each in collection.objects])
     out[f"{key} frames"] = np.array([scene.frame_start, scene.frame_end])
     for frame in range(scene.frame_start, min(scene.frame_end, 10) + 1):
         scene.frame_set(frame)

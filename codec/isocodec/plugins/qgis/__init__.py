@@ -34,6 +34,10 @@ class ToIso(QgsProcessingAlgorithm):
     def displayName(self) -> str:
         return "Contours to .iso"
 
+    def shortHelpString(self) -> str:
+        return ("Contours of the first band: at isovalues, as 100,250, or at every 50 from 0 to 3000, as 0:3000:50. "
+                "Drag the file onto the map to see it.")
+
     def initAlgorithm(self, config: Any = None) -> None:
         self.addParameter(QgsProcessingParameterRasterLayer("INPUT", "Elevation model"))
         self.addParameter(QgsProcessingParameterString("ISOVALUES", "Isovalues: 100,250 or 0:3000:50", "0:3000:50"))
@@ -57,11 +61,10 @@ class ToIso(QgsProcessingAlgorithm):
         field = isocodec.Field(values, mask, placement=matrix, crs=layer.crs().authid() or None)
         try:
             isovalues = values_of(self.parameterAsString(parameters, "ISOVALUES", context))
-            made = isocodec.encode(field, isovalues,
-                                   precision=self.parameterAsString(parameters, "PRECISION", context) or None)
-        except isocodec.IsoError as error:
+            isocodec.save(out, field, isovalues,
+                          precision=self.parameterAsString(parameters, "PRECISION", context) or None)
+        except (isocodec.IsoError, OSError) as error:
             raise QgsProcessingException(str(error)) from error
-        Path(out).write_bytes(made)
         return {"OUTPUT": out}
 
 
