@@ -65,7 +65,7 @@ def put(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def features(path: Path, layer: str) -> Iterator[tuple[float, int, np.ndarray]]:
     """Isovalue, frame and points of each feature of a layer, as the library decodes them."""
     file: Any = isocodec.open(path)
-    for frame, contours in enumerate(file.each_tile(within=2.0) if layer == "overview" else file.each_frame()):
+    for frame, contours in enumerate(file.each_tile() if layer == "overview" else file.each_frame()):
         for contour in contours:
             if layer == "lines" or layer == "overview":
                 shapes = [contour.placed[walk] for walk in contour.walks]

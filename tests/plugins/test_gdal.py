@@ -173,6 +173,15 @@ def test_what_a_filter_finds_are_the_features_of_the_whole(tmp_path):
     assert {tuple(p) for line in lines["points"] for p in line} <= {tuple(p) for line in every["points"] for p in line}
 
 
+def test_an_overview_is_as_fine_as_a_thousand_pixels(tmp_path):
+    path = tmp_path / "wide.iso"
+    isocodec.save(path, waves(40, 1500), 0.25, tile=64)
+    (found,) = by_gdal({"path": path, "layer": "overview"})
+    coarse, fine = ([contour.placed[walk].tolist() for contours in isocodec.open(path).each_tile(**view)
+                     for contour in contours for walk in contour.walks] for view in ({"within": 2 * 1499 / 1000}, {}))
+    assert found["points"] == coarse != fine
+
+
 def test_files_that_end_too_early_open_where_fewer_bytes_are_asked_for(tmp_path):
     path = tmp_path / "cut.iso"
     data = isocodec.encode(waves(60, 80), 0.25)
