@@ -37,7 +37,8 @@ help: ## Show this list.
 kernels: ## Compile the kernels, unless that has been done before.
 	$(PYTHON) tools/kernels
 
-wheels: ## Wheels for all platforms, in dist/.
+wheels: ## Wheels for all platforms, in dist/; with the viewer, where node and npm can be had.
+	$(PYTHON) tools/test_web.py --viewer
 	for platform in $(PLATFORMS); do \
 	  $(PYTHON) tools/kernels --target $$platform --out build/$$platform && \
 	  ISOCODEC_WHEEL=$$platform $(PYTHON) -m pip wheel --quiet --no-deps --wheel-dir dist . || exit 1; \

@@ -496,6 +496,19 @@ class Plugins(OptionRecord):
 
 
 @dataclass(frozen=True)
+class Serve(OptionRecord):
+    """Request of a server of files with the viewer."""
+
+    port: int = option("Port on this computer; 0 for any free one.", default=8137, metavar="N", least=0, shown=True)
+    viewer: Path | None = option("Folder of the viewer.  [default: the one that was built]", metavar="FOLDER")
+
+    def check(self) -> None:
+        """Refuse ports that do not exist."""
+        if self.port > 65535:
+            raise OptionError(f"port {self.port} is not one of 0 to 65535", code="port")
+
+
+@dataclass(frozen=True)
 class Verify(Choice):
     """A field to verify a file against, and the distance to check."""
 

@@ -16,13 +16,13 @@ const small = { ...common, outdir: "dist", minify: true, mangleProps: internalNa
 const groups = [
   { index: "src/index.ts", draw: "src/draw.ts", main: "src/main/profile.ts", domain: "src/domain/contents.ts", text: "src/text.ts" },
   { world: "src/world.ts", three: "src/three.ts" }, { worker: "src/worker.ts" },
-  { maplibre: "src/maplibre.ts" }, { tiles: "src/tiles/file.ts" },
+  { maplibre: "src/maplibre.ts", leaflet: "src/leaflet.ts" }, { tiles: "src/tiles/file.ts" },
   { kernels: "src/kernels.ts" },
 ];
 /** Modules that use others of the package as users do; the first files of these. */
 const USERS = ["maplibre", "tiles"];
-const FILES = { decoder: "index", stream: "index", errors: "index", draw: "draw", world: "world", "main/profile": "main" };
-const asUsers = { name: "as users", setup: ({ onResolve }) => onResolve({ filter: /^\.\.?\/(decoder|stream|errors|draw|world|main\/profile)\.js$/ },
+const FILES = { decoder: "index", stream: "index", errors: "index", draw: "draw", world: "world", "main/profile": "main", "tiles/file": "tiles" };
+const asUsers = { name: "as users", setup: ({ onResolve }) => onResolve({ filter: /^\.\.?\/(decoder|stream|errors|draw|world|main\/profile|tiles\/file)\.js$/ },
   ({ path }) => ({ path: `./${FILES[path.replace(/^\.*\/|\.js$/g, "")]}.js`, external: true })) };
 const outputs = {};
 let mangleCache = {};

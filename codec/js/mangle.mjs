@@ -3,7 +3,7 @@ import { createRequire } from "node:module";
 import { fileURLToPath } from "node:url";
 
 /** Modules whose names users see, but for private ones; of others all names are shortened. */
-const PUBLIC = /\/src\/(events|errors|metadata|coordinates|decoder|stream|worker|world|three|draw|text|maplibre|main\/profile|tiles\/(file|types))\.ts$/;
+const PUBLIC = /\/src\/(events|errors|metadata|coordinates|decoder|stream|worker|world|three|draw|text|curves|maplibre|leaflet|main\/profile|tiles\/(file|types))\.ts$/;
 
 /** A pattern of the names that may be shortened: declared in `src`, nowhere public, and never looked up in a library's objects. */
 export function internalNames() {

@@ -126,8 +126,8 @@ def test_missing_extra(tmp_path: Path, surface: Path, monkeypatch: pytest.Monkey
         monkeypatch.setitem(sys.modules, module, None)
     line = fails(7, "encode", tmp_path / "a.png", "-o", tmp_path / "a.iso", "--isovalue", 1)
     assert line.endswith("reading pictures needs PIL: pip install 'isocodec[pictures]'")
-    assert "'.[mesh]'" in fails(7, "decode", surface, "-o", tmp_path / "a.ply")
-    assert "'.[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
+    assert "'isocodec[mesh]'" in fails(7, "decode", surface, "-o", tmp_path / "a.ply")
+    assert "'isocodec[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
     # before any work: the file is not even looked at
     surface.write_bytes(b"no curve")
     for out, *verb in (("s.png", "plot"), ("s.png", "plot", "--map")):

@@ -126,7 +126,7 @@ ERRORS = [
 
 
 @looped("as_json", [False, True])
-@looped("name", [name for name in main.commands if name not in ("encode", "thin", "plugins")])
+@looped("name", [name for name in main.commands if name not in ("encode", "thin", "serve", "plugins")])
 @pytest.mark.parametrize(("raised", "code"), ERRORS, ids=[type(error).__name__ for error, _ in ERRORS])
 def test_each_class_of_error_has_its_exit_code(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int, name: str,

@@ -302,4 +302,4 @@ def test_missing_libraries(hills: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(__import__("sys").modules, "pyproj", None)
     assert "needs pyproj" in fails(7, "plot", "--map", placed, "-o", hills.with_suffix(".png"))
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
-    assert "'.[plot]'" in fails(7, "plot", "--map", hills, "-o", hills.with_suffix(".png"))
+    assert "'isocodec[plot]'" in fails(7, "plot", "--map", hills, "-o", hills.with_suffix(".png"))

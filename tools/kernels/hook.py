@@ -1,4 +1,4 @@
-"""What hatchling calls while it builds a wheel: the wheel gets the library of its platform.
+"""What hatchling calls while it builds a wheel: the wheel gets the library of its platform, and the viewer.
 
 Needs nothing where the library has been built before; else `REQUIREMENTS`, which hatchling has installed by then.
 """
@@ -22,6 +22,9 @@ from targets import TARGETS, Target, native
 CHOICE = "ISOCODEC_WHEEL"
 """Name of a platform, in the environment: for a wheel that is not of this one."""
 
+VIEWER = "index.html", "viewer.css", "viewer.js", "main.js", "domain.js", "tiles.js"
+"""Files of the page that `isocodec serve` shows, where it has been built; it has the tables anyway."""
+
 
 class KernelHook(BuildHookInterface):  # type: ignore[type-arg]
     PLUGIN_NAME = "custom"
@@ -34,6 +37,9 @@ class KernelHook(BuildHookInterface):  # type: ignore[type-arg]
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Before the wheel is put together."""
         self._open = ExitStack()
+        viewer = Path(self.root, "build", "viewer")
+        for name in VIEWER if version != "editable" and (viewer / VIEWER[0]).is_file() else ():
+            build_data["force_include"][str(viewer / name)] = f"isocodec/cli/viewer/{name}"
         target = _target()
         if target is None:
             shown.say("no library for this platform: this wheel's kernels run as plain Python, or compiled by numba")

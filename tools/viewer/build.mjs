@@ -1,5 +1,5 @@
 // The page, its style and its script, with all that most files need, in build/viewer: index.html, viewer.css, viewer.js; and
-// beside them what is loaded when a file needs it: main.js and main.bin, the main profile and its tables;
+// beside them what is loaded when a file needs it: main.js and main.bin, the main profile and its tables, of which files in the plane need the beginning only, plane.bin;
 // domain.js, meshes and surfaces; kernels.js and kernels.wasm, compiled kernels, where they have been built; tiles.js, a worker
 // for files in tiles. Nothing is written into the page itself: its policy forbids that.
 import { copyFileSync, existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
@@ -27,13 +27,15 @@ const short = { mangleProps: internalNames() };
 const inline = await text(`${root}codec/js/src/worker.ts`, { ...short, plugins: [beside] });
 const worker = Object.values(MODULES).reduce((code, name) => {
   if (!code.includes(`import("${name}.js")`)) throw new Error(`the worker does not import ${name}.js`);
-  return code.replace(`import("${name}.js")`, `import(self.${name})`);
+  return code.replaceAll(`import("${name}.js")`, `import(self.${name})`);
 }, inline);
 const main = await text(`${root}codec/js/src/main/profile.ts`, short);
 const domain = await text(`${root}codec/js/src/domain/contents.ts`, short);
 const kernels = await text(`${root}codec/js/src/kernels.ts`, short);
 const tiles = await text(`${here}tiles.ts`, {});
 const viewer = await text(`${here}viewer.ts`, { define: { WORKER: JSON.stringify(worker) } });
+/** A module of the package, to be used here. */
+const module = async (entry) => import(`data:text/javascript,${encodeURIComponent((await build({ ...common, entryPoints: [entry] })).outputFiles[0].text)}`);
 const page = readFileSync(`${here}index.html`), style = readFileSync(`${here}viewer.css`);
 mkdirSync(`${root}build/viewer`, { recursive: true });
 writeFileSync(`${root}build/viewer/index.html`, page);
@@ -43,7 +45,9 @@ writeFileSync(`${root}build/viewer/main.js`, main);
 writeFileSync(`${root}build/viewer/domain.js`, domain);
 writeFileSync(`${root}build/viewer/kernels.js`, kernels);
 writeFileSync(`${root}build/viewer/tiles.js`, tiles);
-copyFileSync(`${root}spec/isospec/main.bin`, `${root}build/viewer/main.bin`);
+const tables = readFileSync(`${root}spec/isospec/main.bin`), { readTables } = await module(`${root}codec/js/src/main/tables.ts`);
+writeFileSync(`${root}build/viewer/main.bin`, tables);
+writeFileSync(`${root}build/viewer/plane.bin`, tables.subarray(0, readTables(tables, 2).size));
 const compiled = `${root}build/wasm/decoder.wasm`;
 if (existsSync(compiled)) copyFileSync(compiled, `${root}build/viewer/kernels.wasm`);
 const parts = [page, style, viewer], size = parts.reduce((sum, part) => sum + gzipSync(part, { level: 9 }).length, 0);

@@ -7,7 +7,8 @@ const { page, address, close } = await openViewer((name) => made[name], { width:
 page.setDefaultNavigationTimeout(120000);
 for (const [picture, file] of [["map", "map.iso"], ["one", "map.iso&isovalue=480.5"], ["waves", "waves.iso"], ["surface", "head.iso"],
   ["mesh", "mesh.iso"], ["points", "tin.iso"], ["tiles", "tiles.iso"]]) {
-  await page.goto(`${address}?theme=light&file=${file}`);
+  await page.goto("about:blank");
+  await page.goto(`${address}#theme=light&file=${file}`);
   await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 120000 });
   await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
   await page.screenshot({ path: join(root, `docs/viewer-${picture}.png`) });

@@ -17,7 +17,7 @@ export interface Look {
 
 /** What the page sends: a file first, then what is seen of it. */
 export type TilesRequest =
-  | { type: "open"; id: number; source: string | Uint8Array; tables: string }
+  | { type: "open"; id: number; source: string | Uint8Array; tables: string; plane: string }
   | ({ type: "look"; id: number } & Look);
 
 /**
@@ -98,8 +98,8 @@ async function look(asked: Look): Promise<void> {
   await (file!.head.n === 2 ? curves : surface)(asked, signal);
 }
 
-async function open({ source, tables }: TilesRequest & { type: "open" }): Promise<void> {
-  file = await openTiles(source, { loadTables: () => fetchTables(tables) });
+async function open({ source, tables, plane }: TilesRequest & { type: "open" }): Promise<void> {
+  file = await openTiles(source, { loadTables: () => fetchTables(file!.head.n === 2 ? plane : tables) });
   const { head } = file, { n } = head;
   where = placement(head.metadata, n);
   const points = Float64Array.from({ length: n << n }, (_, i) => ((Math.floor(i / n) >> (i % n)) & 1 ? head.shape[i % n]! - 1 : 0));

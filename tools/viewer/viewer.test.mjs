@@ -1,9 +1,11 @@
 // The page in a real browser: pixels while a throttled stream arrives, keys, isovalues, frames, coordinates, damaged files,
 // windows of files in tiles.
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
 import { existsSync, readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
+import { pathToFileURL } from "node:url";
 import { withMetadata } from "../../codec/js/test/files.mjs";
 import { curves, scratch, tile } from "../../codec/js/test/tiled.mjs";
 import { chromium, openViewer, root, samples } from "./browser.mjs";
@@ -89,7 +91,12 @@ test("what the policy forbids is seen", { skip }, async () => {
 
 const open = async (file, more = "", size = { width: 640, height: 480 }) => {
   await page.setViewportSize(size);
-  await page.goto(`${base}?theme=light&file=${file}${more}`, { waitUntil: "commit" });
+  await visit(`${base}#theme=light&file=${file}${more}`);
+};
+/** Load the page anew, whatever view it showed. */
+const visit = async (link) => {
+  await page.goto("about:blank");
+  await page.goto(link, { waitUntil: "commit" });
 };
 const state = () => page.evaluate(() => ({ ...document.documentElement.dataset }));
 const until = async (wanted) => {
@@ -254,7 +261,7 @@ test("pointing at a curve names its value, in every place where its colour is", 
   assert.equal((await state()).pointed, undefined);
 });
 
-const address = () => page.evaluate(() => Object.fromEntries(new URLSearchParams(location.search)));
+const address = () => page.evaluate(() => Object.fromEntries(new URLSearchParams(location.hash.slice(1))));
 
 test("the address holds the view: file, isovalue, frame, place, zoom", { skip: unmade, timeout: 300000 }, async () => {
   await opened("waves.iso");
@@ -262,24 +269,29 @@ test("the address holds the view: file, isovalue, frame, place, zoom", { skip: u
   await shown("frame", 6);
   await page.keyboard.press("]");
   for (const key of ["+", "+", "ArrowLeft", "Shift+ArrowLeft"]) await page.keyboard.press(key);
-  await page.waitForFunction(() => new URLSearchParams(location.search).get("zoom") === "1.5625" && location.search.includes("turn"));
+  await page.waitForFunction(() => new URLSearchParams(location.hash.slice(1)).get("zoom") === "1.5625" && location.hash.includes("turn"));
   await page.mouse.move(5, 300);
   const kept = await address(), link = page.url(), picture = await pixels();
   assert.deepEqual([kept.file, kept.isovalue, kept.frame, kept.theme], ["waves.iso", "-150", "6", "light"]);
   assert.equal(kept.at.split(",").length, 2);
-  await page.goto(link);
+  await visit(link);
   await until("done");
   await finished();
   assert.deepEqual(await pixels(), picture);
   assert.equal(await page.inputValue("#isovalue"), "0");
   await page.waitForTimeout(400);
   assert.deepEqual(await address(), kept);
+  // another address, given to the page that is open
+  await page.goto(link.replace("frame=6", "frame=2"));
+  await shown("frame", 2);
+  await until("done");
+  assert.notDeepEqual(await pixels(), picture);
   await opened("head.iso");
   await page.keyboard.press("ArrowLeft");
   await page.keyboard.press("Shift+ArrowUp");
-  await page.waitForFunction(() => location.search.includes("turn") && !location.search.includes("at=-100.8,-100.8,-69&"));
+  await page.waitForFunction(() => location.hash.includes("turn") && !location.hash.includes("at=-100.8,-100.8,-69&"));
   const solid = await pixels();
-  await page.goto(page.url());
+  await visit(page.url());
   await until("done");
   await finished();
   // turns are rounded
@@ -288,7 +300,7 @@ test("the address holds the view: file, isovalue, frame, place, zoom", { skip: u
 
 test("a head stands upright, is seen from its front and has the steps of its data", { skip: unmade, timeout: 300000 }, async () => {
   await opened("head.iso", "&isovalue=500.5");
-  const { turn } = await page.evaluate(() => Object.fromEntries(new URLSearchParams(location.search)));
+  const { turn } = await page.evaluate(() => Object.fromEntries(new URLSearchParams(location.hash.slice(1))));
   const world = await pixels();
   await page.keyboard.press("w");
   await page.waitForFunction(() => !document.getElementById("world").checked);
@@ -296,7 +308,7 @@ test("a head stands upright, is seen from its front and has the steps of its dat
   const samples = await pixels();
   assert.ok(Math.abs(samples.count / world.count - 1) < 0.01, `${samples.count} ${world.count}`);
   assert.equal(turn, undefined);
-  await page.waitForFunction(() => location.search.includes("turn=3.7743"));
+  await page.waitForFunction(() => location.hash.includes("turn=3.7743"));
 });
 
 test("the promise is what the file states", { skip: unmade, timeout: 300000 }, async () => {
@@ -386,6 +398,39 @@ test("the first curve is there before 5 % of a file of 1 MB", { skip: unmade, ti
   assert.ok((await pixels()).count > 100);
   t.diagnostic(`${early.cells} segments after ${early.bytes} of ${size} bytes`);
   release();
+});
+
+test("isovalues that come level by level are drawn again as they are refined, to the end", { skip: unmade, timeout: 300000 }, async () => {
+  await opened("map.iso");
+  const { cells } = await state(), whole = await pixels();
+  await open("held-map.iso");
+  await shown("curves", 42);
+  assert.ok(Number((await state()).cells) < Number(cells) / 2);
+  release();
+  await finished();
+  assert.equal((await state()).cells, cells);
+  assert.deepEqual(await pixels(), whole);
+});
+
+test("the viewer as one file shows the file in it, without a server, by its own policy", { skip: unmade, timeout: 300000 }, async () => {
+  const asked = [], note = (request) => asked.push(request.url());
+  for (const [name, count] of [["map.iso", 42], ["head.iso", 2], ["tiles.iso", 42], ["mesh.iso", 6]]) {
+    await opened(name);
+    const { cells } = await state(), path = join(scratch, "one.html");
+    execFileSync(process.execPath, [join(root, "tools/viewer/one.mjs"), path, join(root, "build/samples", name)], { stdio: "ignore" });
+    page.on("request", note);
+    await visit(`${pathToFileURL(path)}#theme=light`);
+    await until("done");
+    await finished();
+    page.off("request", note);
+    assert.deepEqual([(await state()).cells, await page.locator("#isovalues button").count()], [cells, count], name);
+    await page.keyboard.press("]");
+    await page.waitForFunction((n) => location.hash.includes(`file=${n}&isovalue=`), name);
+    await page.evaluate(() => document.body.setAttribute("style", "color: red"));
+    await frame();
+    assert.equal(violations.splice(0).length, 1);
+  }
+  assert.deepEqual(asked.filter((url) => !/^(file|data):/.test(url)), []);
 });
 
 test("compiled kernels draw what the page's own passes draw", {

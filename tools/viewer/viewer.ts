@@ -38,9 +38,13 @@ interface File extends Seen {
   sought: string | null;
 }
 
+/** Parts of a page in one file by name, in base64. Its workers are of another origin, which reads addresses of data only. */
+const parts = new Map([...document.querySelectorAll<HTMLElement>("script[data-name]")].map((part) => [part.dataset["name"]!, part.textContent!]));
+const beside = (name: string): string => parts.has(name)
+  ? `data:${name.endsWith(".js") ? "text/javascript" : ""};base64,${parts.get(name)}` : new URL(name, location.href).href;
 /** A worker from text, which has the policy of the page. */
-const start = (...text: string[]): Worker => new Worker(URL.createObjectURL(new Blob(text, { type: "text/javascript" })), { type: "module" });
-const beside = (name: string): string => new URL(name, location.href).href;
+const start = (...text: string[]): Worker => new Worker(parts.size ? `data:text/javascript,${encodeURIComponent(text.join(""))}`
+  : URL.createObjectURL(new Blob(text, { type: "text/javascript" })), { type: "module" });
 const worker = start(...["main", "domain", "kernels"].map((name) => `self.${name}=${JSON.stringify(beside(`${name}.js`))};`), WORKER);
 const tell = (request: Request, transfer: Transferable[] = []): void => worker.postMessage(request, transfer);
 const scene = new Scene(canvas, (x, y) => {
@@ -49,20 +53,22 @@ const scene = new Scene(canvas, (x, y) => {
 let file: File | undefined;
 let count = 0;
 let seen = 0;
-const tables = beside("main.bin"), kernels = beside("kernels.wasm");
+const tables = beside("main.bin"), plane = parts.size ? tables : beside("plane.bin"), kernels = beside("kernels.wasm");
 /** What reads a file in tiles, while one is open; and what it was asked for last. */
 let tiles: Worker | undefined;
 let looked = "";
 let timer = 0;
-const parameters = new URLSearchParams(location.search);
+const parameters = new URLSearchParams(location.hash.slice(1));
 const rate = Number(parameters.get("rate")) || undefined;
 /** What the page looks like, which is not of a view. */
 const MANNER = ["rate", "theme", "kernels"].flatMap((name) => parameters.has(name) ? [[name, parameters.get(name)!]] : []);
+/** Whether files that say where they lie are shown there at first. */
+const inWorld = parameters.get("world") !== "0";
 /** Whether large files are decoded with compiled kernels. */
 const compiled = parameters.get("kernels") !== "off";
 
-function begin(name: string, source: { url: string; given: string } | { bytes: Uint8Array }, wanted?: URLSearchParams): void {
-  const frame = wanted?.get("frame"), { url, given } = "url" in source ? source : { url: undefined, given: undefined };
+function begin(name: string, source: { url: string; given: string } | { bytes: Uint8Array; given?: string }, wanted?: URLSearchParams): void {
+  const frame = wanted?.get("frame"), { given } = source, url = "url" in source ? source.url : undefined;
   file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0, times: [], kind: "grid", alone: undefined,
     drawings: new Map(), box: undefined, boxes: undefined, fitted: false, raised: 1, world: false, chosen: frame ? Number(frame) : undefined,
     given, url, wanted, sought: wanted?.get("isovalue") ?? null };
@@ -81,17 +87,19 @@ function begin(name: string, source: { url: string; given: string } | { bytes: U
   world.checked = false;
   by("series").hidden = true;
   Object.assign(root.dataset, { state: "open", bytes: "0", cells: "0", layers: "0" });
-  const common = { type: "open" as const, id: file.id, tables, ...(compiled ? { kernels } : {}), ...(rate ? { bytesPerSecond: rate } : {}) };
+  const common = { type: "open" as const, id: file.id, tables, plane, ...(compiled ? { kernels } : {}), ...(rate ? { bytesPerSecond: rate } : {}) };
   if ("bytes" in source) tell({ ...common, bytes: source.bytes }, [source.bytes.buffer]);
   else tell({ ...common, url: source.url });
-  if (file.chosen !== undefined) ask();
+  tell({ type: "show", id: file.id, isovalue: undefined, frame: file.chosen, world: inWorld });
 }
 
 const openFile = async (chosen: globalThis.File | null | undefined): Promise<void> => {
   if (chosen) begin(chosen.name, { bytes: new Uint8Array(await chosen.arrayBuffer()) });
 };
-const openUrl = (given: string, wanted?: URLSearchParams): void =>
-  begin(given.split("/").pop() ?? given, { url: new URL(given, location.href).href, given }, wanted);
+const openUrl = (given: string, wanted?: URLSearchParams): void => {
+  const held = parts.get(given), source = held ? { bytes: Uint8Array.from(atob(held), (letter) => letter.charCodeAt(0)), given } : { url: beside(given), given };
+  begin(given.split("/").pop() ?? given, source, wanted);
+};
 
 /** Put drawings on the canvas: all anew, if how they are seen has changed. */
 function show(some: readonly Drawn[]): void {
@@ -111,8 +119,11 @@ function show(some: readonly Drawn[]): void {
   }
 }
 
-/** How large something drawn is. */
-const sizes = (): number => [...file!.drawings.values()].reduce((sum, { cells, n }) => sum + cells.length / n, 0);
+/** How large something drawn is, and how many isovalues something is drawn of. */
+const sizes = (): { cells: string; curves: string } => {
+  const counts = [...file!.drawings.values()].map(({ cells, n }) => cells.length / n);
+  return { cells: String(counts.reduce((sum, count) => sum + count, 0)), curves: String(counts.filter(Boolean).length) };
+};
 
 /** Ask for what is chosen. */
 function ask(): void {
@@ -126,7 +137,7 @@ function ask(): void {
 /** Show a file that says where it lies in these coordinates, unless the address says otherwise. */
 function placed(): void {
   world.disabled = false;
-  if (parameters.get("world") === "0") return;
+  if (!inWorld) return;
   world.checked = true;
   ask();
 }
@@ -179,7 +190,6 @@ function choose(isovalue: number): void {
   const number = file!.isovalues.push(isovalue) - 1;
   choice.add(new Option(String(isovalue), String(number)));
   choice.disabled = number < 1;
-  legend();
   if (file!.sought === String(isovalue)) {
     file!.sought = null;
     pick(number);
@@ -243,7 +253,7 @@ function openTiles(bytes: Uint8Array | undefined): void {
   tiles = start(`import ${JSON.stringify(beside("tiles.js"))};`);
   tiles.onerror = () => failed("failed", "what reads files in tiles cannot be loaded");
   tiles.onmessage = ({ data }: MessageEvent<TilesAnswer>) => tilesAnswer(data);
-  tellTiles({ type: "open", id: file!.id, source: bytes ?? file!.url!, tables }, bytes ? [bytes.buffer] : []);
+  tellTiles({ type: "open", id: file!.id, source: bytes ?? file!.url!, tables, plane }, bytes ? [bytes.buffer] : []);
 }
 
 /** Show all of a file in tiles in world coordinates, or in samples again; the curve has to be asked for. */
@@ -280,10 +290,11 @@ function tilesAnswer(answer: TilesAnswer): void {
     const box = Float64Array.from([...shape.map(() => 0), ...shape.map((s) => s - 1)]);
     Object.assign(file, { n, shape, box, boxes: [box, answer.corners], kind: "tiles", metadata: answer.head.metadata });
     world.disabled = !answer.corners;
-    world.checked = answer.corners !== undefined && parameters.get("world") !== "0";
+    world.checked = answer.corners !== undefined && inWorld;
     by("size").textContent = `${shape.join(" × ")}, ${profile}, ${counts.join(" × ")} tiles`;
     turn();
     isovalues.forEach(choose);
+    legend();
     promised();
     return look();
   }
@@ -295,7 +306,7 @@ function tilesAnswer(answer: TilesAnswer): void {
   by("layer").textContent = String(layer + 1);
   by<HTMLProgressElement>("progress").value = final ? 1 : 0.5;
   show([{ isovalue, drawing }]);
-  Object.assign(root.dataset, { bytes: received, requests, layer, cells: sizes(), final, drawings: ++seen });
+  Object.assign(root.dataset, { bytes: received, requests, layer, ...sizes(), final, drawings: ++seen });
   if (final) root.dataset["state"] = "done";
 }
 
@@ -319,8 +330,8 @@ function remember(): void {
   view.set("zoom", short(zoom));
   if (turn.some((angle) => angle)) view.set("turn", turn.map((angle) => angle.toFixed(4)).join(","));
   // what separates numbers needs no escape
-  const text = `?${String(view).replaceAll("%2C", ",").replaceAll("%2F", "/")}`;
-  if (text !== location.search) history.replaceState(null, "", text);
+  const text = `#${String(view).replaceAll("%2C", ",").replaceAll("%2F", "/")}`;
+  if (text !== location.hash) history.replaceState(null, "", text);
 }
 
 worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
@@ -328,7 +339,9 @@ worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
   if (answer.type === "failed") return failed("failed", answer.message);
   if (answer.type === "tiles") return openTiles(answer.bytes);
   if (answer.type === "events") {
+    const known = file.isovalues.length;
     answer.events.forEach(happened);
+    if (file.isovalues.length > known) legend();
     if (answer.total) by("progress").dataset["total"] = String(answer.total);
     promised();
     return;
@@ -351,7 +364,7 @@ worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
   slider.value = String(answer.frame);
   by("shown").textContent = time === undefined ? slider.value : `${slider.value}: ${time}`;
   show(answer.drawings);
-  Object.assign(root.dataset, { bytes: answer.bytes, frame: answer.frame, cells: sizes(), layers: answer.layers, final: answer.final, drawings: ++seen });
+  Object.assign(root.dataset, { bytes: answer.bytes, frame: answer.frame, ...sizes(), layers: answer.layers, final: answer.final, drawings: ++seen });
 };
 
 /** Show an isovalue alone, or all. */
@@ -405,6 +418,7 @@ slider.oninput = () => pickFrame(Number(slider.value));
 by("all").onclick = showAll;
 by("theme").onclick = () => theme(root.dataset["theme"] === "dark" ? "light" : "dark");
 addEventListener("resize", legend);
+addEventListener("hashchange", () => location.reload());
 addEventListener("dragover", (event) => {
   event.preventDefault();
   canvas.classList.add("drop");
@@ -442,5 +456,5 @@ addEventListener("keydown", (event) => {
 });
 
 theme(parameters.get("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
-const given = parameters.get("file");
+const given = parameters.get("file") ?? [...parts.keys()].find((name) => name.endsWith(".iso"));
 if (given) openUrl(given, parameters);

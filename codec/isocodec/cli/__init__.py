@@ -1,4 +1,4 @@
-"""The command line: ``isocodec encode | decode | edit | info | verify | plot | thin | plugins``, a module each.
+"""The command line: ``isocodec encode | decode | edit | info | verify | plot | thin | serve | plugins``, a module each.
 
 The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the command that
 needs it, when it needs it.
@@ -28,7 +28,7 @@ def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
 class _Commands(Mapping[str, click.Command]):
     """The commands by name; the module of one is imported when the command is asked for."""
 
-    names = ("encode", "decode", "edit", "info", "verify", "plot", "thin", "plugins")
+    names = ("encode", "decode", "edit", "info", "verify", "plot", "thin", "serve", "plugins")
 
     def __getitem__(self, name: str) -> click.Command:
         match name:
@@ -46,6 +46,8 @@ class _Commands(Mapping[str, click.Command]):
                 from .plot import plot_command as found
             case "thin":
                 from .thin import thin_command as found
+            case "serve":
+                from .serve import serve_command as found
             case "plugins":
                 from .plugins import plugins_command as found
             case _:

@@ -6,15 +6,18 @@ export interface StreamOptions extends DecoderOptions {
   loadTables?: () => Promise<Uint8Array>;
 }
 
-let tables: Promise<Uint8Array> | undefined;
+const fetched = new Map<string, Promise<Uint8Array>>();
 
 /** The tables of the main profile, from beside this module; they are fetched once. */
 export function fetchTables(url: string | URL = new URL("./main.bin", import.meta.url)): Promise<Uint8Array> {
-  tables ??= fetch(url).then(async (answer) => {
+  const key = String(url), known = fetched.get(key);
+  if (known) return known;
+  const tables = fetch(url).then(async (answer) => {
     if (!answer.ok) throw new Error(`${url}: ${answer.status} ${answer.statusText}`);
     return new Uint8Array(await answer.arrayBuffer());
   });
-  tables.catch(() => (tables = undefined));
+  fetched.set(key, tables);
+  tables.catch(() => fetched.delete(key));
   return tables;
 }
 

@@ -10,11 +10,13 @@ import { fetchTables, supply } from "./stream.js";
 import { coordinatesOf, place, placement, type Where } from "./world.js";
 
 /**
- * How a file is decoded. `tables` says where `main.bin` lies, if not beside this module, `kernels` where `kernels.wasm` does:
- * without it the compiled kernels are not taken.
+ * How a file is decoded. `tables` says where `main.bin` lies, if not beside this module; `plane` where its beginning lies that
+ * files in the plane need, if that is a file of its own; `kernels` where `kernels.wasm` does: without it the compiled kernels are
+ * not taken.
  */
 interface Manner {
   tables?: string;
+  plane?: string;
   kernels?: string;
   limits?: Partial<Limits>;
 }
@@ -69,7 +71,11 @@ const scope = self as unknown as {
 };
 
 /** Bytes of a file from which on the compiled kernels are fetched: a smaller one is decoded before they are there. */
-const LARGE = 1 << 18;
+const LARGE = 1 << 16;
+/** Bytes of a large file that are decoded before it is seen whether the kernels are there; milliseconds without a turn of others. */
+const PIECE = 1024, TURN = 16;
+/** How many times as long as a drawing took the next one waits: most of the time is for decoding. */
+const REST = 2;
 
 class Job {
   decoder: Decoder;
@@ -81,7 +87,12 @@ class Job {
   private ready = true;
   private stale = false;
   private done = false;
+  /** When drawing may go on, and what waits for that. */
+  private rested = 0;
+  private waiting: ReturnType<typeof setTimeout> | undefined;
   private bytes = 0;
+  /** Layers of each isovalue of the present frame. */
+  private layers: number[] = [];
   private total: number | undefined;
 
   constructor(private readonly request: Request & { type: "open" }) {
@@ -97,11 +108,12 @@ class Job {
     return this.request.id;
   }
 
-  /** The compiled kernels, if they are wanted and can be had. */
-  private async kernels(): Promise<Kernels | undefined> {
-    const { kernels } = this.request;
-    if (!kernels || !(this.total! >= LARGE)) return undefined;
-    return import("./kernels.js").then(({ fetchKernels }) => fetchKernels(kernels)).catch(() => undefined);
+  /** Decode more bytes, or the end; what the file needs is loaded. */
+  private async decode(decoder: Decoder, value: Uint8Array | undefined): Promise<IsoEvent[]> {
+    const { tables, plane } = this.request, events = value ? decoder.feed(value) : decoder.end();
+    if (!decoder.needs || decoder.error) return events;
+    if (decoder === this.decoder) this.send(events);
+    return supply(decoder, () => fetchTables(decoder.header?.n === 2 ? (plane ?? tables) : tables));
   }
 
   private async source(): Promise<ReadableStream<Uint8Array>> {
@@ -112,6 +124,8 @@ class Job {
       this.total = request.bytes.length;
       stream = new Response(request.bytes as BlobPart & Uint8Array<ArrayBuffer>).body!;
     } else {
+      // what nearly all files in the plane need is on its way with the file
+      if (request.plane) Promise.all([fetchTables(request.plane), import("./main/profile.js")]).catch(() => undefined);
       const answer = await fetch(request.url);
       if (!answer.ok || !answer.body) throw new Error(`${request.url}: ${answer.status} ${answer.statusText}`);
       const length = answer.headers.get("content-length");
@@ -122,8 +136,13 @@ class Job {
   }
 
   async run(): Promise<void> {
-    const reader = (await this.source()).getReader(), kernels = await this.kernels(), decoder = (this.decoder = this.begun(kernels));
-    for (;;) {
+    let stream = await this.source(), kernels: Kernels | undefined, turn = 0;
+    // of a large file, what the compiled kernels decode anew when they are there: first curves do not wait for them
+    const address = this.total! >= LARGE ? this.request.kernels : undefined;
+    let pieces: Uint8Array[] | undefined = address ? [] : undefined;
+    if (pieces) stream = stream.pipeThrough(cut());
+    const reader = stream.getReader();
+    for (let asked = false; ;) {
       const { done, value } = await reader.read();
       if (current !== this) return void reader.cancel();
       if (!this.bytes && value && value[3] === 0x54 && !("stream" in this.request)) {
@@ -132,18 +151,31 @@ class Job {
         return scope.postMessage({ type: "tiles", id: this.id, bytes }, bytes ? [bytes.buffer] : []);
       }
       this.bytes += value?.length ?? 0;
-      let events = done ? decoder.end() : decoder.feed(value);
-      if (decoder.needs && !decoder.error) {
-        this.send(events);
-        events = await supply(decoder, () => fetchTables(this.request.tables));
+      let { decoder } = this, events: IsoEvent[] = [], next = [value];
+      if (value) pieces?.push(value);
+      if (value && pieces && kernels) {
+        decoder = this.begun(kernels);
+        next = pieces;
+        pieces = undefined;
       }
+      for (const piece of next) events = await this.decode(decoder, piece);
+      this.decoder = decoder;
+      for (const event of events) {
+        if (event.type === "frame") this.layers = [];
+        if (event.type === "layer") this.layers[event.isovalue] = (this.layers[event.isovalue] ?? 0) + 1;
+      }
+      if (address && !asked)
+        import("./kernels.js").then(({ fetchKernels }) => fetchKernels(address)).then((found) => (kernels = found), () => (pieces = undefined));
+      asked = true;
       this.done = done || decoder.error !== undefined;
       this.send(events);
       this.stale = true;
       this.draw();
-      // let requests of the page come in between
-      await new Promise((resolve) => setTimeout(resolve, 0));
       if (this.done) return;
+      // let requests of the page come in between
+      if (performance.now() < turn) continue;
+      await new Promise((resolve) => setTimeout(resolve, 0));
+      turn = performance.now() + TURN;
     }
   }
 
@@ -157,6 +189,7 @@ class Job {
   show(view: View): void {
     this.view = view;
     this.stale = true;
+    this.rested = 0;
     this.draw();
   }
 
@@ -175,6 +208,14 @@ class Job {
   private draw(): void {
     const { decoder, view } = this;
     if (!this.ready || !this.stale || !(decoder.contours.length || decoder.domain)) return;
+    const began = performance.now();
+    if (began < this.rested && !this.done) {
+      this.waiting ??= setTimeout(() => {
+        this.waiting = undefined;
+        this.draw();
+      }, this.rested - began);
+      return;
+    }
     const frames = decoder.frames.length, frame = Math.min(view.frame ?? Infinity, frames - 1), { where } = this;
     const shown = JSON.stringify([view.isovalue, frame, where !== undefined]), fresh = shown !== this.shown;
     if (fresh) {
@@ -184,6 +225,7 @@ class Job {
     }
     const drawings = this.changed(frame, where), box = boxOf(decoder, where, this.reach);
     this.ready = this.stale = false;
+    this.rested = began + (1 + REST) * (performance.now() - began);
     scope.postMessage({
       type: "drawing", id: this.id, frame, frames, bytes: this.bytes, layers: decoder.layers, final: this.done, drawings, fresh,
       world: where !== undefined, box,
@@ -194,9 +236,10 @@ class Job {
   private changed(frame: number, where: Where | undefined): Drawn[] {
     const { decoder, view, drawn } = this, count = Math.max(1, decoder.frames[frame]!.length), last = frame === decoder.frames.length - 1;
     const alone = view.isovalue === undefined ? undefined : Math.max(0, Math.min(view.isovalue, count - 1)), found: Drawn[] = [];
+    const [first, size] = (decoder.grid ?? decoder.domain)!.series.turn;
     for (let isovalue = alone ?? 0; isovalue <= (alone ?? count - 1); isovalue++) {
-      // an isovalue is complete as soon as another begins
-      const from = this.done || !last || isovalue < count - 1 ? Infinity : this.bytes;
+      // only isovalues in turn change (3.5.9), which others may have been since the last drawing
+      const from = last && isovalue >= first && isovalue < first + size ? this.bytes : last ? -(this.layers[isovalue] ?? 0) : Infinity;
       if (drawn[isovalue] === from) continue;
       drawn[isovalue] = from;
       const flat = draw(decoder, isovalue, frame), drawing = where ? place(flat, where) : flat;
@@ -229,6 +272,15 @@ function boxOf({ header }: Decoder, where: Where | undefined, reach: Reach | und
       points.push(((shape[a]! - 1) * (rest % (steps + 1))) / steps);
   const box: Drawing = { n, d: n, points: Float64Array.from(points), cells: new Uint32Array(0), full: false };
   return Float64Array.from((where ? place(box, where) : box).points);
+}
+
+/** Cuts what comes into pieces. */
+function cut(): TransformStream<Uint8Array, Uint8Array> {
+  return new TransformStream({
+    transform(bytes, controller) {
+      for (let at = 0; at < bytes.length; at += PIECE) controller.enqueue(bytes.subarray(at, at + PIECE));
+    },
+  });
 }
 
 /** Lets so many bytes through in a second, a twentieth at a time. */

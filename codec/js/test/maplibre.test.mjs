@@ -1,6 +1,7 @@
 // Vector tiles, decoded by the library that maps use and held against the curves of the drawing.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { existsSync, readFileSync, rmSync } from "node:fs";
+import { join } from "node:path";
 import { createServer } from "node:http";
 import { after, before, test } from "node:test";
 import { VectorTile } from "@mapbox/vector-tile";
@@ -10,9 +11,12 @@ import { Decoder } from "../dist/index.js";
 import { isoProtocol } from "../dist/maplibre.js";
 import { lines } from "../dist/world.js";
 import { withMetadata } from "./files.mjs";
+import { python } from "./reference.mjs";
+import { curves, scratch, tile } from "./tiled.mjs";
 
 const folder = new URL("../../../conformance/vectors/", import.meta.url);
 const vector = (name) => new Uint8Array(readFileSync(new URL(`${name}.iso`, folder)));
+const loadTables = async () => new Uint8Array(readFileSync(new URL("../dist/main.bin", import.meta.url)));
 /** Where samples lie: axis 0 to the south, axis 1 to the east. */
 const place = (i, j) => [10 + 0.01 * j, 47 - 0.01 * i];
 const PLACEMENT = "0 0.01 10 -0.01 0 47", RADIUS = 6378137;
@@ -25,16 +29,24 @@ before(() => {
     elsewhere: withMetadata(vector("plane_isovalues_values_above"), { placement: "0 1000 500000 -1000 0 6000000", crs: "EPSG:2056" }),
     nowhere: vector("plane_isovalues_values_above"), space: vector("space_base_9"), damaged: vector("bad_file_checksum"),
   };
+  if (existsSync(python)) files.tiles = readFileSync(tile("tiles", [700, 900], ["--isovalue", "3000.5,7000", "--precision", "exact", "--tile", "64",
+    "--metadata", `placement=${PLACEMENT}`, "--metadata", "crs=EPSG:4326"]));
   server = createServer((request, answer) => {
     asked++;
-    const data = files[request.url.slice(1).replace(".iso", "")];
+    const data = files[request.url.slice(1).replace(".iso", "")], [, from, to] = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? "") ?? [];
     if (!data) return answer.writeHead(404).end();
-    answer.end(data);
+    if (!from || !request.url.includes("tiles")) return answer.end(data);
+    const part = data.subarray(Number(from), Number(to) + 1);
+    received += part.length;
+    answer.writeHead(206, { "content-range": `bytes ${from}-${Number(from) + part.length - 1}/${data.length}` }).end(part);
   }).listen(0);
   address = `http://localhost:${server.address().port}`;
 });
-after(() => server.close());
-let asked = 0;
+after(() => {
+  server.close();
+  rmSync(scratch, { recursive: true });
+});
+let asked = 0, received = 0;
 
 /** The tile of a point, and where in it the point lies, in 4096 parts. */
 function tileOf([lon, lat], z) {
@@ -93,6 +105,33 @@ for (const [file, toLonLat] of [
     assert.equal(asked, 1, "the file is loaded once");
   });
 }
+
+test("of a file in tiles ranges are read, as fine as the zoom shows; its curves are those of the reference", { skip: existsSync(python) ? false : "no Python" }, async () => {
+  const protocol = isoProtocol({ loadTables }), size = readFileSync(join(scratch, "tiles.iso")).length;
+  const counts = (found) => found.map((feature) => [feature.properties.isovalue, feature.loadGeometry().flat().length]);
+  const { x: x6, y: y6 } = tileOf(place(350, 450), 6), coarse = counts(await featuresOf(protocol, "tiles", 6, x6, y6));
+  assert.deepEqual(coarse.map(([isovalue]) => isovalue), [3000.5, 7000]);
+  const overview = received;
+  assert.ok(overview < size / 2, `${overview} of ${size} bytes`);
+  for (const [isovalue, value] of [3000.5, 7000].entries()) {
+    const [{ points }] = curves([{ file: join(scratch, "tiles.iso"), window: [[200, 500], [250, 650]], options: { isovalue } }]);
+    assert.ok(points.length > 200);
+    for (const [i, j] of points.filter((_, k) => k % Math.ceil(points.length / 25) === 0)) {
+      const { x, y, at } = tileOf(place(i, j), 10), own = (await featuresOf(protocol, "tiles", 10, x, y)).filter(({ properties }) => properties.isovalue === value);
+      const near = Math.min(...own.flatMap((feature) => feature.loadGeometry()).map((line) => distance(at, line.map((p) => [p.x, p.y]))));
+      assert.ok(near < 5, `${near} parts from the curve of ${value}`);
+    }
+  }
+  assert.ok(received > overview && received < size, `${received} of ${size} bytes`);
+  // far away nothing is read
+  const before = received;
+  assert.equal((await protocol({ url: `iso://${address}/tiles.iso/9/0/0` })).data.byteLength, 0);
+  assert.equal(received, before);
+  // a projection that has no inverse in closed form
+  const bent = isoProtocol({ loadTables, toLonLat: (x, y) => [x + 0.2 * Math.sin(y), y + 0.1 * Math.sin(x)] }), [lon, lat] = place(330, 430);
+  const { x, y } = tileOf([lon + 0.2 * Math.sin(lat), lat + 0.1 * Math.sin(lon)], 10);
+  assert.ok((await featuresOf(bent, "tiles", 10, x, y)).length);
+});
 
 test("where there is no curve a tile is empty", async () => {
   const { data } = await isoProtocol()({ url: `iso://${address}/degrees.iso/9/0/0` });

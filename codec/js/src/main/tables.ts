@@ -8,6 +8,8 @@ const WIDTH = 48, NETWORKS = 8;
 
 /** The tables of the main profile for one number of axes. */
 export interface Tables {
+  /** Bytes of the file that were read. */
+  size: number;
   squash: Uint16Array;
   stretch: Int16Array;
   /** Two columns in one number, the second `2**26` times its value: sums of rows add both at once. */
@@ -55,7 +57,7 @@ const COLUMNS: readonly number[] = [48, 48, 48, 48, 32, 24, 16, 24];
 
 /** Numbers of some bits each, the most significant bit first; every list of them begins with a byte. */
 class Bits {
-  private at = 0;
+  at = 0;
 
   constructor(private readonly view: DataView) {}
 
@@ -82,9 +84,8 @@ class Bits {
   }
 }
 
-/** Read `isospec/main.bin` (7.10(1)). */
+/** Read `isospec/main.bin` (7.10(1)), of which files in the plane need the first `size` bytes only. */
 export function readTables(bytes: Uint8Array, n: number): Tables {
-  if (bytes.length !== 142300) throw new RangeError("the tables of the main profile have 142300 bytes");
   if (n !== 2 && n !== 3) throw new RangeError("two or three axes");
   const file = new Bits(new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength));
   const squash = new Uint16Array(4095).fill(32768);
@@ -120,6 +121,7 @@ export function readTables(bytes: Uint8Array, n: number): Tables {
       begin[i + 1] = squash[16 * logit! + 7]!;
       begin[i + 2] = seen!;
     }
-    if (m === n) return { squash, stretch: stretches(squash), weight, out, mix, begin: Uint16Array.from(begin) };
+    if (m === 3 && file.at !== bytes.length) throw new RangeError(`the tables of the main profile have ${file.at} bytes`);
+    if (m === n) return { size: file.at, squash, stretch: stretches(squash), weight, out, mix, begin: Uint16Array.from(begin) };
   }
 }
