@@ -117,7 +117,10 @@ def test_windows_of_one_grid(cut: str, precision: Any, place: str, kind: str, ho
         assert merged.data == whole.data
 
 
-@looped("cut, place, kind", product(CUTS, ["down", "turned"], ["grid", "series", "tiles"]))
+@looped("cut, place, kind", [
+    *product(["two", "deep"], ["down"], ["grid", "series", "tiles"]), ("four", "turned", "grid"),
+    ("corner", "turned", "series"), ("odd", "turned", "grid"), ("four", "turned", "tiles"),
+])
 def test_windows_of_labels(cut: str, place: str, kind: str, tmp_path: Any) -> None:
     """Each window has its own labels, one of them a hole; the whole has all labels, names and types."""
     frames = [PLANE // 400 % 4 * 7 + shift for shift in (0, 7)][: 2 if kind == "series" else 1]
