@@ -92,10 +92,10 @@ class IsoReader(VTKPythonAlgorithmBase):
         return 1
 
     def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        file, about = self._opened(), outputs.GetInformationObject(0)
+        file, about, key = self._opened(), outputs.GetInformationObject(0), Pipeline.UPDATE_TIME_STEP()
         view = {"layers": self._layers} if self._layers else {}
         if file.frames > 1:
-            time = about.Get(Pipeline.UPDATE_TIME_STEP()) if about.Has(Pipeline.UPDATE_TIME_STEP()) else 0.0
+            time = about.Get(key) if about.Has(key) else 0.0
             view["frame"] = int(np.abs(np.array(self.GetTimestepValues()) - time).argmin())
         filled(vtkPolyData.GetData(outputs, 0), file.contours(**view), file.info.noun)
         return 1
@@ -128,8 +128,7 @@ class IsoWriter(VTKPythonAlgorithmBase):
         self.Modified()
 
     def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        image = self.GetInputDataObject(0, 0)
-        arrays = image.GetPointData()
+        arrays = (image := self.GetInputDataObject(0, 0)).GetPointData()
         scalars = arrays.GetScalars() or (arrays.GetArray(0) if arrays.GetNumberOfArrays() == 1 else None)
         if scalars is None:
             raise ValueError("no point array is active: pass on the one, or use Cell Data to Point Data")
