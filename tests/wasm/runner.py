@@ -41,7 +41,7 @@ class Failed(Exception):
 def kernels() -> Iterator[Kernel]:
     """All kernels of the package."""
     for found in pkgutil.walk_packages(isocodec.__path__, f"{isocodec.__name__}."):
-        if not found.name.endswith("__main__"):
+        if not found.name.endswith("__main__") and ".plugins." not in found.name:  # which other programs import
             module = importlib.import_module(found.name)
             yield from (each for each in vars(module).values()
                         if isinstance(each, Kernel) and each.function.__module__ == found.name)
