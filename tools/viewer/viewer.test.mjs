@@ -414,7 +414,7 @@ test("isovalues that come level by level are drawn again as they are refined, to
 
 test("the viewer as one file shows the file in it, without a server, by its own policy", { skip: unmade, timeout: 300000 }, async () => {
   const asked = [], note = (request) => asked.push(request.url());
-  for (const [name, count] of [["map.iso", 42], ["head.iso", 2], ["tiles.iso", 42], ["mesh.iso", 6]]) {
+  for (const [name, count] of [["map.iso", 42], ["tiles.iso", 42], ["mesh.iso", 6]]) {
     await opened(name);
     const { cells } = await state(), path = join(scratch, "one.html");
     execFileSync(process.execPath, [join(root, "tools/viewer/one.mjs"), path, join(root, "build/samples", name)], { stdio: "ignore" });
