@@ -235,7 +235,7 @@ def test_other_frames_are_refused_and_right_ones_taken(
 @looped("data, error", [
     (isocodec.encode(FIRST[0], 4.0), "frame by frame"), (isocodec.encode(FIRST[0], 4.0)[:-20], "frame by frame"),
     (isocodec.encode(isocodec.Frames(FIRST), 4.0), "frame by frame"),
-    (isocodec.encode(isocodec.Frames(FIRST), 4.0)[:-30], "frame by frame"), (b"timestep 0\n", "not isocontours"),
+    (isocodec.encode(isocodec.Frames(FIRST), 4.0)[:-30], "frame by frame"), (b"timestep 0\n", "not a file of iso"),
     (isocodec.encode(Mesh(*MESH, np.hypot(*MESH[0].T), stored="whole"), 20.5), "frame by frame"),
 ])
 def test_other_files_are_left_alone(data: bytes, error: str, tmp_path: Path):

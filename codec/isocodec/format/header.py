@@ -132,8 +132,8 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
             remedy="open it with isocodec.open; to turn a part of it into an ordinary file, use edit --window",
         )
     if seen != spec.SIGNATURE[: len(seen)]:
-        raise FormatError("not isocontours: the signature of .iso files is missing", code="signature", offset=0,
-                          clause="3.3.1", remedy="images of discs have the same suffix")
+        raise FormatError("not a file of isocontours: the signature is missing", code="signature", offset=0,
+                          clause="3.3.1", remedy="disc images have the suffix .iso, too")
     if len(data) < PREFIX_BYTES:
         return None
     prefix = Prefix.parse(bytes(data[:PREFIX_BYTES]))

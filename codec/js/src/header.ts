@@ -4,7 +4,7 @@ import type { Reader, Steps } from "./reader.js";
 
 export function* readHeader(r: Reader): Steps<Header> {
   for (const byte of [0x89, 0x49, 0x53, 0x4f]) {
-    if ((yield* r.byte("3.3.1")) !== byte) throw r.error("3.3.1", "not isocontours: the signature of .iso files is missing");
+    if ((yield* r.byte("3.3.1")) !== byte) throw r.error("3.3.1", "not a file of isocontours: the signature is missing");
   }
   yield* r.need(2);
   const version = yield* r.byte("3.3.1"), flags = yield* r.byte("3.3.2");
