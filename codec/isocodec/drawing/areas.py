@@ -20,9 +20,9 @@ _DIGITS = 44
 
 
 def polygons() -> Any:
-    """Import the library for polygons; raises `MissingExtraError` if it is missing, or older than version 2."""
+    """Import the library for polygons; raises `MissingExtraError` if it is missing, or older than version 2.1."""
     shapely = optional("shapely", extra="vector", purpose="making areas")
-    if not hasattr(shapely, "GeometryType"):
+    if not hasattr(shapely, "orient_polygons"):
         raise MissingExtraError(f"making areas needs shapely 2.1 or later, this is {shapely.__version__}",
                                 code="missing-extra", remedy="pip install --upgrade shapely")
     return shapely

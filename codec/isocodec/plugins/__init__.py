@@ -13,7 +13,7 @@ def has_polygons() -> bool:
         if flags is not None:
             sys.setdlopenflags(flags | os.RTLD_DEEPBIND)
         import shapely
-        return hasattr(shapely, "GeometryType")  # as of version 2
+        return hasattr(shapely, "orient_polygons")  # as of version 2.1
     except ImportError:
         return False
     finally:
